@@ -1,0 +1,1 @@
+"""The impact microactuator: its parameters, its drive and its equations of motion."""

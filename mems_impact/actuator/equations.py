@@ -1,0 +1,97 @@
+"""Equations (1) to (6) of the paper as scalar functions of state, voltage and parameters.
+
+Everything here is plain arithmetic that numba compiles unchanged. ``p`` is the parameter array
+of `Actuator.to_array`, followed by the parameters of the drive.
+"""
+
+# ruff: noqa: D103 - the table above the functions says what each of them is.
+
+from __future__ import annotations
+
+from typing import Any
+
+# Places in the parameter array; the order of `Actuator`'s fields.
+M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
+
+# electrode_gap       d - x2, frozen halfway between stopper and electrode
+# attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2)
+# attraction_rate     its time derivative
+# load                k x2 + c v2 - attraction: what the block exerts on the frame, Equation (3)
+# load_rate           its time derivative
+# static_limit        mu_s N, Equation (4)
+# sliding_friction    mu_d N sign(v1), Equation (3)
+# frame_acceleration  Equations (1) and (3), free block
+# block_acceleration  of the block relative to the frame, Equation (2), free block
+# resting_acceleration  of frame and block together, the block on a stopper
+# contact_force       between stopper and resting block, positive when it presses (FACTS: derived
+#                     from Equations (1) and (2) with x2 held)
+# contact_force_rate  its time derivative
+# frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
+
+
+def electrode_gap(x2: float, p: Any) -> float:
+    # A trial step may look beyond the stopper; halfway to the electrode the force is frozen, so
+    # that nothing near the singularity is ever evaluated.
+    return p[D] - min(x2, 0.5 * (p[DELTA] + p[D]))
+
+
+def attraction(x2: float, voltage: float, p: Any) -> float:
+    gap = electrode_gap(x2, p)
+    return p[ALPHA] * voltage * voltage / (gap * gap)
+
+
+def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p: Any) -> float:
+    gap = electrode_gap(x2, p)
+    by_drive = 2.0 * voltage * voltage_rate / (gap * gap)
+    by_motion = 2.0 * voltage * voltage * v2 / (gap * gap * gap)
+    return p[ALPHA] * (by_drive + by_motion)
+
+
+def load(x2: float, v2: float, voltage: float, p: Any) -> float:
+    return p[K] * x2 + p[C] * v2 - attraction(x2, voltage, p)
+
+
+def load_rate(
+    x2: float, v2: float, a2: float, voltage: float, voltage_rate: float, p: Any
+) -> float:
+    return p[K] * v2 + p[C] * a2 - attraction_rate(x2, v2, voltage, voltage_rate, p)
+
+
+def static_limit(p: Any) -> float:
+    return p[MU_S] * (p[M1] + p[M2]) * p[G]
+
+
+def sliding_friction(direction: int, p: Any) -> float:
+    return direction * p[MU_D] * (p[M1] + p[M2]) * p[G]
+
+
+def frame_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
+    if direction == 0:
+        return 0.0
+    return (load_on_frame - sliding_friction(direction, p)) / p[M1]
+
+
+def block_acceleration(direction: int, load_on_frame: float, p: Any) -> float:
+    return -load_on_frame / p[M2] - frame_acceleration(direction, load_on_frame, p)
+
+
+def resting_acceleration(direction: int, p: Any) -> float:
+    return -sliding_friction(direction, p) / (p[M1] + p[M2])
+
+
+def contact_force(side: int, direction: int, voltage: float, p: Any) -> float:
+    x2 = side * p[DELTA]
+    push = attraction(x2, voltage, p) - p[K] * x2 - p[M2] * resting_acceleration(direction, p)
+    return side * push
+
+
+def contact_force_rate(side: int, voltage: float, voltage_rate: float, p: Any) -> float:
+    return side * attraction_rate(side * p[DELTA], 0.0, voltage, voltage_rate, p)
+
+
+def frame_speed_after(v1: float, v2: float, e: float, p: Any) -> float:
+    return v1 + (1.0 + e) * p[M2] * v2 / (p[M1] + p[M2])
+
+
+def block_speed_after(v2: float, e: float) -> float:
+    return -e * v2

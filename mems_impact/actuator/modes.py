@@ -1,0 +1,174 @@
+"""The actuator as a hybrid automaton: friction x contact, guards and transitions.
+
+A mode is a pair of friction (the frame stuck, sliding forward, sliding backward) and contact (the
+block free, resting on the right stopper, resting on the left one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from mems_impact.actuator import equations as eq
+from mems_impact.hybrid.automaton import Automaton, Guard
+
+STUCK, FORWARD, BACKWARD = 0, 1, 2
+FREE, RIGHT, LEFT = 0, 1, 2
+
+FRICTION = ("stuck", "forward", "backward")
+CONTACT = ("free", "right", "left")
+MODES = tuple(f"{friction}-{contact}" for contact in CONTACT for friction in FRICTION)
+
+X1, V1, X2, V2 = 0, 1, 2, 3
+STATES = ("x1", "v1", "x2", "v2")
+
+RIGHT_IMPACT, LEFT_IMPACT, RELEASE, SLIP_END, BREAK_AWAY = 0, 1, 2, 3, 4
+# Impacts first: they change the velocities on which all the others hang. Release before the end of
+# a slip, since what the load on the frame is depends on whether the block is held.
+GUARDS = (
+    Guard(name="right impact", order=0, impact=True),
+    Guard(name="left impact", order=1, impact=True),
+    Guard(name="release", order=2),
+    Guard(name="slip end", order=3),
+    Guard(name="break-away", order=4),
+)
+
+
+def mode_of(friction: int, contact: int) -> int:
+    """Return the mode of a pair of friction and contact."""
+    return 3 * contact + friction
+
+
+def direction_of(mode: int) -> int:
+    """Return the sign of the slip velocity in `mode`, 0 where the frame is stuck."""
+    friction = mode % 3
+    return 1 if friction == FORWARD else (-1 if friction == BACKWARD else 0)
+
+
+def side_of(mode: int) -> int:
+    """Return +1 where the block rests on the right stopper, -1 on the left one, 0 if free."""
+    contact = mode // 3
+    return 1 if contact == RIGHT else (-1 if contact == LEFT else 0)
+
+
+def friction_towards(speed: float) -> int:
+    """Return the friction mode of a slip with the sign of `speed`; stuck at 0."""
+    return FORWARD if speed > 0.0 else (BACKWARD if speed < 0.0 else STUCK)
+
+
+def free_mode(load: float, v1: float, p: Any) -> int:
+    """Return the mode of a free block: the frame slips on, or Equation (4) holds it or not."""
+    if v1 != 0.0:
+        return mode_of(friction_towards(v1), FREE)
+    if abs(load) <= eq.static_limit(p):
+        return mode_of(STUCK, FREE)
+    return mode_of(friction_towards(load), FREE)
+
+
+def settled_mode(y: Any, voltage: float, p: Any) -> int:
+    """Return the mode that the state `y` is in under `voltage`, by Equation (4) and contact force.
+
+    A block at rest on a stopper stays there if it presses against it; a frame at rest stays there
+    if the load on it is within static friction.
+    """
+    friction = friction_towards(y[V1])
+    direction = direction_of(friction)
+    if y[V2] == 0.0:
+        if y[X2] >= p[eq.DELTA] and eq.contact_force(1, direction, voltage, p) > 0.0:
+            return mode_of(friction, RIGHT)
+        if y[X2] <= -p[eq.DELTA] and eq.contact_force(-1, direction, voltage, p) > 0.0:
+            return mode_of(friction, LEFT)
+    return free_mode(eq.load(y[X2], y[V2], voltage, p), y[V1], p)
+
+
+def impact(side: int, e: float, y: Any, p: Any) -> None:
+    """Apply Equations (5) and (6) at the stopper on `side` and put the block on it exactly."""
+    y[X2] = side * p[eq.DELTA]
+    y[V1] = eq.frame_speed_after(y[V1], y[V2], e, p)
+    y[V2] = eq.block_speed_after(y[V2], e)
+
+
+@cache
+def actuator_automaton(
+    voltage: Callable[..., float], voltage_rate: Callable[..., float]
+) -> Automaton:
+    """Return the automaton of the actuator under the waveform ``voltage(t, q)``.
+
+    Parameters
+    ----------
+    voltage, voltage_rate : callable
+        The waveform and its time derivative as scalar functions of time and the drive's
+        parameters (see `mems_impact.actuator.drive.Drive`).
+    """
+
+    def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        direction = direction_of(mode)
+        if side_of(mode) == 0:
+            load = eq.load(y[X2], y[V2], voltage(t, p[eq.DRIVE :]), p)
+            dy[X2] = y[V2]
+            dy[V1] = eq.frame_acceleration(direction, load, p)
+            dy[V2] = eq.block_acceleration(direction, load, p)
+        else:
+            dy[X2] = 0.0
+            dy[V1] = eq.resting_acceleration(direction, p)
+            dy[V2] = 0.0
+        dy[X1] = y[V1] if direction != 0 else 0.0
+
+    def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
+        direction = direction_of(mode)
+        side = side_of(mode)
+        v = voltage(t, p[eq.DRIVE :])
+        v_rate = voltage_rate(t, p[eq.DRIVE :])
+        load = eq.load(y[X2], y[V2], v, p)
+        for i in range(5):
+            g[i] = 1.0
+            r[i] = 1.0
+        if side == 0:
+            g[RIGHT_IMPACT] = p[eq.DELTA] - y[X2]
+            r[RIGHT_IMPACT] = -y[V2]
+            g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
+            r[LEFT_IMPACT] = y[V2]
+        else:
+            g[RELEASE] = eq.contact_force(side, direction, v, p)
+            r[RELEASE] = eq.contact_force_rate(side, v, v_rate, p)
+        if direction != 0:
+            a1 = eq.frame_acceleration(direction, load, p)
+            if side != 0:
+                a1 = eq.resting_acceleration(direction, p)
+            g[SLIP_END] = direction * y[V1]
+            r[SLIP_END] = direction * a1
+        elif side == 0:
+            a2 = eq.block_acceleration(direction, load, p)
+            rate = eq.load_rate(y[X2], y[V2], a2, v, v_rate, p)
+            g[BREAK_AWAY] = eq.static_limit(p) - abs(load)
+            r[BREAK_AWAY] = -rate if load > 0.0 else rate
+
+    def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
+        v = voltage(t, p[eq.DRIVE :])
+        guards = 5
+        if code == RIGHT_IMPACT or code == LEFT_IMPACT:
+            impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
+        elif code == guards + RIGHT_IMPACT or code == guards + LEFT_IMPACT:
+            # An accumulated sequence of impacts is one without rebound.
+            impact(1 if code == guards + RIGHT_IMPACT else -1, 0.0, y, p)
+        elif code == RELEASE:
+            # The contact force is zero to rounding: let go whatever its sign.
+            return free_mode(eq.load(y[X2], y[V2], v, p), y[V1], p)
+        elif code == SLIP_END:
+            y[V1] = 0.0
+        elif code == BREAK_AWAY:
+            # The load is at the static limit to rounding: slip whichever side it is on.
+            y[V1] = 0.0
+            return mode_of(friction_towards(eq.load(y[X2], y[V2], v, p)), FREE)
+        return settled_mode(y, v, p)
+
+    return Automaton(
+        states=STATES,
+        modes=MODES,
+        guards=GUARDS,
+        flow=flow,
+        margins=margins,
+        transition=transition,
+        cyclic=(X1,),
+    )

@@ -1,0 +1,193 @@
+"""The eleven parameters of the actuator, checked, and their loading from device files."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import model_validator
+
+from mems_impact.actuator.validation import (
+    Fraction,
+    NonNegative,
+    Positive,
+    ValidatedModel,
+)
+from mems_impact.errors import InvalidFile, InvalidParameter, shown
+
+__all__ = ["PARAMETER_NAMES", "Actuator", "load_actuator", "preset_names"]
+
+_DEVICES = files("mems_impact.actuator") / "devices"
+_LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fills the memory
+
+
+class Actuator(ValidatedModel):
+    """The electrostatic impact microactuator: a block in a frame that rests on the ground.
+
+    All parameters are keyword-only, in one consistent set of units (SI, or dimensionless [-] as
+    in the paper). An actuator is immutable and hashable; `replace` makes a changed copy.
+
+    Parameters
+    ----------
+    m1 : float
+        Mass of the frame [kg], > 0. Equation (1).
+    m2 : float
+        Mass of the block [kg], > 0. Equation (2).
+    k : float
+        Stiffness of the spring between block and frame [N/m], > 0. Equation (2).
+    c : float
+        Damping between block and frame [N s/m], >= 0. Equation (2).
+    d : float
+        Gap between the electrodes without voltage [m], > 0. Equation (2).
+    delta : float
+        Distance from the block at rest to each stopper [m], 0 < delta < d. An impact is at
+        abs(x2) = delta.
+    e : float
+        Coefficient of restitution [-], 0 <= e <= 1. Equations (5) and (6).
+    mu_s : float
+        Coefficient of static friction, frame on ground [-], >= mu_d. Equation (4).
+    mu_d : float
+        Coefficient of dynamic friction, frame on ground [-], >= 0. Equation (3).
+    alpha : float
+        Half the permittivity times the overlap area of the electrodes [F m], > 0. The
+        electrostatic force is alpha v^2 / (d - x2)^2. Equation (2).
+    g : float
+        Gravity [m/s^2], >= 0; the normal force on the ground is N = (m1 + m2) g. Equation (3).
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range or not a number, or a parameter is missing or unknown.
+    """
+
+    m1: Positive
+    m2: Positive
+    k: Positive
+    c: NonNegative
+    d: Positive
+    delta: Positive
+    e: Fraction
+    mu_s: NonNegative
+    mu_d: NonNegative
+    alpha: Positive
+    g: NonNegative
+
+    @model_validator(mode="after")
+    def _check_pairs(self) -> Self:
+        if not self.delta < self.d:
+            allowed = f"between 0 and d = {shown(self.d)} (exclusive)"
+            raise InvalidParameter("delta", self.delta, allowed)
+        if not self.mu_d <= self.mu_s:
+            allowed = f"between 0 and mu_s = {shown(self.mu_s)}"
+            raise InvalidParameter("mu_d", self.mu_d, allowed)
+        return self
+
+    def to_array(self) -> NDArray[np.float64]:
+        """Return the parameters as an array of shape (11,), in the order of `PARAMETER_NAMES`."""
+        return np.array([getattr(self, name) for name in PARAMETER_NAMES], dtype=np.float64)
+
+
+PARAMETER_NAMES: tuple[str, ...] = tuple(Actuator.model_fields)
+"""The parameters' names, in the order of `Actuator.to_array`."""
+
+
+class _DeviceFile(ValidatedModel):
+    """What a device file may hold at its top level."""
+
+    name: str = ""
+    description: str = ""
+    parameters: dict[str, Any]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_table(cls, content: dict[str, Any]) -> dict[str, Any]:
+        for name in PARAMETER_NAMES:
+            if name in content:
+                allowed = "in the table [parameters]"
+                raise InvalidParameter(name, content[name], allowed)
+        return content
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the devices that come with the package, sorted."""
+    names = (item.name for item in _DEVICES.iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
+
+
+def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
+    """Load an actuator by preset name, or from a TOML file.
+
+    Parameters
+    ----------
+    name_or_path : str or os.PathLike
+        One of `preset_names`, or the path of a TOML file with a table ``[parameters]`` that holds
+        the eleven parameters of `Actuator` and, optionally, ``name`` and ``description`` above
+        it. A preset wins over a file of the same name; write ``./name`` for the file.
+
+    Returns
+    -------
+    Actuator
+
+    Raises
+    ------
+    InvalidFile
+        If there is no such preset or file, or the file cannot be read as TOML.
+    InvalidParameter
+        If the file holds a wrong, missing or unknown entry; `source` names the file.
+    """
+    if not isinstance(name_or_path, str | PathLike) or isinstance(fspath(name_or_path), bytes):
+        allowed = "the name of a preset or the path of a TOML file"
+        raise InvalidParameter("name_or_path", name_or_path, allowed)
+    source = fspath(name_or_path)
+    if isinstance(name_or_path, str) and source in preset_names():
+        raw = (_DEVICES / f"{source}.toml").read_bytes()
+    else:
+        raw = _read(source)
+    content = _parse(raw, source)
+    try:
+        return Actuator(**_DeviceFile(**content).parameters)
+    except InvalidParameter as error:
+        raise error.located(source) from None
+
+
+def _read(source: str) -> bytes:
+    presets = ", ".join(preset_names())
+    remedy = f"give the name of a preset ({presets}) or the path of a TOML file"
+    try:
+        if source and Path(source).is_dir():
+            raise InvalidFile(source, "is a directory", remedy)
+        with open(source, "rb") as file:
+            raw = file.read(_LARGEST_FILE + 1)
+    except FileNotFoundError:
+        looks_like_path = Path(source).name != source or source.endswith(".toml")
+        reason = "no such file" if looks_like_path else "no such preset or file"
+        raise InvalidFile(source, reason, remedy) from None
+    except OSError as error:
+        raise InvalidFile(source, f"cannot be read ({error.strerror})", remedy) from None
+    except ValueError as error:
+        if isinstance(error, InvalidFile):
+            raise
+        # A null character in the path.
+        raise InvalidFile(source, f"not a path ({error})", remedy) from None
+    if len(raw) > _LARGEST_FILE:
+        raise InvalidFile(source, "too large for a device file", remedy)
+    return raw
+
+
+def _parse(raw: bytes, source: str) -> dict[str, Any]:
+    try:
+        # Editors on Windows put a byte order mark first, which TOML does not know.
+        return tomllib.loads(raw.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        reason = f"not UTF-8 text (byte {error.start})"
+        raise InvalidFile(source, reason, "save it as UTF-8") from None
+    except (ValueError, RecursionError) as error:
+        # Not TOMLDecodeError alone: absurdly long integers and deep nesting raise the others.
+        reason = f"not valid TOML ({str(error).splitlines()[0]})"
+        remedy = "mend it there: a table [parameters] of lines like m1 = 5.0"
+        raise InvalidFile(source, reason, remedy) from None

@@ -1,0 +1,135 @@
+"""Checking of parameters: the base of every parameter object, and its error messages.
+
+pydantic does the checking; this module gives its findings in the package's own words, as one
+`InvalidParameter` that names the field, the value and the allowed range.
+"""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+from numbers import Real
+from typing import Annotated, Any, Self, get_origin
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Fraction", "NonNegative", "Number", "Positive", "ValidatedModel"]
+
+_KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
+
+
+def _to_float(value: Any) -> float:
+    # pydantic's strict floats refuse NumPy's integers and single floats, which sweeps produce;
+    # its lax ones take strings and booleans, which are mistakes.
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise PydanticCustomError("number_type", "must be a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise PydanticCustomError("number_type", "must be a finite number") from None
+
+
+Number = Annotated[float, BeforeValidator(_to_float), Field(allow_inf_nan=False)]
+"""A finite number."""
+
+Positive = Annotated[Number, Field(gt=0)]
+"""A finite number > 0."""
+
+NonNegative = Annotated[Number, Field(ge=0)]
+"""A finite number >= 0."""
+
+Fraction = Annotated[Number, Field(ge=0, le=1)]
+"""A finite number between 0 and 1, both included."""
+
+
+class ValidatedModel(BaseModel):
+    """Base of parameter objects: immutable, keyword-only, every value checked.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is not allowed, or a parameter is missing or unknown.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    # `self` is positional-only so that even an unknown parameter called "self" is reported.
+    def __init__(self, /, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise _translated(error, type(self)) from None
+
+    def replace(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed, checked like a new one.
+
+        Parameters
+        ----------
+        **changes : object
+            New values, by parameter name.
+
+        Raises
+        ------
+        InvalidParameter
+            If the changed set is not allowed, or a name is unknown.
+        """
+        return type(self)(**{**dict(self), **changes})
+
+    # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
+    __replace__ = replace
+
+
+def _translated(error: ValidationError, model: type[BaseModel]) -> InvalidParameter:
+    """Return the most telling of pydantic's findings as an `InvalidParameter`."""
+    findings = error.errors(include_url=False)
+    # A misspelt name shows as one unknown and one missing parameter: the first tells more.
+    first = next((one for one in findings if one["type"] == "extra_forbidden"), findings[0])
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InvalidParameter):  # raised by a check across several fields
+        return cause
+    return _from_finding(first, model)
+
+
+def _from_finding(finding: ErrorDetails, model: type[BaseModel]) -> InvalidParameter:
+    name = str(finding["loc"][0]) if finding["loc"] else model.__name__
+    known = model.model_fields
+    if finding["type"] == "extra_forbidden":
+        allowed = f"one of {', '.join(known)}"
+        problem = f"unknown name, {_suggestion(name, list(known))}"
+        return InvalidParameter(name, finding["input"], allowed, problem=problem)
+    allowed = _allowed(known[name]) if name in known else finding["msg"]
+    if finding["type"] == "missing":
+        return InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
+    return InvalidParameter(name, finding["input"], allowed)
+
+
+def _suggestion(name: str, known: list[str]) -> str:
+    near = get_close_matches(name, known, n=1)
+    return f"did you mean {near[0]}?" if near else f"must be one of {', '.join(known)}"
+
+
+def _allowed(field: FieldInfo) -> str:
+    """Describe what a field takes, worded to follow "must be"."""
+    if field.annotation is not float:
+        kind = get_origin(field.annotation) or field.annotation
+        return _KINDS.get(kind, f"of type {field.annotation}")
+    bounds = [bound for limit in field.metadata if (bound := _bound(limit))]
+    return " ".join(["a finite number", " and ".join(bounds)]).rstrip()
+
+
+def _bound(limit: object) -> str:
+    match limit:
+        case Gt(gt=value):
+            return f"> {value}"
+        case Ge(ge=value):
+            return f">= {value}"
+        case Lt(lt=value):
+            return f"< {value}"
+        case Le(le=value):
+            return f"<= {value}"
+        case _:
+            return ""

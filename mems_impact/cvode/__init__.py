@@ -1,0 +1,1 @@
+"""The engine: CVODE behind one small contract. The only room that touches SUNDIALS."""

@@ -1,0 +1,98 @@
+"""The contract between the event loop and whatever integrates an arc.
+
+The loop of `mems_impact.hybrid.loop` is written in terms of the functions below and nothing
+else. Interpreted, they call the methods of `cvode.interpreted.Engine`; compiled by numba, the
+overloads of `cvode.compiled` take their place, so that one text of the loop serves both.
+
+An engine holds one system of ``n`` equations with ``m`` margins. Its root functions are, in this
+order, the ``m`` margins (plus their bias), the ``m`` rates of the margins and one section:
+``2 m + 1`` in all. `step` takes exactly one internal step of CVODE, or stops at the first root in
+it. Because a step never depends on who looks at it, a run is the same whether or not it is sampled.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+# What `step` answers: CVODE's own codes. Negative is a failure (see FAILURES).
+STEPPED = 0
+STOPPED = 1
+ROOT = 2
+
+NON_FINITE = -8  # CV_RHSFUNC_FAIL: the only way in which our right-hand side fails
+FAILURES = {
+    -1: "too many internal steps",
+    -2: "the tolerances are too tight for the arithmetic",
+    -3: "the local error test failed repeatedly or with the smallest step",
+    -4: "the nonlinear solver did not converge",
+    NON_FINITE: "the right-hand side is not finite",
+    -12: "a guard could not be evaluated",
+}
+
+# Layout of the control array that the callbacks read: mode, last instant of the arc, the
+# section's component (-1: none) and level, the number of parameters; then m biases, then the
+# parameters.
+MODE, LAST_INSTANT, SECTION, LEVEL, COUNT, BIAS = 0, 1, 2, 3, 4, 5
+
+
+def step(engine: Any) -> int:
+    """Take one internal step, or go to the first root in it; STEPPED, STOPPED, ROOT or < 0."""
+    return engine.step()
+
+
+def time(engine: Any) -> float:
+    """Return the time at which the last `step` ended."""
+    return engine.time()
+
+
+def state(engine: Any, y: Any) -> None:
+    """Copy the state at `time` into `y`."""
+    engine.state(y)
+
+
+def fired(engine: Any, i: int) -> int:
+    """Return -1, 0 or 1: how root function `i` crossed zero at the last ROOT."""
+    return engine.fired(i)
+
+
+def interpolate(engine: Any, t: float, y: Any) -> None:
+    """Write the state at `t`, within the last internal step, into `y`; the run is not disturbed."""
+    engine.interpolate(t, y)
+
+
+def restart(engine: Any, t: float, y: Any, stop: float) -> None:
+    """Begin an arc at (t, y) that never evaluates anything beyond `stop` (inf: no stop)."""
+    engine.restart(t, y, stop)
+
+
+def control(engine: Any) -> Any:
+    """Return the control array, shared with the callbacks."""
+    return engine.control
+
+
+def flow(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
+    """Write the derivative of the state in `mode` into `dy`."""
+    engine.flow(mode, t, y, dy)
+
+
+def margins(engine: Any, mode: int, t: float, y: Any, out: Any) -> None:
+    """Write the m margins, then their m rates, into `out`."""
+    engine.margins(mode, t, y, out)
+
+
+def transition(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
+    """Apply the transition `code` in `mode`, changing `y` in place; return the new mode."""
+    return engine.transition(mode, code, t, y)
+
+
+def new_control(m: int, component: int, level: float, parameters: Any) -> np.ndarray:
+    """Return a control array for `m` margins, a section and the parameters."""
+    values = np.asarray(parameters, dtype=float)
+    control = np.zeros(BIAS + m + values.size)
+    control[LAST_INSTANT] = math.inf
+    control[SECTION], control[LEVEL], control[COUNT] = component, level, values.size
+    control[BIAS + m :] = values
+    return control

@@ -1,0 +1,151 @@
+"""One arc through scikit-sundae's public API: the readable engine, and the fallback."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from sksundae.cvode import CVODE
+
+from mems_impact.cvode import engine as contract
+from mems_impact.cvode.options import Options
+
+
+class _NonFinite(Exception):
+    """Raised through CVODE by a right-hand side that is not finite."""
+
+
+class Engine:
+    """CVODE with Python callbacks, behind the contract of `mems_impact.cvode.engine`.
+
+    Parameters
+    ----------
+    flow, margins, transition : callable
+        The functions of an automaton (see `mems_impact.hybrid.automaton.Automaton`).
+    n, m : int
+        Number of states and of guards.
+    parameters : array_like of float
+    options : Options
+    max_step : float
+        Longest internal step.
+    section : tuple (component, level, direction) or None
+        Crossings of ``y[component] = level`` that are reported as the last root function.
+    """
+
+    def __init__(
+        self,
+        flow: Callable[..., Any],
+        margins: Callable[..., Any],
+        transition: Callable[..., Any],
+        *,
+        n: int,
+        m: int,
+        parameters: Any,
+        options: Options,
+        max_step: float,
+        section: tuple[int, float, int] | None = None,
+    ) -> None:
+        self._flow, self._margins, self._transition = flow, margins, transition
+        self._n, self._m = n, m
+        component, level, direction = section if section is not None else (-1, 0.0, 0)
+        self.control = contract.new_control(m, component, level, parameters)
+        self._parameters: list[float] = []
+        self._stop: float | None = None
+        self._result: Any = None
+        self._t = 0.0
+
+        def rhs(t: float, y: Any, dy: Any) -> None:
+            self.flow(int(self.control[contract.MODE]), min(t, self._last_instant), y, dy)
+            if not np.isfinite(dy).all():
+                raise _NonFinite
+
+        def roots(t: float, y: Any, out: Any) -> None:
+            now = min(t, self._last_instant)
+            self.margins(int(self.control[contract.MODE]), now, y, out)
+            out[:m] += self.control[contract.BIAS : contract.BIAS + m]
+            out[2 * m] = y[component] - level if component >= 0 else 1.0
+
+        roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
+        roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
+        self._roots = roots
+        self._solver = CVODE(
+            rhs,
+            method=options.method,
+            rtol=options.rtol,
+            atol=options.atol,
+            max_step=max_step,
+            eventsfn=roots,
+            num_events=2 * m + 1,
+        )
+        self._last_instant = math.inf
+
+    def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
+        """Write the derivative of the state in `mode` into `dy`."""
+        # Scalars out of a list are several times as fast as out of an array.
+        slope = [0.0] * self._n
+        self._flow(mode, t, y[: self._n].tolist(), self._parameters, slope)
+        dy[: self._n] = slope
+
+    def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
+        """Write the m margins, then their m rates, into `out`."""
+        m = self._m
+        g, r = [1.0] * m, [1.0] * m
+        self._margins(mode, t, y[: self._n].tolist(), self._parameters, g, r)
+        out[:m] = g
+        out[m : 2 * m] = r
+
+    def transition(self, mode: int, code: int, t: float, y: Any) -> int:
+        """Apply the transition `code`, changing `y` in place; return the new mode."""
+        return int(self._transition(mode, code, t, y, self._parameters))
+
+    def begin(self) -> None:
+        """Take over the parameters from the control array before a run."""
+        self._parameters = self.control[contract.BIAS + self._m :].tolist()
+
+    def close(self) -> None:
+        """Do nothing: scikit-sundae frees its memory with the object."""
+
+    def restart(self, t: float, y: Any, stop: float) -> None:
+        """Begin an arc at (t, y)."""
+        self._stop = stop if stop < math.inf else None
+        self._last_instant = float(self.control[contract.LAST_INSTANT])
+        self._horizon = t + 1.0
+        self._solver.init_step(t, y)
+        self._t = t
+
+    def step(self) -> int:
+        """Take one internal step; STEPPED, STOPPED, ROOT or a negative code."""
+        # scikit-sundae appends to these lists at every root and never clears them, so that every
+        # result would carry all roots of the run (contract test: test_sksundae_event_log).
+        for log in (self._roots._i, self._roots._t, self._roots._y):  # type: ignore[attr-defined]
+            log.clear()
+        # CVODE's complaints go to standard output; its code says it all.
+        with contextlib.redirect_stdout(io.StringIO()):
+            try:
+                self._result = self._solver.step(self._horizon, method="onestep", tstop=self._stop)
+            except _NonFinite:
+                return contract.NON_FINITE
+        self._t = float(np.ravel(self._result.t)[-1])
+        self._horizon = self._t + 1.0
+        return int(self._result.status)
+
+    def time(self) -> float:
+        """Return the time at which the last step ended."""
+        return self._t
+
+    def state(self, y: Any) -> None:
+        """Copy the state at `time` into `y`."""
+        y[: self._n] = self._result.y
+
+    def fired(self, i: int) -> int:
+        """Return how root function `i` crossed zero at the last ROOT."""
+        return int(self._result.i_events[-1][i])
+
+    def interpolate(self, t: float, y: Any) -> None:
+        """Write the state at `t`, within the last internal step, into `y`."""
+        result = self._solver.step(t, method="normal")
+        y[: self._n] = result.y

@@ -1,0 +1,65 @@
+"""How an arc is integrated: method, tolerances, budgets, engine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mems_impact.errors import InvalidParameter
+
+METHODS = ("adams", "bdf")
+ENGINES = ("auto", "compiled", "interpreted")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Settings of the integrator; immutable, shared by both engines.
+
+    Parameters
+    ----------
+    method : {"adams", "bdf"}
+        Linear multistep family. Adams (default) needs about half the right-hand sides where the
+        drive is near the resonance; BDF wins where the drive is slow against it.
+    rtol : float
+        Relative tolerance of the local error, 1e-14 to 1e-2.
+    atol : float
+        Absolute tolerance of the local error, in the units of the state, above 0.
+    max_steps : int
+        Internal steps that one arc (from a transition to the next) may take.
+    max_events : int
+        Events that one forcing period may hold.
+    engine : {"auto", "compiled", "interpreted"}
+        ``"auto"`` takes the compiled engine where SUNDIALS can be bound and falls back to the
+        interpreted one, with a warning, where it can't.
+
+    Raises
+    ------
+    InvalidParameter
+        Names the field, the value and the allowed range.
+    """
+
+    method: str = "adams"
+    rtol: float = 1e-9
+    atol: float = 1e-11
+    max_steps: int = 100_000
+    max_events: int = 10_000
+    engine: str = "auto"
+
+    def __post_init__(self) -> None:
+        _one_of("method", self.method, METHODS)
+        _one_of("engine", self.engine, ENGINES)
+        _within("rtol", self.rtol, 1e-14, 1e-2)
+        _within("atol", self.atol, 1e-300, math.inf)
+        _within("max_steps", self.max_steps, 1, 2**62)
+        _within("max_events", self.max_events, 1, 2**62)
+
+
+def _one_of(field: str, value: object, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise InvalidParameter(field=field, value=value, allowed=f"one of {', '.join(allowed)}")
+
+
+def _within(field: str, value: float, low: float, high: float) -> None:
+    # A NaN fails this comparison too.
+    if not (low <= value <= high and math.isfinite(value)):
+        raise InvalidParameter(field=field, value=value, allowed=f"between {low:g} and {high:g}")

@@ -1,0 +1,212 @@
+"""The exceptions of the package: one small tree, whose messages carry values and the remedy.
+
+Every exception survives pickling with all its attributes, because sweeps report failures from
+other processes. Every message is one line, because the command line prints it as it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from os import PathLike, fspath
+from typing import Any
+
+__all__ = [
+    "EngineFallbackWarning",
+    "EngineUnavailable",
+    "InvalidFile",
+    "InvalidParameter",
+    "MemsImpactError",
+    "RunError",
+]
+
+# What a message shows of a wrong value and of a name, in characters.
+_LONGEST_VALUE = 60
+_LONGEST_NAME = 300
+
+
+class MemsImpactError(Exception):
+    """Base of every exception that the package raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The inherited method calls the class with `args`, which fails for keyword-only arguments.
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+class InvalidParameter(MemsImpactError, ValueError):
+    """A parameter has a value that the model does not allow, is missing, or is unknown.
+
+    Parameters
+    ----------
+    field : str
+        Name of the parameter.
+    value : object
+        The value that was given; None if the parameter is missing.
+    allowed : str
+        What is allowed, worded to follow "must be": ``"between 0 and d = 1 (exclusive)"``.
+    source : str or os.PathLike, optional
+        The file that the value came from.
+    problem : str, optional
+        What is wrong, where "must be `allowed`" does not say it (a missing or unknown parameter).
+        `allowed` is then not shown.
+
+    Attributes
+    ----------
+    field, value, allowed, source, problem
+        As given; `source` is a str or None.
+    """
+
+    def __init__(
+        self,
+        field: str,
+        value: object,
+        allowed: str,
+        source: str | PathLike[str] | None = None,
+        *,
+        problem: str | None = None,
+    ) -> None:
+        self.field = field
+        self.value = value
+        self.allowed = allowed
+        self.source = None if source is None else fspath(source)
+        self.problem = problem
+        subject = _label(field)
+        if value is not None or problem is None:
+            subject += f" = {shown(value)}"
+        message = f"{subject}: {problem or f'must be {allowed}'}"
+        if self.source is not None:
+            message += f" [in {_label(self.source)}]"
+        super().__init__(message)
+
+    def located(self, source: str | PathLike[str]) -> InvalidParameter:
+        """Return the same error, saying that the value came from the file `source`."""
+        return InvalidParameter(self.field, self.value, self.allowed, source, problem=self.problem)
+
+
+class InvalidFile(MemsImpactError, ValueError):
+    """A file cannot be read, or is not what it should be.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file, as the user named it.
+    reason : str
+        What is wrong with it.
+    remedy : str
+        What to do about it.
+
+    Attributes
+    ----------
+    path, reason, remedy : str
+        As given.
+    """
+
+    def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
+        self.path = fspath(path)
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{_label(self.path)}: {reason}; {remedy}")
+
+
+class RunError(MemsImpactError, RuntimeError):
+    """A run cannot go on.
+
+    Parameters
+    ----------
+    reason : str
+        What happened.
+    remedy : str
+        What to do about it.
+    cycle : int
+        Number of forcing periods completed before this one.
+    phase_time : float
+        Time since the beginning of the current forcing period, in the unit of the run.
+    mode : str
+        Mode of the automaton.
+    state : mapping of str to float
+        The state, by name.
+    trajectory : object, optional
+        What was computed up to here.
+
+    Attributes
+    ----------
+    reason, remedy, cycle, phase_time, mode, state, trajectory
+        As given; `state` is a dict.
+    """
+
+    def __init__(
+        self,
+        *,
+        reason: str,
+        remedy: str,
+        cycle: int,
+        phase_time: float,
+        mode: str,
+        state: Mapping[str, float],
+        trajectory: object = None,
+    ) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        self.cycle = cycle
+        self.phase_time = phase_time
+        self.mode = mode
+        self.state = dict(state)
+        self.trajectory = trajectory
+        where = [f"cycle {cycle}", f"phase time {phase_time:.9g}", f"mode {mode}"]
+        where += [f"{name} = {number:.9g}" for name, number in self.state.items()]
+        super().__init__(f"{reason} ({', '.join(where)}); {remedy}")
+
+
+class EngineUnavailable(MemsImpactError, ImportError):
+    """An engine cannot be used on this machine.
+
+    Parameters
+    ----------
+    reason : str
+        What is missing or does not fit.
+    remedy : str
+        What to do about it.
+
+    Attributes
+    ----------
+    reason, remedy : str
+        As given.
+    """
+
+    def __init__(self, reason: str, remedy: str) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{reason}; {remedy}")
+
+
+class EngineFallbackWarning(UserWarning):
+    """The engine that was asked for is unavailable, and a slower one does its work."""
+
+
+def _restore(
+    kind: type[MemsImpactError], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> MemsImpactError:
+    """Rebuild a pickled exception without calling its constructor."""
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
+
+
+def _label(name: str) -> str:
+    """Return a name as it stands, or quoted where it is empty or would break the line."""
+    return _cut(name if name and name.isprintable() else repr(name), _LONGEST_NAME)
+
+
+def shown(value: object) -> str:
+    """Return a wrong value in a form that fits into a one-line message."""
+    try:
+        # str() of a NumPy number is the number alone, without its type.
+        text = repr(value) if isinstance(value, str) else str(value)
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        text = f"a huge {type(value).__name__}"
+    if isinstance(value, float):
+        text = text.removesuffix(".0")
+    return _cut(" ".join(text.split()), _LONGEST_VALUE)
+
+
+def _cut(text: str, longest: int) -> str:
+    return text if len(text) <= longest else text[: longest - 1] + "…"

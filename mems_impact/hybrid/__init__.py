@@ -1,0 +1,1 @@
+"""Hybrid automata and their event loop. Knows no device and no unit."""

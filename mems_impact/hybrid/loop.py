@@ -1,0 +1,392 @@
+"""The event loop: the one text that both engines run.
+
+Plain functions over arrays and one record, resumable at every return, so that a driver in Python
+can drain the event buffer, show progress and hear Ctrl-C between two calls. Interpreted they run
+as they stand; `hybrid.native` has numba compile them unchanged.
+
+An arc is integrated step by step until a guard fires. What fires is found in three ways: CVODE's
+own root finding (a margin changes sign over a step), the rate guards (a margin dipped below zero
+and came back within a step, so its closest approach is a root too), and a look at all margins
+after every transition (what fires in the same instant).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mems_impact.cvode import engine as arc
+
+# What `advance` answers.
+PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = 0, 1, 2, 3, 4, 5, 6
+
+# Kinds of rows in the event buffer.
+TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = 0, 1, 2, 3, 4, 5
+
+# Columns of the event buffer; the states before and after follow.
+CYCLE, TIME, KIND, GUARD, MODE_BEFORE, MODE_AFTER, HEAD = 0, 1, 2, 3, 4, 5, 6
+
+MAX_SIMULTANEOUS = 16
+ROOM = 2 * MAX_SIMULTANEOUS + 8  # rows that one step may add at most
+REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
+NONE = -1
+
+# A flight this short, in units of time, is a sequence of impacts on its last legs: the closing
+# acceleration is constant over it to the integration tolerance, while the gap still has digits
+# (u^2/2a = 1e-11 at a = 0.1, where rounding of the position is 1e-16).
+CHATTER_TIME = 2e-5
+
+# All that the loop remembers between two calls.
+CLOCK = np.dtype(
+    [
+        ("cycle", np.int64),  # periods completed before the time base
+        ("t", np.float64),  # time since the start of that period
+        ("mode", np.int64),
+        ("period", np.float64),
+        ("end_cycle", np.int64),  # where the run ends
+        ("end_phase", np.float64),
+        ("fresh", np.int64),  # 1 before the first arc: guards may be violated at the start
+        ("restart", np.int64),  # 1 if the next step begins an arc
+        ("stop", np.float64),  # next switching time of the drive
+        ("steps", np.int64),
+        ("arc_steps", np.int64),
+        ("arcs", np.int64),
+        ("max_steps", np.int64),
+        ("max_events", np.int64),
+        ("cycle_events", np.int64),  # events since `events_from`, against the budget
+        ("events_from", np.int64),
+        ("rows", np.int64),  # rows in the event buffer
+        ("failure", np.int64),  # the engine's code, after FAILED
+        ("hit_guard", np.int64),  # the last impact, for accumulation
+        ("hit_time", np.float64),
+        ("hit_interval", np.float64),
+        ("hit_speed", np.float64),
+        ("arc_start", np.float64),
+        ("per_period", np.int64),  # samples per period, 0 for none
+        ("sample_cycle", np.int64),
+        ("sample", np.int64),
+        ("samples", np.int64),  # rows in the sample buffer
+    ]
+)
+
+
+class Layout(NamedTuple):
+    """What the loop knows of the automaton and of the drive's jumps."""
+
+    order: Any  # int array, shape (m,): guards of one instant are handled in ascending order
+    impact: Any  # int array, shape (m,): 1 where the guard is an impact
+    cyclic: Any  # int array, shape (n,): 1 where the component is cyclic
+    switches: Any  # float array: switching times in (0, period], ascending
+
+
+class Buffers(NamedTuple):
+    """Where the loop writes."""
+
+    offset: Any  # float array, shape (n,): what cyclic components gathered before this arc
+    events: Any  # float array, shape (rows, HEAD + 2 n)
+    samples: Any  # float array, shape (rows, 3 + n)
+    work: Any  # float array, shape (6, max(n, 2 m)): scratch
+
+
+def advance(engine: Any, s: Any, y: Any, layout: Any, buffers: Any, quota: int) -> int:
+    """Integrate until the end, a full buffer, a spent quota of steps or a failure.
+
+    Parameters
+    ----------
+    engine : an engine of the contract in `mems_impact.cvode.engine`
+    s : CLOCK record
+    y : float array, shape (n,)
+        The state at ``s.t``; cyclic components count from the start of the arc.
+    layout : Layout
+    buffers : Buffers
+    quota : int
+        Steps that this call may take.
+
+    Returns
+    -------
+    int
+        PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET or CYCLING.
+    """
+    while True:
+        if s.rows + ROOM > buffers.events.shape[0]:
+            return BUFFER_FULL
+        if quota <= 0:
+            return PAUSED
+        if s.fresh == 1:
+            s.fresh = 0
+            s.restart = 1
+            guard = violated(engine, s.mode, s.t, y, layout, buffers)
+            if guard != NONE:
+                status = resolve(engine, s, s.t, y, guard, layout, buffers)
+                if status != DONE:
+                    return status
+        if s.restart == 1:
+            begin_arc(engine, s, y, layout, buffers)
+
+        status = arc.step(engine)
+        quota -= 1
+        s.steps += 1
+        s.arc_steps += 1
+        if status < 0:
+            s.failure = status
+            return FAILED
+        if s.arc_steps > s.max_steps:
+            return STEP_BUDGET
+        before = s.t
+        t = arc.time(engine)
+
+        guard = NONE
+        t_event = t
+        if status == arc.ROOT:
+            guard, t_event = first_guard(engine, s, before, t, layout, buffers)
+
+        end = (s.end_cycle - s.cycle) * s.period + s.end_phase
+        take_samples(engine, s, min(t_event, end), t_event >= end, buffers)
+        if t_event > end or (t_event == end and guard == NONE):
+            arc.interpolate(engine, end, y)
+            s.t = end
+            return DONE
+
+        s.t = t_event
+        if status == arc.ROOT and t_event == t:
+            arc.state(engine, y)
+            note_passages(engine, s, t, y, layout, buffers)
+        if guard != NONE:
+            if t_event < t:
+                arc.interpolate(engine, t_event, y)
+            status = resolve(engine, s, t_event, y, guard, layout, buffers)
+            if status != DONE:
+                return status
+        elif status == arc.STOPPED:
+            arc.state(engine, y)
+            status = resolve(engine, s, t, y, 2 * layout.order.size, layout, buffers)
+            if status != DONE:
+                return status
+        elif t > REBASE_PERIODS * s.period:
+            arc.state(engine, y)
+            note(s, t, REBASE, 0, s.mode, y, y, buffers)
+            s.restart = 1
+
+
+def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
+    """Move the time base, put the cyclic components aside and restart the engine at (s.t, y)."""
+    if s.t >= s.period:
+        whole = math.floor(s.t / s.period)
+        s.cycle += int(whole)
+        s.t -= whole * s.period
+        s.hit_time -= whole * s.period
+    if s.cycle != s.events_from:
+        s.events_from = s.cycle
+        s.cycle_events = 0
+    for i in range(y.size):
+        if layout.cyclic[i] == 1:
+            buffers.offset[i] += y[i]
+            y[i] = 0.0
+    s.stop = math.inf
+    for i in range(layout.switches.size - 1, -1, -1):
+        if layout.switches[i] > s.t:
+            s.stop = layout.switches[i]
+
+    control = arc.control(engine)
+    control[arc.MODE] = s.mode
+    # A function of time that jumps at the stop is right-continuous: the arc before the jump must
+    # not see it.
+    control[arc.LAST_INSTANT] = np.nextafter(s.stop, 0.0) if s.stop < math.inf else math.inf
+    # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
+    # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
+    g = buffers.work[0]
+    arc.margins(engine, s.mode, s.t, y, g)
+    for i in range(layout.order.size):
+        control[arc.BIAS + i] = -g[i] * (1.0 + 1e-9) + 1e-300 if g[i] <= 0.0 else 0.0
+    arc.restart(engine, s.t, y, s.stop)
+    s.restart = 0
+    s.arc_start = s.t
+    s.arc_steps = 0
+    s.arcs += 1
+
+
+def first_guard(
+    engine: Any, s: Any, before: float, t: float, layout: Any, buffers: Any
+) -> tuple[int, float]:
+    """Return the guard that fires first up to the root at `t`, and when; NONE if none does."""
+    m = layout.order.size
+    order = layout.order
+    guard = NONE
+    for i in range(m):
+        if arc.fired(engine, i) < 0 and (guard == NONE or order[i] < order[guard]):
+            guard = i
+    t_event = t
+    g, y = buffers.work[0], buffers.work[1]
+    control = arc.control(engine)
+    for i in range(m):
+        if arc.fired(engine, m + i) > 0:
+            arc.state(engine, y)
+            arc.margins(engine, s.mode, t, y, g)
+            if g[i] + control[arc.BIAS + i] < 0.0:
+                t_crossing = crossing(engine, s, i, before, t, buffers)
+                if (
+                    guard == NONE
+                    or t_crossing < t_event
+                    or (t_crossing == t_event and order[i] < order[guard])
+                ):
+                    guard = i
+                    t_event = t_crossing
+    return guard, t_event
+
+
+def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
+    """Bisect margin `i` on the last step: positive at `inside`, negative at `outside`."""
+    g, y = buffers.work[0], buffers.work[1]
+    bias = arc.control(engine)[arc.BIAS + i]
+    for _ in range(80):
+        middle = 0.5 * (inside + outside)
+        if middle <= inside or middle >= outside:
+            break
+        arc.interpolate(engine, middle, y)
+        arc.margins(engine, s.mode, middle, y, g)
+        if g[i] + bias > 0.0:
+            inside = middle
+        else:
+            outside = middle
+    return outside
+
+
+def violated(engine: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
+    """Return the first guard, by order, whose margin is not positive and is falling; or NONE."""
+    g = buffers.work[0]
+    m = layout.order.size
+    order = layout.order
+    arc.margins(engine, mode, t, y, g)
+    guard = NONE
+    for i in range(m):
+        if g[i] <= 0.0 and g[m + i] < 0.0 and (guard == NONE or order[i] < order[guard]):
+            guard = i
+    return guard
+
+
+def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any) -> int:
+    """Carry out all transitions of the instant `t`, beginning with `guard`; DONE if it settles.
+
+    `guard` is ``2 m`` for a switch of the drive. `y` and ``s.mode`` are left as they are after it.
+    """
+    m = layout.order.size
+    past = buffers.work[2]
+    s.restart = 1
+    for _ in range(MAX_SIMULTANEOUS):
+        if guard == NONE:
+            return DONE
+        for i in range(y.size):
+            past[i] = y[i]
+        mode = s.mode
+        s.mode = arc.transition(engine, mode, guard, t, y)
+        kind = SWITCH if guard == 2 * m else TRANSITION
+        note(s, t, kind, guard, mode, past, y, buffers)
+        s.cycle_events += 1
+        if s.cycle_events > s.max_events:
+            return EVENT_BUDGET
+        changed = mode != s.mode
+        for i in range(y.size):
+            changed = changed or past[i] != y[i]
+        if guard < m and layout.impact[guard] == 1:
+            t = complete_chatter(engine, s, t, y, guard, layout, buffers)
+        if not changed:
+            return DONE  # nothing moved: looking again would find the same
+        guard = violated(engine, s.mode, t, y, layout, buffers)
+    return CYCLING
+
+
+def complete_chatter(
+    engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any
+) -> float:
+    """Complete a sequence of impacts at `guard` once its flights are short; return the new time.
+
+    Under a constant closing acceleration the speeds of separation, and with them the flights,
+    shrink by a constant ratio. What remains after a flight of length T is T ratio/(1 - ratio);
+    then the body rests, which is an impact without rebound.
+    """
+    m = layout.order.size
+    g = buffers.work[0]
+    arc.margins(engine, s.mode, t, y, g)
+    speed = g[m + guard]
+    interval = t - s.hit_time if s.hit_guard == guard else math.inf
+    ratio = speed / s.hit_speed if s.hit_guard == guard and s.hit_speed > 0.0 else 1.0
+    shrinking = interval < s.hit_interval and 0.0 <= ratio < 1.0
+    s.hit_guard = guard
+    s.hit_time = t
+    s.hit_interval = interval
+    s.hit_speed = speed
+    if not (shrinking and interval < CHATTER_TIME):
+        return t
+    remaining = interval * ratio / (1.0 - ratio)
+    end = (s.end_cycle - s.cycle) * s.period + s.end_phase
+    if remaining > 10.0 * CHATTER_TIME or t + remaining >= min(end, s.stop):
+        return t
+    past, slope, middle = buffers.work[2], buffers.work[3], buffers.work[4]
+    for i in range(y.size):
+        past[i] = y[i]
+    mode = s.mode
+    s.mode = arc.transition(engine, mode, m + guard, t, y)
+    # The midpoint rule over the remaining time leaves an error of its third power.
+    arc.flow(engine, s.mode, t, y, slope)
+    for i in range(y.size):
+        middle[i] = y[i] + 0.5 * remaining * slope[i]
+    arc.flow(engine, s.mode, t + 0.5 * remaining, middle, slope)
+    for i in range(y.size):
+        y[i] += remaining * slope[i]
+    s.t = t + remaining
+    s.hit_guard = NONE
+    note(s, s.t, ACCUMULATION, guard, mode, past, y, buffers)
+    return s.t
+
+
+def note_passages(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> None:
+    """Record closest approaches and crossings of the section: roots that end no arc."""
+    m = layout.order.size
+    for i in range(m):
+        if layout.impact[i] == 1 and arc.fired(engine, m + i) > 0:
+            note(s, t, APPROACH, i, s.mode, y, y, buffers)
+    side = arc.fired(engine, 2 * m)
+    if side != 0:
+        note(s, t, SECTION_CROSSING, side, s.mode, y, y, buffers)
+
+
+def note(
+    s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any, buffers: Any
+) -> None:
+    """Write one row to the event buffer."""
+    whole = math.floor(t / s.period)
+    row = buffers.events[s.rows]
+    row[CYCLE] = s.cycle + whole
+    row[TIME] = t - whole * s.period
+    row[KIND] = kind
+    row[GUARD] = guard
+    row[MODE_BEFORE] = mode
+    row[MODE_AFTER] = s.mode
+    for i in range(y.size):
+        row[HEAD + i] = past[i] + buffers.offset[i]
+        row[HEAD + y.size + i] = y[i] + buffers.offset[i]
+    s.rows += 1
+
+
+def take_samples(engine: Any, s: Any, limit: float, last: bool, buffers: Any) -> None:
+    """Write the samples due before `limit` (at it too, if it is the `last` instant)."""
+    if s.per_period == 0:
+        return
+    y = buffers.work[5]
+    while s.samples < buffers.samples.shape[0]:
+        phase = (s.sample % s.per_period) * s.period / s.per_period
+        cycle = s.sample_cycle + s.sample // s.per_period
+        t = (cycle - s.cycle) * s.period + phase
+        if t > limit or (t == limit and not last):
+            return
+        arc.interpolate(engine, max(t, s.arc_start), y)
+        row = buffers.samples[s.samples]
+        row[0] = cycle
+        row[1] = phase
+        row[2] = s.mode
+        for i in range(buffers.offset.size):
+            row[3 + i] = y[i] + buffers.offset[i]
+        s.samples += 1
+        s.sample += 1

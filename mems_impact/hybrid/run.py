@@ -1,0 +1,291 @@
+"""Running an automaton: the driver around the event loop."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mems_impact.cvode import engine as contract
+from mems_impact.cvode.options import Options
+from mems_impact.errors import (
+    EngineFallbackWarning,
+    EngineUnavailable,
+    InvalidParameter,
+    RunError,
+)
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
+
+EVENT_ROWS = 4096
+QUOTA = {"compiled": 100_000, "interpreted": 2_000}  # steps between two looks at the caller
+# No internal step is longer than this part of a period, so that no two extrema of a margin fall
+# into one step. At tolerances of any use the steps are several times shorter.
+STEPS_PER_PERIOD = 16.0
+
+Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """An automaton with all that does not change along a run.
+
+    Parameters
+    ----------
+    automaton : Automaton
+    parameters : float array
+        ``p`` of the automaton's functions.
+    period : float
+        Unit in which the run is counted; the period of the drive, or any time for an autonomous
+        system.
+    switches : tuple of float
+        Times in (0, period] at which flow or margins jump.
+    section : tuple (component, level, direction) or None
+        Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
+    options : Options
+    """
+
+    automaton: Automaton
+    parameters: Any
+    period: float
+    switches: tuple[float, ...] = ()
+    section: Section | None = None
+    options: Options = field(default_factory=Options)
+
+
+def run(
+    problem: Problem,
+    start: Instant,
+    periods: float,
+    *,
+    consume: Callable[[Events], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Integrate `problem` from `start` over `periods`.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+    periods : float
+        Length of the run in periods, above 0.
+    consume : callable, optional
+        Called with every chunk of events as it comes. The chunks are then not kept: the memory of
+        the run does not grow with its length.
+    progress : callable, optional
+        Called with the periods done so far, several times a second.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    RunError
+        If the run cannot go on; what was computed is in it.
+    """
+    if not (math.isfinite(periods) and periods > 0.0):
+        raise InvalidParameter(field="periods", value=periods, allowed="finite and above 0")
+    whole = math.floor(periods)
+    phase = start.time + (periods - whole) * problem.period
+    end = Instant(start.cycle + whole, phase, start.mode, start.y)
+    return _Run(problem, start, end, 0, consume, progress).go()
+
+
+def _sampler(problem: Problem) -> Callable[[Instant, Instant, int], Samples]:
+    def sample(start: Instant, end: Instant, per_period: int) -> Samples:
+        run_again = _Run(problem, start, end, per_period, lambda _: None, None)
+        run_again.go()
+        rows = run_again.buffers.samples[: run_again.clock.samples]
+        integer = rows[:, :3].astype(np.int64)
+        return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
+
+    return sample
+
+
+class _Run:
+    """One run in progress: the loop's memory, its buffers, and what has been drained from them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        start: Instant,
+        end: Instant,
+        per_period: int,
+        consume: Callable[[Events], None] | None,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        automaton = problem.automaton
+        n, m = len(automaton.states), len(automaton.guards)
+        self.problem, self.start = problem, start
+        self.consume, self.progress = consume, progress
+        self.kept: list[Floats] = []
+        self.engine, self.advance, self.quota = _engine(problem)
+        self.y = np.array(start.y, dtype=float)
+        self.layout = loop.Layout(
+            order=np.array([guard.order for guard in automaton.guards], dtype=np.int64),
+            impact=np.array([guard.impact for guard in automaton.guards], dtype=np.int64),
+            cyclic=np.array([i in automaton.cyclic for i in range(n)], dtype=np.int64),
+            switches=np.array(problem.switches, dtype=float),
+        )
+        first, rows = 0, 0
+        if per_period > 0:
+            # The epsilon keeps a sample that falls on the start itself.
+            first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+            last = (end.cycle - start.cycle) * per_period
+            last += math.floor(end.time / problem.period * per_period + 1e-9)
+            rows = max(0, last - first + 1)
+        self.buffers = loop.Buffers(
+            offset=np.zeros(n),
+            events=np.zeros((EVENT_ROWS, loop.HEAD + 2 * n)),
+            samples=np.zeros((rows, 3 + n)),
+            work=np.zeros((6, max(n, 2 * m))),
+        )
+        clock = np.zeros(1, dtype=loop.CLOCK).view(np.recarray)[0]
+        clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
+        clock.period = problem.period
+        clock.end_cycle, clock.end_phase = end.cycle, end.time
+        clock.fresh, clock.restart = 1, 1
+        clock.stop = math.inf
+        clock.max_steps = problem.options.max_steps
+        clock.max_events = problem.options.max_events
+        clock.events_from = start.cycle
+        clock.hit_guard = loop.NONE
+        clock.per_period, clock.sample_cycle, clock.sample = per_period, start.cycle, first
+        self.clock = clock
+
+    def go(self) -> Trajectory:
+        """Call the loop until it is done, draining its events in between."""
+        try:
+            self.engine.begin()
+            status = loop.PAUSED
+            while status in (loop.PAUSED, loop.BUFFER_FULL):
+                status = self.advance(self.clock, self.y, self.layout, self.buffers, self.quota)
+                self._drain()
+                if self.progress is not None:
+                    elapsed = self.clock.t / self.problem.period - self.start.cycle
+                    self.progress(float(self.clock.cycle + elapsed))
+        finally:
+            self.engine.close()
+        if status != loop.DONE:
+            raise self._failure(status)
+        return self._trajectory()
+
+    def _drain(self) -> None:
+        rows = self.buffers.events[: self.clock.rows]
+        if self.consume is not None:
+            self.consume(Events.from_rows(rows))
+        else:
+            self.kept.append(rows.copy())
+        self.clock.rows = 0
+
+    def _trajectory(self) -> Trajectory:
+        width = self.buffers.events.shape[1]
+        rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
+        clock, period = self.clock, self.problem.period
+        ahead = math.floor(clock.t / period)
+        return Trajectory(
+            automaton=self.problem.automaton,
+            period=period,
+            start=self.start,
+            final=Instant(
+                int(clock.cycle) + ahead,
+                float(clock.t - ahead * period),
+                int(clock.mode),
+                self.y + self.buffers.offset,
+            ),
+            events=Events.from_rows(rows),
+            steps=int(clock.steps),
+            arcs=int(clock.arcs),
+            _sampler=_sampler(self.problem),
+        )
+
+    def _failure(self, status: int) -> RunError:
+        clock, options = self.clock, self.problem.options
+        automaton = self.problem.automaton
+        reason, remedy = {
+            loop.FAILED: (
+                contract.FAILURES.get(int(clock.failure), f"CVODE failed ({clock.failure})"),
+                "check parameters and drive at this time; loosen or tighten rtol and atol",
+            ),
+            loop.STEP_BUDGET: (
+                f"one arc took more than max_steps = {options.max_steps} steps",
+                "raise max_steps, loosen rtol, or use method 'bdf' if the system is stiff",
+            ),
+            loop.EVENT_BUDGET: (
+                f"one period held more than max_events = {options.max_events} events",
+                "raise max_events if so many events are expected",
+            ),
+            loop.CYCLING: (
+                f"more than {loop.MAX_SIMULTANEOUS} transitions in one instant",
+                "the transitions of the automaton undo each other: check guards and transition",
+            ),
+        }[status]
+        trajectory = self._trajectory()
+        final = trajectory.final
+        return RunError(
+            reason=reason,
+            remedy=remedy,
+            cycle=final.cycle,
+            phase_time=final.time,
+            mode=automaton.modes[final.mode],
+            state=dict(zip(automaton.states, final.y.tolist(), strict=True)),
+            trajectory=trajectory,
+        )
+
+
+def _engine(problem: Problem) -> tuple[Any, Callable[..., int], int]:
+    """Return the engine, the loop bound to it and its quota of steps."""
+    kind = problem.options.engine
+    if kind in ("auto", "compiled"):
+        try:
+            return _compiled(problem)
+        except EngineUnavailable as error:
+            if kind == "compiled":
+                raise
+            warnings.warn(
+                f"{error}; falling back to the interpreted engine, which is some 25 times slower",
+                EngineFallbackWarning,
+                stacklevel=5,
+            )
+    from mems_impact.cvode import interpreted
+
+    engine = interpreted.Engine(**_arguments(problem))
+
+    def advance(*rest: Any) -> int:
+        return loop.advance(engine, *rest)
+
+    return engine, advance, QUOTA["interpreted"]
+
+
+def _compiled(problem: Problem) -> tuple[Any, Callable[..., int], int]:
+    from mems_impact.cvode import compiled
+    from mems_impact.hybrid import native
+
+    engine = compiled.Engine(**_arguments(problem))
+    compiled_loop = native.advance()
+
+    def advance(*rest: Any) -> int:
+        return compiled_loop(engine.handle, *rest)
+
+    return engine, advance, QUOTA["compiled"]
+
+
+def _arguments(problem: Problem) -> dict[str, Any]:
+    automaton = problem.automaton
+    return {
+        "flow": automaton.flow,
+        "margins": automaton.margins,
+        "transition": automaton.transition,
+        "n": len(automaton.states),
+        "m": len(automaton.guards),
+        "parameters": problem.parameters,
+        "options": problem.options,
+        "max_step": problem.period / STEPS_PER_PERIOD,
+        "section": problem.section,
+    }

@@ -1,0 +1,181 @@
+"""What a run returns: its events, its last state, and samples on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Events:
+    """Rows of the event log, as columns.
+
+    Attributes
+    ----------
+    cycle : int array, shape (k,)
+        Periods completed before the event.
+    time : float array, shape (k,)
+        Time since the start of that period, 0 <= time < period.
+    kind : int array, shape (k,)
+        TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING or REBASE of
+        `mems_impact.hybrid.loop`.
+    guard : int array, shape (k,)
+        Number of the guard; for a crossing of the section the sign of the crossing.
+    mode_before, mode_after : int array, shape (k,)
+    before, after : float array, shape (k, n)
+        The state just before and just after the event.
+    """
+
+    cycle: NDArray[np.int64]
+    time: Floats
+    kind: NDArray[np.int64]
+    guard: NDArray[np.int64]
+    mode_before: NDArray[np.int64]
+    mode_after: NDArray[np.int64]
+    before: Floats
+    after: Floats
+
+    @classmethod
+    def from_rows(cls, rows: Floats) -> Events:
+        """Split the rows of the loop's event buffer into columns."""
+        integer = rows[:, : loop.HEAD].astype(np.int64)
+        n = (rows.shape[1] - loop.HEAD) // 2
+        return cls(
+            cycle=integer[:, loop.CYCLE],
+            time=rows[:, loop.TIME].copy(),
+            kind=integer[:, loop.KIND],
+            guard=integer[:, loop.GUARD],
+            mode_before=integer[:, loop.MODE_BEFORE],
+            mode_after=integer[:, loop.MODE_AFTER],
+            before=rows[:, loop.HEAD : loop.HEAD + n].copy(),
+            after=rows[:, loop.HEAD + n :].copy(),
+        )
+
+    def __len__(self) -> int:
+        return self.cycle.size
+
+    def __getitem__(self, rows: NDArray[np.bool_] | slice) -> Events:
+        """Return the chosen rows."""
+        return Events(
+            self.cycle[rows],
+            self.time[rows],
+            self.kind[rows],
+            self.guard[rows],
+            self.mode_before[rows],
+            self.mode_after[rows],
+            self.before[rows],
+            self.after[rows],
+        )
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A state and the time at which it holds.
+
+    Attributes
+    ----------
+    cycle : int
+        Periods completed.
+    time : float
+        Time since the start of the current period.
+    mode : int
+    y : float array, shape (n,)
+    """
+
+    cycle: int
+    time: float
+    mode: int
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The state on a uniform grid of times.
+
+    Attributes
+    ----------
+    cycle : int array, shape (k,)
+    time : float array, shape (k,)
+        Time since the start of that period.
+    mode : int array, shape (k,)
+    y : float array, shape (k, n)
+    """
+
+    cycle: NDArray[np.int64]
+    time: Floats
+    mode: NDArray[np.int64]
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run: where it began and ended and every event that was kept.
+
+    Attributes
+    ----------
+    automaton : Automaton
+    period : float
+    start, final : Instant
+    events : Events
+    steps, arcs : int
+        Internal steps of CVODE and arcs (restarts) that the run took.
+    """
+
+    automaton: Automaton
+    period: float
+    start: Instant
+    final: Instant
+    events: Events
+    steps: int
+    arcs: int
+    _sampler: Callable[[Instant, Instant, int], Samples] = field(repr=False)
+
+    def samples(
+        self, per_period: int, first: float | None = None, last: float | None = None
+    ) -> Samples:
+        """Return the state at `per_period` equal intervals of every period.
+
+        The arcs concerned are integrated again; a step does not depend on who looks at it, so that
+        the samples lie on the very trajectory of the run.
+
+        Parameters
+        ----------
+        per_period : int
+            Samples per period, above 0.
+        first, last : float, optional
+            Window in periods; the whole run by default.
+        """
+        start, final = self._arc_before(first), self.final
+        if last is not None:
+            whole = int(np.floor(last))
+            end = Instant(whole, (last - whole) * self.period, final.mode, final.y)
+            if (end.cycle, end.time) < (final.cycle, final.time):
+                final = end
+        samples = self._sampler(start, final, per_period)
+        if first is None:
+            return samples
+        keep = samples.cycle + samples.time / self.period >= first - 1e-12
+        return Samples(samples.cycle[keep], samples.time[keep], samples.mode[keep], samples.y[keep])
+
+    def _arc_before(self, first: float | None) -> Instant:
+        """Return the start of the last kept arc that begins before `first` periods."""
+        if first is None:
+            return self.start
+        events = self.events
+        begins = (events.kind != loop.APPROACH) & (events.kind != loop.SECTION_CROSSING)
+        begins &= events.cycle + events.time / self.period <= first
+        places = np.flatnonzero(begins)
+        if places.size == 0:
+            return self.start
+        i = places[-1]
+        return Instant(
+            int(events.cycle[i]), float(events.time[i]), int(events.mode_after[i]), events.after[i]
+        )

@@ -1,0 +1,90 @@
+import pickle
+
+import pytest
+
+from mems_impact.errors import (
+    EngineFallbackWarning,
+    EngineUnavailable,
+    InvalidFile,
+    InvalidParameter,
+    MemsImpactError,
+    RunError,
+)
+
+RUN_ERROR = RunError(
+    reason="too many events",
+    remedy="raise max_events",
+    cycle=12,
+    phase_time=0.5,
+    mode="stuck-free",
+    state={"x2": 0.25, "v2": -1.0},
+    trajectory=[1, 2, 3],
+)
+HUGE = 10**5000  # more digits than Python agrees to print
+ERRORS = [
+    InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)", "my.toml"),
+    InvalidParameter("m1", None, "> 0", problem="missing"),
+    InvalidFile("my.toml", "is a directory", "give a file"),
+    RUN_ERROR,
+    EngineUnavailable("no C API", "use the interpreted engine"),
+]
+
+
+@pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
+def test_pickling_keeps_message_and_attributes(error):
+    error.add_note("in point 7 of the sweep")
+    copy = pickle.loads(pickle.dumps(error))
+    assert type(copy) is type(error)
+    assert str(copy) == str(error)
+    assert vars(copy) == vars(error)
+
+
+@pytest.mark.parametrize(
+    ("kind", "base"),
+    [
+        (InvalidParameter, ValueError),
+        (InvalidFile, ValueError),
+        (RunError, RuntimeError),
+        (EngineUnavailable, ImportError),
+    ],
+)
+def test_tree(kind, base):
+    assert issubclass(kind, MemsImpactError)
+    assert issubclass(kind, base)
+
+
+def test_fallback_is_a_warning_not_an_error():
+    assert issubclass(EngineFallbackWarning, UserWarning)
+    assert not issubclass(EngineFallbackWarning, MemsImpactError)
+
+
+def test_invalid_parameter_message():
+    error = InvalidParameter("delta", 1.2, "between 0 and d = 1 (exclusive)")
+    assert str(error) == "delta = 1.2: must be between 0 and d = 1 (exclusive)"
+    located = error.located("my.toml")
+    assert str(located) == f"{error} [in my.toml]"
+    assert located.source == "my.toml"
+    assert error.source is None
+
+
+def test_messages_carry_the_remedy():
+    assert str(InvalidFile("a.toml", "is a directory", "give a file")) == (
+        "a.toml: is a directory; give a file"
+    )
+    assert str(EngineUnavailable("no C API", "do this")) == "no C API; do this"
+
+
+def test_run_error_says_where():
+    assert str(RUN_ERROR) == (
+        "too many events (cycle 12, phase time 0.5, mode stuck-free, x2 = 0.25, v2 = -1);"
+        " raise max_events"
+    )
+
+
+@pytest.mark.parametrize("value", ["a\nb", [[1]] * 500, HUGE, "x" * 500, None, object()], ids=type)
+@pytest.mark.parametrize("name", ["m1", "", "a\nb", "x" * 500])
+def test_messages_stay_on_one_short_line(name, value):
+    error = InvalidParameter(name, value, "a number", name)
+    assert "\n" not in str(error)
+    assert len(str(error)) < 800
+    assert str(InvalidFile(name, "bad", "mend it")).count("\n") == 0
