@@ -12,10 +12,7 @@ it. Because a step never depends on who looks at it, a run is the same whether o
 
 from __future__ import annotations
 
-import math
 from typing import Any
-
-import numpy as np
 
 # What `step` answers: CVODE's own codes. Negative is a failure (see FAILURES).
 STEPPED = 0
@@ -31,11 +28,6 @@ FAILURES = {
     NON_FINITE: "the right-hand side is not finite",
     -12: "a guard could not be evaluated",
 }
-
-# Layout of the control array that the callbacks read: mode, last instant of the arc, the
-# section's component (-1: none) and level, the number of parameters; then m biases, then the
-# parameters.
-MODE, LAST_INSTANT, SECTION, LEVEL, COUNT, BIAS = 0, 1, 2, 3, 4, 5
 
 
 def step(engine: Any) -> int:
@@ -63,14 +55,23 @@ def interpolate(engine: Any, t: float, y: Any) -> None:
     engine.interpolate(t, y)
 
 
-def restart(engine: Any, t: float, y: Any, stop: float) -> None:
-    """Begin an arc at (t, y) that never evaluates anything beyond `stop` (inf: no stop)."""
-    engine.restart(t, y, stop)
+def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
+    """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on (inf: none).
+
+    A function of time that jumps at the stop is right-continuous; the arc before the jump sees
+    it only up to the number before the stop.
+    """
+    engine.restart(mode, t, y, stop)
 
 
-def control(engine: Any) -> Any:
-    """Return the control array, shared with the callbacks."""
-    return engine.control
+def bias(engine: Any, i: int) -> float:
+    """Return what is added to margin `i` when its roots are looked for."""
+    return engine.bias[i]
+
+
+def set_bias(engine: Any, i: int, value: float) -> None:
+    """Set what is added to margin `i` when its roots are looked for."""
+    engine.bias[i] = value
 
 
 def flow(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
@@ -86,13 +87,3 @@ def margins(engine: Any, mode: int, t: float, y: Any, out: Any) -> None:
 def transition(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
     """Apply the transition `code` in `mode`, changing `y` in place; return the new mode."""
     return engine.transition(mode, code, t, y)
-
-
-def new_control(m: int, component: int, level: float, parameters: Any) -> np.ndarray:
-    """Return a control array for `m` margins, a section and the parameters."""
-    values = np.asarray(parameters, dtype=float)
-    control = np.zeros(BIAS + m + values.size)
-    control[LAST_INSTANT] = math.inf
-    control[SECTION], control[LEVEL], control[COUNT] = component, level, values.size
-    control[BIAS + m :] = values
-    return control

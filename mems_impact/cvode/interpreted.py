@@ -52,21 +52,22 @@ class Engine:
         self._flow, self._margins, self._transition = flow, margins, transition
         self._n, self._m = n, m
         component, level, direction = section if section is not None else (-1, 0.0, 0)
-        self.control = contract.new_control(m, component, level, parameters)
-        self._parameters: list[float] = []
+        self._parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
+        self.bias = np.zeros(m)
+        self._mode = 0
         self._stop: float | None = None
+        self._last_instant = math.inf
         self._result: Any = None
         self._t = 0.0
 
         def rhs(t: float, y: Any, dy: Any) -> None:
-            self.flow(int(self.control[contract.MODE]), min(t, self._last_instant), y, dy)
+            self.flow(self._mode, min(t, self._last_instant), y, dy)
             if not np.isfinite(dy).all():
                 raise _NonFinite
 
         def roots(t: float, y: Any, out: Any) -> None:
-            now = min(t, self._last_instant)
-            self.margins(int(self.control[contract.MODE]), now, y, out)
-            out[:m] += self.control[contract.BIAS : contract.BIAS + m]
+            self.margins(self._mode, min(t, self._last_instant), y, out)
+            out[:m] += self.bias
             out[2 * m] = y[component] - level if component >= 0 else 1.0
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
@@ -81,7 +82,6 @@ class Engine:
             eventsfn=roots,
             num_events=2 * m + 1,
         )
-        self._last_instant = math.inf
 
     def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
         """Write the derivative of the state in `mode` into `dy`."""
@@ -102,17 +102,14 @@ class Engine:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
         return int(self._transition(mode, code, t, y, self._parameters))
 
-    def begin(self) -> None:
-        """Take over the parameters from the control array before a run."""
-        self._parameters = self.control[contract.BIAS + self._m :].tolist()
-
     def close(self) -> None:
         """Do nothing: scikit-sundae frees its memory with the object."""
 
-    def restart(self, t: float, y: Any, stop: float) -> None:
-        """Begin an arc at (t, y)."""
+    def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
+        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        self._mode = mode
         self._stop = stop if stop < math.inf else None
-        self._last_instant = float(self.control[contract.LAST_INSTANT])
+        self._last_instant = np.nextafter(stop, 0.0) if stop < math.inf else math.inf
         self._horizon = t + 1.0
         self._solver.init_step(t, y)
         self._t = t

@@ -20,7 +20,7 @@ from mems_impact.errors import EngineUnavailable
 SUPPORTED_MAJOR = 7
 REMEDY = "install a scikit-sundae wheel of version 1.x, or use engine='interpreted'"
 
-_int, _long, _real, _ptr = ctypes.c_int32, ctypes.c_long, ctypes.c_double, ctypes.c_void_p
+_int, _real, _ptr = ctypes.c_int32, ctypes.c_double, ctypes.c_void_p
 
 # name: (result, arguments). sunrealtype is double and sunindextype int32 (checked in `load`).
 SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
@@ -48,10 +48,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "CVodeSetRootDirection": (_int, (_ptr, _ptr)),
     "CVodeSetNoInactiveRootWarn": (_int, (_ptr,)),
     "CVodeSetMaxStep": (_int, (_ptr, _real)),
-    "CVodeSetInitStep": (_int, (_ptr, _real)),
-    "CVodeSetEtaMaxFirstStep": (_int, (_ptr, _real)),
-    "CVodeSetEtaMaxEarlyStep": (_int, (_ptr, _real)),
-    "CVodeSetNumStepsEtaMaxEarlyStep": (_int, (_ptr, _long)),
+    "CVodeSetEtaFixedStepBounds": (_int, (_ptr, _real, _real)),
     "CVodeSetStopTime": (_int, (_ptr, _real)),
     "CVodeClearStopTime": (_int, (_ptr,)),
     "CVode": (_int, (_ptr, _real, _ptr, _ptr, _int)),
@@ -123,7 +120,7 @@ def symbol(name: str) -> Any:
     """Return the function `name` as numba code calls it; `load` must have run before it does."""
     from numba import types
 
-    kinds = {None: types.void, _int: types.int32, _long: types.int64}
+    kinds: dict[Any, Any] = {None: types.void, _int: types.int32}
     kinds |= {_real: types.float64, _ptr: types.intp}
     result, arguments = SIGNATURES[name]
     signature = kinds[result](*(kinds[argument] for argument in arguments))

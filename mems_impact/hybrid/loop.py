@@ -90,7 +90,20 @@ class Buffers(NamedTuple):
     work: Any  # float array, shape (6, max(n, 2 m)): scratch
 
 
-def advance(engine: Any, s: Any, y: Any, layout: Any, buffers: Any, quota: int) -> int:
+def advance(
+    engine: Any,
+    s: Any,
+    y: Any,
+    order: Any,
+    impact: Any,
+    cyclic: Any,
+    switches: Any,
+    offset: Any,
+    events: Any,
+    samples: Any,
+    work: Any,
+    quota: int,
+) -> int:
     """Integrate until the end, a full buffer, a spent quota of steps or a failure.
 
     Parameters
@@ -99,8 +112,11 @@ def advance(engine: Any, s: Any, y: Any, layout: Any, buffers: Any, quota: int) 
     s : CLOCK record
     y : float array, shape (n,)
         The state at ``s.t``; cyclic components count from the start of the arc.
-    layout : Layout
-    buffers : Buffers
+    order, impact, cyclic, switches
+        The fields of `Layout`. They come one by one because numba's cache on disk must not name
+        classes of ours, which a later version may rename.
+    offset, events, samples, work
+        The fields of `Buffers`.
     quota : int
         Steps that this call may take.
 
@@ -109,6 +125,8 @@ def advance(engine: Any, s: Any, y: Any, layout: Any, buffers: Any, quota: int) 
     int
         PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET or CYCLING.
     """
+    layout = Layout(order, impact, cyclic, switches)
+    buffers = Buffers(offset, events, samples, work)
     while True:
         if s.rows + ROOM > buffers.events.shape[0]:
             return BUFFER_FULL
@@ -129,11 +147,12 @@ def advance(engine: Any, s: Any, y: Any, layout: Any, buffers: Any, quota: int) 
         quota -= 1
         s.steps += 1
         s.arc_steps += 1
-        if status < 0:
-            s.failure = status
-            return FAILED
-        if s.arc_steps > s.max_steps:
-            return STEP_BUDGET
+        if status < 0 or s.arc_steps > s.max_steps:
+            if s.arc_steps > 1:  # else y is where the arc, and its first step, began
+                s.t = arc.time(engine)
+                arc.state(engine, y)
+            s.failure = min(status, 0)
+            return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = arc.time(engine)
 
@@ -189,18 +208,16 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
         if layout.switches[i] > s.t:
             s.stop = layout.switches[i]
 
-    control = arc.control(engine)
-    control[arc.MODE] = s.mode
-    # A function of time that jumps at the stop is right-continuous: the arc before the jump must
-    # not see it.
-    control[arc.LAST_INSTANT] = np.nextafter(s.stop, 0.0) if s.stop < math.inf else math.inf
     # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
     # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
     g = buffers.work[0]
     arc.margins(engine, s.mode, s.t, y, g)
-    for i in range(layout.order.size):
-        control[arc.BIAS + i] = -g[i] * (1.0 + 1e-9) + 1e-300 if g[i] <= 0.0 else 0.0
-    arc.restart(engine, s.t, y, s.stop)
+    # One that still falls has had its transition, which changed nothing: it is left alone.
+    m = layout.order.size
+    for i in range(m):
+        lift = g[i] <= 0.0 and g[m + i] >= 0.0
+        arc.set_bias(engine, i, -g[i] * (1.0 + 1e-9) + 1e-300 if lift else 0.0)
+    arc.restart(engine, s.mode, s.t, y, s.stop)
     s.restart = 0
     s.arc_start = s.t
     s.arc_steps = 0
@@ -219,12 +236,11 @@ def first_guard(
             guard = i
     t_event = t
     g, y = buffers.work[0], buffers.work[1]
-    control = arc.control(engine)
     for i in range(m):
         if arc.fired(engine, m + i) > 0:
             arc.state(engine, y)
             arc.margins(engine, s.mode, t, y, g)
-            if g[i] + control[arc.BIAS + i] < 0.0:
+            if g[i] + arc.bias(engine, i) < 0.0:
                 t_crossing = crossing(engine, s, i, before, t, buffers)
                 if (
                     guard == NONE
@@ -239,7 +255,7 @@ def first_guard(
 def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
     """Bisect margin `i` on the last step: positive at `inside`, negative at `outside`."""
     g, y = buffers.work[0], buffers.work[1]
-    bias = arc.control(engine)[arc.BIAS + i]
+    bias = arc.bias(engine, i)
     for _ in range(80):
         middle = 0.5 * (inside + outside)
         if middle <= inside or middle >= outside:
@@ -272,7 +288,7 @@ def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buff
     `guard` is ``2 m`` for a switch of the drive. `y` and ``s.mode`` are left as they are after it.
     """
     m = layout.order.size
-    past = buffers.work[2]
+    g, past = buffers.work[0], buffers.work[2]
     s.restart = 1
     for _ in range(MAX_SIMULTANEOUS):
         if guard == NONE:
@@ -280,8 +296,14 @@ def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buff
         for i in range(y.size):
             past[i] = y[i]
         mode = s.mode
-        s.mode = arc.transition(engine, mode, guard, t, y)
-        kind = SWITCH if guard == 2 * m else TRANSITION
+        code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
+        if guard < m and layout.impact[guard] == 1:
+            arc.margins(engine, mode, t, y, g)
+            if g[m + guard] >= 0.0:
+                # A contact that is not closing: the flight was lower than the integration error,
+                # and a rebound would throw the body through the wall.
+                code, kind = m + guard, ACCUMULATION
+        s.mode = arc.transition(engine, mode, code, t, y)
         note(s, t, kind, guard, mode, past, y, buffers)
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
@@ -289,7 +311,7 @@ def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buff
         changed = mode != s.mode
         for i in range(y.size):
             changed = changed or past[i] != y[i]
-        if guard < m and layout.impact[guard] == 1:
+        if kind == TRANSITION and guard < m and layout.impact[guard] == 1:
             t = complete_chatter(engine, s, t, y, guard, layout, buffers)
         if not changed:
             return DONE  # nothing moved: looking again would find the same

@@ -5,22 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 
-from mems_impact.cvode import compiled
+from numba import njit
+
+from mems_impact.cvode import (  # noqa: F401 - compiled gives the contract its overloads
+    compiled,
+    library,
+)
+from mems_impact.cvode.compiling import JIT, make_callees_compilable
 from mems_impact.hybrid import loop
 
 
 @cache
 def advance() -> Callable[..., int]:
     """Return `loop.advance` as a compiled function that releases the GIL."""
-    from numba import njit
-
-    compiled.library.load()
-    compiled.make_compilable(loop.advance)
-    stamp = compiled.fingerprint()
-
-    @njit(nogil=True, cache=True)
-    def compiled_advance(engine, s, y, layout, buffers, quota):  # type: ignore[no-untyped-def]
-        _ = stamp
-        return loop.advance(engine, s, y, layout, buffers, quota)
-
+    library.load()
+    make_callees_compilable(loop.advance)
+    compiled_advance: Callable[..., int] = njit(nogil=True, cache=True, **JIT)(loop.advance)
     return compiled_advance

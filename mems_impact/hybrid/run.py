@@ -162,10 +162,9 @@ class _Run:
     def go(self) -> Trajectory:
         """Call the loop until it is done, draining its events in between."""
         try:
-            self.engine.begin()
             status = loop.PAUSED
             while status in (loop.PAUSED, loop.BUFFER_FULL):
-                status = self.advance(self.clock, self.y, self.layout, self.buffers, self.quota)
+                status = self.advance(self.clock, self.y, *self.layout, *self.buffers, self.quota)
                 self._drain()
                 if self.progress is not None:
                     elapsed = self.clock.t / self.problem.period - self.start.cycle
@@ -188,14 +187,18 @@ class _Run:
         width = self.buffers.events.shape[1]
         rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
-        ahead = math.floor(clock.t / period)
+        cycle, phase = int(clock.cycle), float(clock.t)
+        if phase == (clock.end_cycle - cycle) * period + clock.end_phase:
+            # Dividing k periods by the period may round to just below k.
+            cycle, phase = int(clock.end_cycle), float(clock.end_phase)
+        ahead = math.floor(phase / period)
         return Trajectory(
             automaton=self.problem.automaton,
             period=period,
             start=self.start,
             final=Instant(
-                int(clock.cycle) + ahead,
-                float(clock.t - ahead * period),
+                cycle + ahead,
+                phase - ahead * period,
                 int(clock.mode),
                 self.y + self.buffers.offset,
             ),

@@ -1,0 +1,141 @@
+"""What compiling with numba needs beside numba: pointers, plain functions, a cache that notices.
+
+numba's cache on disk notices a change of the file in which a compiled function stands, not of the
+files that it draws on. So every compiled function of this package has a `fingerprint` of all
+sources in its key: as a variable that it closes over, or in the type of an argument.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, register_jitable
+from numba.np.arrayobj import make_array, populate_array
+
+# Nothing here owns memory or raises, so that compiled code needs neither reference counts nor
+# checks of divisors; and what only compiled code calls needs no entry from Python: it compiles
+# faster.
+JIT = {"_nrt": False, "error_model": "numpy"}
+INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+WORD = 8  # bytes of a double
+
+# Functions that numba can call already.
+_compilable: set[Callable[..., Any]] = set()
+
+
+def mark_compilable(*functions: Callable[..., Any]) -> None:
+    """Say that `functions` have overloads of their own."""
+    _compilable.update(functions)
+
+
+def make_callees_compilable(function: Callable[..., Any]) -> None:
+    """Let numba compile every plain function that `function` draws on."""
+    for callee in _callees(function):
+        make_compilable(callee)
+
+
+def make_compilable(function: Callable[..., Any]) -> None:
+    """Let numba compile `function` and every plain function that it draws on.
+
+    Calls of plain Python functions are not compiled by numba unless it is told to. Doing so here,
+    for whatever a function names, keeps numba's decorators out of the equations.
+    """
+    if function in _compilable:
+        return
+    _compilable.add(function)
+    make_callees_compilable(function)
+    register_jitable(**JIT, **INNER)(function)
+
+
+def _callees(function: Callable[..., Any]) -> list[FunctionType]:
+    """Return the plain Python functions, outside libraries, that `function` names."""
+    assert isinstance(function, FunctionType), function
+    code = function.__code__
+    cells = function.__closure__ or ()
+    named = [function.__globals__.get(name) for name in code.co_names]
+    named += [cell.cell_contents for cell in cells]
+    for module in [value for value in named if inspect.ismodule(value)]:
+        named += [getattr(module, name, None) for name in code.co_names]
+    functions = [value for value in named if isinstance(value, FunctionType)]
+    libraries = ("numpy", "numba", "math")
+    return [f for f in functions if f.__module__.split(".")[0] not in libraries]
+
+
+def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
+    """Hash the state of the package's sources and of all files on which `functions` draw."""
+    files = set(Path(__file__).resolve().parents[1].rglob("*.py"))
+    seen: set[Callable[..., Any]] = set()
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        if function not in seen:
+            seen.add(function)
+            waiting += _callees(function)
+            source = Path(function.__code__.co_filename)
+            if source.exists():
+                files.add(source.resolve())
+    digest = hashlib.sha256()
+    for file in sorted(files):
+        stat = file.stat()
+        digest.update(f"{file.name}:{stat.st_size}:{stat.st_mtime_ns};".encode())
+    return int.from_bytes(digest.digest()[:7], "big")
+
+
+@intrinsic
+def pointer(_typing: Any, address: Any) -> Any:
+    """Turn an address into a pointer to double."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.DoubleType().as_pointer())
+
+    return types.CPointer(types.float64)(types.int64), codegen
+
+
+@intrinsic
+def integers(_typing: Any, address: Any) -> Any:
+    """Turn an address into a pointer to int32."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
+
+    return types.CPointer(types.int32)(types.int64), codegen
+
+
+@intrinsic
+def address(_typing: Any, handle: Any) -> Any:
+    """Turn a HANDLE into its address."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.ptrtoint(args[0], ir.IntType(64))
+
+    return types.int64(handle), codegen
+
+
+@intrinsic
+def array(_typing: Any, address: Any, size: Any) -> Any:
+    """Look at `size` doubles at `address` as an array, without owning them."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        view = make_array(kind)(context, builder)
+        data = builder.inttoptr(args[0], view.data.type)
+        word = context.get_value_type(types.intp)
+        populate_array(
+            view,
+            data=data,
+            shape=[args[1]],
+            strides=[ir.Constant(word, WORD)],
+            itemsize=ir.Constant(word, WORD),
+            meminfo=None,
+        )
+        return view._getvalue()
+
+    return kind(types.int64, types.int64), codegen

@@ -1,0 +1,177 @@
+"""Compiled C functions: those of an automaton, and the callbacks through which CVODE calls them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import cfunc, from_dtype, types
+from numba.extending import intrinsic
+
+from mems_impact.cvode import library
+from mems_impact.cvode.compiling import JIT, WORD, array, fingerprint, make_compilable, pointer
+
+_data = library.symbol("N_VGetArrayPointer")
+
+# One signature for all functions of an automaton, arrays being addresses:
+# kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
+_word, _real = types.int64, types.float64
+KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
+CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
+
+
+# What compiled code needs of an engine: addresses and numbers. A record is one pointer to numba,
+# and lies where CVODE's callbacks find it as user data.
+HANDLE = np.dtype(
+    [
+        ("cvode", np.int64),
+        ("vector", np.int64),  # N_Vector around y
+        ("dense", np.int64),  # N_Vector around spare
+        ("y", np.int64),
+        ("spare", np.int64),
+        ("fired", np.int64),
+        ("bias", np.int64),
+        ("parameters", np.int64),
+        ("flow", np.int64),
+        ("margins", np.int64),
+        ("transition", np.int64),
+        ("n", np.int64),
+        ("m", np.int64),
+        ("parameter_count", np.int64),
+        ("t", np.float64),
+        ("mode", np.int64),
+        ("last_instant", np.float64),
+        ("section", np.int64),  # component, -1 for none
+        ("level", np.float64),
+        (f"sources_{fingerprint()}", np.int64),  # no value: puts the sources into the type
+    ],
+    align=True,
+)
+HANDLE_TYPE = from_dtype(HANDLE)
+
+
+@intrinsic
+def _handle(_typing: Any, address: Any) -> Any:
+    """Turn an address into the HANDLE there."""
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], context.get_value_type(HANDLE_TYPE))
+
+    return HANDLE_TYPE(types.int64), codegen
+
+
+@intrinsic
+def call_kernel(
+    _typing: Any,
+    address: Any,
+    mode: Any,
+    code: Any,
+    t: Any,
+    y: Any,
+    parameters: Any,
+    size: Any,
+    out: Any,
+) -> Any:
+    """Call the kernel at `address`."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        word, real = ir.IntType(64), ir.DoubleType()
+        function = ir.FunctionType(word, [word, word, real, word, word, word, word])
+        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+
+    return types.int64(types.int64, *KERNEL.args), codegen
+
+
+class Kernels(NamedTuple):
+    """The functions of an automaton as C functions; keep it as long as an engine uses it."""
+
+    flow: Any
+    margins: Any
+    transition: Any
+
+
+@cache
+def kernels(
+    flow: Callable[..., Any],
+    margins: Callable[..., Any],
+    transition: Callable[..., Any],
+    n: int,
+    m: int,
+) -> Kernels:
+    """Compile the functions of an automaton with `n` states and `m` guards to C functions."""
+    for function in (flow, margins, transition):
+        make_compilable(function)
+    stamp = fingerprint((flow, margins, transition))
+
+    @cfunc(KERNEL, cache=True, **JIT)
+    def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        _ = stamp
+        flow(mode, t, array(y, n), array(p, size), array(out, n))
+        return mode
+
+    @cfunc(KERNEL, cache=True, **JIT)
+    def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        _ = stamp
+        g, r = array(out, m), array(out + WORD * m, m)
+        for i in range(m):
+            g[i] = 1.0
+            r[i] = 1.0
+        margins(mode, t, array(y, n), array(p, size), g, r)
+        return mode
+
+    @cfunc(KERNEL, cache=True, **JIT)
+    def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        _ = stamp
+        return transition(mode, code, t, array(y, n), array(p, size))
+
+    return Kernels(flow_kernel, margins_kernel, transition_kernel)
+
+
+class Callbacks(NamedTuple):
+    """What CVODE calls, whatever the automaton: C functions over a HANDLE."""
+
+    rhs: Any
+    roots: Any
+
+
+@cache
+def callbacks() -> Callbacks:
+    """Compile the two callbacks of CVODE; they reach the automaton through the handle."""
+    library.load()  # before anything that names a symbol of SUNDIALS is linked
+    stamp = fingerprint()
+
+    @cfunc(CALLBACK, cache=True, **JIT)
+    def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
+        _ = stamp
+        handle = _handle(user)
+        slope = _data(dy)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        call_kernel(handle.flow, handle.mode, 0, now, _data(y), p, size, slope)
+        total = 0.0
+        for i in range(handle.n):
+            total += abs(pointer(slope)[i])
+        return 0 if math.isfinite(total) else -1
+
+    @cfunc(CALLBACK, cache=True, **JIT)
+    def roots(t, y, out, user):  # type: ignore[no-untyped-def]
+        _ = stamp
+        handle = _handle(user)
+        m = handle.m
+        state = _data(y)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
+        values, bias = pointer(out), pointer(handle.bias)
+        for i in range(m):
+            values[i] += bias[i]
+        values[2 * m] = 1.0
+        if handle.section >= 0:
+            values[2 * m] = pointer(state)[handle.section] - handle.level
+        return 0
+
+    return Callbacks(rhs, roots)
