@@ -163,6 +163,8 @@ mark_compilable(
     contract.restart,
     contract.bias,
     contract.set_bias,
+    contract.parameter,
+    contract.set_parameter,
     contract.flow,
     contract.margins,
     contract.transition,
@@ -251,6 +253,22 @@ def _set_bias(engine, i, value):  # type: ignore[no-untyped-def]
 
         def implementation(engine, i, value):  # type: ignore[no-untyped-def]
             pointer(engine.bias)[i] = value
+
+        return implementation
+
+
+@overload(contract.parameter, jit_options={**JIT, **INNER})
+def _parameter(engine, i):  # type: ignore[no-untyped-def]
+    if _is_handle(engine):
+        return lambda engine, i: pointer(engine.parameters)[i]
+
+
+@overload(contract.set_parameter, jit_options={**JIT, **INNER})
+def _set_parameter(engine, i, value):  # type: ignore[no-untyped-def]
+    if _is_handle(engine):
+
+        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
+            pointer(engine.parameters)[i] = value
 
         return implementation
 

@@ -74,6 +74,16 @@ def set_bias(engine: Any, i: int, value: float) -> None:
     engine.bias[i] = value
 
 
+def parameter(engine: Any, i: int) -> float:
+    """Return parameter `i`."""
+    return engine.parameters[i]
+
+
+def set_parameter(engine: Any, i: int, value: float) -> None:
+    """Set parameter `i`, from the next evaluation on."""
+    engine.parameters[i] = value
+
+
 def flow(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     """Write the derivative of the state in `mode` into `dy`."""
     engine.flow(mode, t, y, dy)

@@ -52,13 +52,14 @@ class Engine:
         self._flow, self._margins, self._transition = flow, margins, transition
         self._n, self._m = n, m
         component, level, direction = section if section is not None else (-1, 0.0, 0)
-        self._parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
+        self.parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
         self.bias = np.zeros(m)
         self._mode = 0
         self._stop: float | None = None
         self._last_instant = math.inf
         self._result: Any = None
         self._t = 0.0
+        self._frozen: Any = None
 
         def rhs(t: float, y: Any, dy: Any) -> None:
             self.flow(self._mode, min(t, self._last_instant), y, dy)
@@ -66,8 +67,13 @@ class Engine:
                 raise _NonFinite
 
         def roots(t: float, y: Any, out: Any) -> None:
+            if self._frozen is not None:
+                out[:] = self._frozen
+                return
             self.margins(self._mode, min(t, self._last_instant), y, out)
             out[:m] += self.bias
+            # CVODE prints a warning about root functions that are zero for a whole step.
+            out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
             out[2 * m] = y[component] - level if component >= 0 else 1.0
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
@@ -78,6 +84,9 @@ class Engine:
             method=options.method,
             rtol=options.rtol,
             atol=options.atol,
+            # CVODE's own first step makes an error of the whole tolerance, at order 1: more than the
+            # flight after a weak impact is high. One far below it costs two steps an arc.
+            first_step=1e-13 + 256.0 * np.finfo(float).eps * max_step,
             max_step=max_step,
             eventsfn=roots,
             num_events=2 * m + 1,
@@ -87,20 +96,20 @@ class Engine:
         """Write the derivative of the state in `mode` into `dy`."""
         # Scalars out of a list are several times as fast as out of an array.
         slope = [0.0] * self._n
-        self._flow(mode, t, y[: self._n].tolist(), self._parameters, slope)
+        self._flow(mode, t, y[: self._n].tolist(), self.parameters, slope)
         dy[: self._n] = slope
 
     def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
         """Write the m margins, then their m rates, into `out`."""
         m = self._m
         g, r = [1.0] * m, [1.0] * m
-        self._margins(mode, t, y[: self._n].tolist(), self._parameters, g, r)
+        self._margins(mode, t, y[: self._n].tolist(), self.parameters, g, r)
         out[:m] = g
         out[m : 2 * m] = r
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
-        return int(self._transition(mode, code, t, y, self._parameters))
+        return int(self._transition(mode, code, t, y, self.parameters))
 
     def close(self) -> None:
         """Do nothing: scikit-sundae frees its memory with the object."""
@@ -144,5 +153,15 @@ class Engine:
 
     def interpolate(self, t: float, y: Any) -> None:
         """Write the state at `t`, within the last internal step, into `y`."""
-        result = self._solver.step(t, method="normal")
-        y[: self._n] = result.y
+        # Going back, CVODE looks for roots on its way and forgets those that it has found. So it
+        # is shown the values that it knows, which do not change, and led back to where it was.
+        frozen = np.empty(2 * self._m + 1)
+        self._roots(self._t, self._result.y, frozen)
+        if self._result.status == contract.ROOT:
+            # A root that is exactly zero has been crossed.
+            zero = frozen == 0.0
+            frozen[zero] = 1e-300 * self._result.i_events[-1][zero]
+        self._frozen = frozen
+        y[: self._n] = self._solver.step(t, method="normal").y
+        self._solver.step(self._t, method="normal")
+        self._frozen = None

@@ -1,24 +1,28 @@
-"""The event loop compiled by numba, from the very functions of `hybrid.loop`."""
+"""The functions of this room compiled by numba, unchanged."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 from numba import njit
 
 from mems_impact.cvode import (  # noqa: F401 - compiled gives the contract its overloads
-    compiled,
-    library,
+    compiled as _overloads,
 )
+from mems_impact.cvode import library
 from mems_impact.cvode.compiling import JIT, make_callees_compilable
-from mems_impact.hybrid import loop
 
 
 @cache
-def advance() -> Callable[..., int]:
-    """Return `loop.advance` as a compiled function that releases the GIL."""
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `function`, written over the engine's contract, compiled; it releases the GIL.
+
+    The handle of the engine carries the fingerprint of all sources in its type, and so in the key
+    of numba's cache on disk.
+    """
     library.load()
-    make_callees_compilable(loop.advance)
-    compiled_advance: Callable[..., int] = njit(nogil=True, cache=True, **JIT)(loop.advance)
-    return compiled_advance
+    make_callees_compilable(function)
+    result: Callable[..., Any] = njit(nogil=True, cache=True, **JIT)(function)
+    return result

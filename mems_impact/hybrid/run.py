@@ -2,60 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from mems_impact.cvode import engine as contract
-from mems_impact.cvode.options import Options
-from mems_impact.errors import (
-    EngineFallbackWarning,
-    EngineUnavailable,
-    InvalidParameter,
-    RunError,
-)
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
+__all__ = ["Problem", "run"]
+
 EVENT_ROWS = 4096
-QUOTA = {"compiled": 100_000, "interpreted": 2_000}  # steps between two looks at the caller
-# No internal step is longer than this part of a period, so that no two extrema of a margin fall
-# into one step. At tolerances of any use the steps are several times shorter.
-STEPS_PER_PERIOD = 16.0
-
-Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """An automaton with all that does not change along a run.
-
-    Parameters
-    ----------
-    automaton : Automaton
-    parameters : float array
-        ``p`` of the automaton's functions.
-    period : float
-        Unit in which the run is counted; the period of the drive, or any time for an autonomous
-        system.
-    switches : tuple of float
-        Times in (0, period] at which flow or margins jump.
-    section : tuple (component, level, direction) or None
-        Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
-    options : Options
-    """
-
-    automaton: Automaton
-    parameters: Any
-    period: float
-    switches: tuple[float, ...] = ()
-    section: Section | None = None
-    options: Options = field(default_factory=Options)
 
 
 def run(
@@ -100,7 +61,9 @@ def run(
 def _sampler(problem: Problem) -> Callable[[Instant, Instant, int], Samples]:
     def sample(start: Instant, end: Instant, per_period: int) -> Samples:
         run_again = _Run(problem, start, end, per_period, lambda _: None, None)
-        run_again.go()
+        # A run that failed fails again in the same place: its samples end there.
+        with contextlib.suppress(RunError):
+            run_again.go()
         rows = run_again.buffers.samples[: run_again.clock.samples]
         integer = rows[:, :3].astype(np.int64)
         return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
@@ -125,7 +88,7 @@ class _Run:
         self.problem, self.start = problem, start
         self.consume, self.progress = consume, progress
         self.kept: list[Floats] = []
-        self.engine, self.advance, self.quota = _engine(problem)
+        self.bound = bind(problem)
         self.y = np.array(start.y, dtype=float)
         self.layout = loop.Layout(
             order=np.array([guard.order for guard in automaton.guards], dtype=np.int64),
@@ -164,13 +127,20 @@ class _Run:
         try:
             status = loop.PAUSED
             while status in (loop.PAUSED, loop.BUFFER_FULL):
-                status = self.advance(self.clock, self.y, *self.layout, *self.buffers, self.quota)
+                status = self.bound.call(
+                    loop.advance,
+                    self.clock,
+                    self.y,
+                    *self.layout,
+                    *self.buffers,
+                    self.bound.quota,
+                )
                 self._drain()
                 if self.progress is not None:
                     elapsed = self.clock.t / self.problem.period - self.start.cycle
                     self.progress(float(self.clock.cycle + elapsed))
         finally:
-            self.engine.close()
+            self.bound.close()
         if status != loop.DONE:
             raise self._failure(status)
         return self._trajectory()
@@ -240,55 +210,3 @@ class _Run:
             state=dict(zip(automaton.states, final.y.tolist(), strict=True)),
             trajectory=trajectory,
         )
-
-
-def _engine(problem: Problem) -> tuple[Any, Callable[..., int], int]:
-    """Return the engine, the loop bound to it and its quota of steps."""
-    kind = problem.options.engine
-    if kind in ("auto", "compiled"):
-        try:
-            return _compiled(problem)
-        except EngineUnavailable as error:
-            if kind == "compiled":
-                raise
-            warnings.warn(
-                f"{error}; falling back to the interpreted engine, which is some 25 times slower",
-                EngineFallbackWarning,
-                stacklevel=5,
-            )
-    from mems_impact.cvode import interpreted
-
-    engine = interpreted.Engine(**_arguments(problem))
-
-    def advance(*rest: Any) -> int:
-        return loop.advance(engine, *rest)
-
-    return engine, advance, QUOTA["interpreted"]
-
-
-def _compiled(problem: Problem) -> tuple[Any, Callable[..., int], int]:
-    from mems_impact.cvode import compiled
-    from mems_impact.hybrid import native
-
-    engine = compiled.Engine(**_arguments(problem))
-    compiled_loop = native.advance()
-
-    def advance(*rest: Any) -> int:
-        return compiled_loop(engine.handle, *rest)
-
-    return engine, advance, QUOTA["compiled"]
-
-
-def _arguments(problem: Problem) -> dict[str, Any]:
-    automaton = problem.automaton
-    return {
-        "flow": automaton.flow,
-        "margins": automaton.margins,
-        "transition": automaton.transition,
-        "n": len(automaton.states),
-        "m": len(automaton.guards),
-        "parameters": problem.parameters,
-        "options": problem.options,
-        "max_step": problem.period / STEPS_PER_PERIOD,
-        "section": problem.section,
-    }

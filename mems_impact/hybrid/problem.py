@@ -1,0 +1,120 @@
+"""An automaton with its parameters and options, and the engine that it is bound to."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from mems_impact.cvode.options import Options
+from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
+from mems_impact.hybrid.automaton import Automaton
+
+# No internal step is longer than this part of a period, so that no two extrema of a margin fall
+# into one step. At tolerances of any use the steps are several times shorter.
+STEPS_PER_PERIOD = 16.0
+
+Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Problem:
+    """An automaton with all that does not change along a run.
+
+    Parameters
+    ----------
+    automaton : Automaton
+    parameters : float array
+        ``p`` of the automaton's functions.
+    period : float
+        Unit in which the run is counted; the period of the drive, or any time for an autonomous
+        system.
+    switches : tuple of float
+        Times in (0, period] at which flow or margins jump.
+    section : tuple (component, level, direction) or None
+        Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
+    options : Options
+    """
+
+    automaton: Automaton
+    parameters: Any
+    period: float
+    switches: tuple[float, ...] = ()
+    section: Section | None = None
+    options: Options = field(default_factory=Options)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """An engine for one problem, and how functions over the engine's contract are called on it.
+
+    Attributes
+    ----------
+    call : callable
+        ``call(function, *arguments)`` calls `function`, written over `mems_impact.cvode.engine`,
+        with the engine as its first argument; compiled, if the engine is.
+    close : callable
+        Frees the engine's memory.
+    quota : int
+        Steps after which the event loop should look at its caller.
+    """
+
+    call: Callable[..., Any]
+    close: Callable[[], None]
+    quota: int
+
+
+def bind(problem: Problem) -> Bound:
+    """Create the engine that the problem's options ask for.
+
+    Raises
+    ------
+    EngineUnavailable
+        If the compiled engine is asked for and can't be had. With engine="auto" the interpreted
+        one takes over, with an `EngineFallbackWarning`.
+    """
+    automaton, options = problem.automaton, problem.options
+    arguments: dict[str, Any] = {
+        "flow": automaton.flow,
+        "margins": automaton.margins,
+        "transition": automaton.transition,
+        "n": len(automaton.states),
+        "m": len(automaton.guards),
+        "parameters": problem.parameters,
+        "options": options,
+        "max_step": problem.period / STEPS_PER_PERIOD,
+        "section": problem.section,
+    }
+    if options.engine in ("auto", "compiled"):
+        try:
+            return _compiled(arguments)
+        except EngineUnavailable as error:
+            if options.engine == "compiled":
+                raise
+            message = f"{error}; falling back to the interpreted engine, which is far slower"
+            warnings.warn(message, EngineFallbackWarning, stacklevel=5)
+    return _interpreted(arguments)
+
+
+def _compiled(arguments: dict[str, Any]) -> Bound:
+    from mems_impact.cvode import compiled
+    from mems_impact.hybrid import native
+
+    engine = compiled.Engine(**arguments)
+
+    def call(function: Callable[..., Any], *rest: Any) -> Any:
+        return native.compiled(function)(engine.handle, *rest)
+
+    return Bound(call, engine.close, 100_000)
+
+
+def _interpreted(arguments: dict[str, Any]) -> Bound:
+    from mems_impact.cvode import interpreted
+
+    engine = interpreted.Engine(**arguments)
+
+    def call(function: Callable[..., Any], *rest: Any) -> Any:
+        return function(engine, *rest)
+
+    return Bound(call, engine.close, 2_000)
