@@ -17,6 +17,7 @@ __all__ = [
     "InvalidParameter",
     "MemsImpactError",
     "RunError",
+    "SweepInterrupted",
 ]
 
 # What a message shows of a wrong value and of a name, in characters.
@@ -178,6 +179,32 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
+class SweepInterrupted(KeyboardInterrupt):
+    """A sweep was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    table : object
+        The table of the values that were done.
+    done, total : int
+        Number of values that were done, and of all.
+
+    Attributes
+    ----------
+    table, done, total
+        As given.
+    """
+
+    def __init__(self, table: object, done: int, total: int) -> None:
+        self.table = table
+        self.done = done
+        self.total = total
+        super().__init__(f"sweep interrupted after {done} of {total} values; they are in .table")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.table, self.done, self.total)
+
+
 class EngineFallbackWarning(UserWarning):
     """The engine that was asked for is unavailable, and a slower one does its work."""
 
@@ -210,3 +237,23 @@ def shown(value: object) -> str:
 
 def _cut(text: str, longest: int) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+class OrbitError(MemsImpactError, RuntimeError):
+    """No periodic orbit could be found or followed.
+
+    Parameters
+    ----------
+    reason : str
+        What went wrong.
+    remedy : str
+        What to do about it.
+    partial : object, optional
+        What had been computed.
+    """
+
+    def __init__(self, reason: str, remedy: str, partial: object = None) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        self.partial = partial
+        super().__init__(f"{reason}; {remedy}")

@@ -1,0 +1,1 @@
+"""Periodic orbits of hybrid automata: shooting, Floquet multipliers, admissibility."""

@@ -1,0 +1,73 @@
+"""Problems that depend on named parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.trajectory import Floats
+
+RELATIVE_STEP = 3e-3  # of the differences that give dp/dvalue and dperiod/dvalue
+
+
+@dataclass(frozen=True)
+class Family:
+    """A problem for every set of values of its named parameters.
+
+    Parameters
+    ----------
+    build : callable
+        ``build(values)`` returns the `Problem` for a mapping from names to values. The parameter
+        array, the period and the switching times must be smooth in the values.
+    values : mapping of str to float
+        Names and present values.
+    """
+
+    build: Callable[[Mapping[str, float]], Problem]
+    values: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+    def at(self, **changes: float) -> Family:
+        """Return the family at other values.
+
+        Raises
+        ------
+        InvalidParameter
+            If a name is not one of the family's.
+        """
+        for name, value in changes.items():
+            if name not in self.values:
+                known = ", ".join(self.values)
+                raise InvalidParameter(field=name, value=value, allowed=f"one of {known}")
+        return Family(self.build, {**self.values, **changes})
+
+    def problem(self) -> Problem:
+        """Return the problem at the present values."""
+        return self.build(self.values)
+
+    def derivative(self, name: str) -> tuple[Floats, float, Floats]:
+        """Return the derivatives of parameter array, period and switching times by a value.
+
+        Central differences of sixth order, whose error is below 1e-13 for a period that goes with
+        the inverse of a frequency.
+        """
+        value = self.values[name]
+        h = RELATIVE_STEP * (abs(value) if value != 0.0 else 1.0)
+        p: Floats | float = 0.0
+        period = 0.0
+        switches: Floats | float = 0.0
+        for s, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+            up = self.at(**{name: value + s * h}).problem()
+            down = self.at(**{name: value - s * h}).problem()
+            w = weight / (60.0 * h)
+            p = p + w * (np.asarray(up.parameters) - np.asarray(down.parameters))
+            period += w * (up.period - down.period)
+            switches = switches + w * (np.array(up.switches) - np.array(down.switches))
+        return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))

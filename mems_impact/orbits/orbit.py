@@ -1,0 +1,233 @@
+"""A periodic orbit and how to find one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.shooting import Point, Shooting
+from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
+
+SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
+
+
+@dataclass(frozen=True)
+class Defect:
+    """A way in which a solution of the shooting equations is no orbit of the automaton.
+
+    Attributes
+    ----------
+    segment : int
+    guard : str
+        The guard whose margin is concerned.
+    kind : str
+        "missed" (the margin is negative inside or at an end of the segment), "reversed" (the guard
+        that ends the segment is reached from outside), "mode" (the transition leads elsewhere),
+        "order" (the segment ends before it starts).
+    value : float
+        The margin, the rate, or the length of the segment.
+    """
+
+    segment: int
+    guard: str
+    kind: str
+    value: float
+
+
+@dataclass(frozen=True)
+class PeriodicOrbit:
+    """A periodic orbit of an automaton, admissible or not.
+
+    Attributes
+    ----------
+    family : Family
+        At the values for which the orbit was found.
+    periods : int
+        Periods of the problem that the orbit takes.
+    shooting : Shooting
+    point : Point
+        The solved equations.
+    multipliers : complex array
+        Floquet multipliers on the components that are neither cyclic nor fixed in the first
+        segment, largest first.
+    defects : tuple of Defect
+        Empty if the orbit is admissible.
+    """
+
+    family: Family
+    periods: int
+    shooting: Shooting
+    point: Point
+    multipliers: NDArray[np.complex128]
+    defects: tuple[Defect, ...]
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The signature."""
+        return self.shooting.segments
+
+    @property
+    def state(self) -> Floats:
+        """The state at the start of the period, shape (n,)."""
+        return np.asarray(self.shooting.unpack(self.point.unknowns)[0][0])
+
+    @property
+    def instant(self) -> Instant:
+        """Where a run along the orbit may start."""
+        return Instant(0, 0.0, self.segments[0].mode, self.state)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the automaton has this orbit."""
+        return not self.defects
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return bool(np.all(np.abs(self.multipliers) < 1.0))
+
+    @property
+    def residual(self) -> float:
+        """Largest residual of the shooting equations."""
+        return float(np.abs(self.point.residual).max())
+
+    @property
+    def advance(self) -> Floats:
+        """What the cyclic components gain over the orbit, shape (cyclic,)."""
+        cyclic = list(self.shooting.automaton.cyclic)
+        return np.asarray(sum(arc.end[cyclic] for arc in self.point.arcs))
+
+    @property
+    def impacts(self) -> list[tuple[int, float, Floats]]:
+        """Guard, time since the start of the orbit, and state before, of each impact."""
+        period, automaton = self.shooting.period, self.shooting.automaton
+        m = len(automaton.guards)
+        return [
+            (s.code % m, s.cycle * period + float(end), arc.end)
+            for s, end, arc in zip(self.segments, self.point.ends, self.point.arcs, strict=True)
+            if s.code != BOUNDARY and s.code < 2 * m and automaton.guards[s.code % m].impact
+        ]
+
+    def reduced_monodromy(self) -> Floats:
+        """Return the monodromy matrix on the components that the first mode leaves free."""
+        return reduced(self.shooting, self.point)
+
+
+def reduced(shooting: Shooting, point: Point) -> Floats:
+    """Return the monodromy matrix without the components that the first mode holds fixed."""
+    arc = point.arcs[0]
+    keep = [
+        c
+        for c, i in enumerate(shooting.free)
+        if arc.slope_start[i] != 0.0 or arc.slope_end[i] != 0.0
+    ]
+    return shooting.monodromy(point)[np.ix_(keep, keep)]
+
+
+def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:
+    """Return the orbit of a solved point, with stability and admissibility."""
+    values = dict(zip(shooting.active, point.values.tolist(), strict=True))
+    multipliers = np.linalg.eigvals(reduced(shooting, point)).astype(complex)
+    return PeriodicOrbit(
+        family=shooting.family.at(**values),
+        periods=shooting.segments[-1].cycle + 1,
+        shooting=shooting,
+        point=point,
+        multipliers=multipliers[np.argsort(-np.abs(multipliers))],
+        defects=defects(shooting, point),
+    )
+
+
+def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
+    """Return all ways in which `point` is no orbit of the automaton."""
+    found: list[Defect] = []
+    automaton: Automaton = shooting.automaton
+    m, segments = len(automaton.guards), shooting.segments
+    states, _ = shooting.unpack(point.unknowns)
+    for i, segment in enumerate(segments):
+        arc, event = point.arcs[i], point.events[i]
+        if point.ends[i] < point.starts[i] - SLACK:
+            length = float(point.ends[i] - point.starts[i])
+            found.append(Defect(i, "", "order", length))
+            continue
+        at_start, rising = shooting.variational.margins(segment.mode, point.starts[i], states[i])
+        at_end, _ = shooting.variational.margins(segment.mode, point.ends[i], arc.end)
+        own = segment.code % m if event is not None and segment.code != 2 * m else -1
+        for j, guard in enumerate(automaton.guards):
+            worst = float(arc.minima[j])
+            if j != own:
+                worst = min(worst, float(at_end[j]))
+            if not (at_start[j] > -1e-7 and rising[j] > 0.0):
+                worst = min(worst, float(at_start[j]))
+            if worst < -SLACK:
+                found.append(Defect(i, guard.name, "missed", worst))
+        if own >= 0 and event is not None:
+            if event.rates[own] > 0.0:
+                found.append(
+                    Defect(i, automaton.guards[own].name, "reversed", float(event.rates[own]))
+                )
+            following = segments[(i + 1) % len(segments)].mode
+            if event.mode != following:
+                found.append(Defect(i, automaton.guards[own].name, "mode", float(event.mode)))
+    return tuple(found)
+
+
+def find_orbit(
+    family: Family,
+    guess: Instant,
+    *,
+    periods: int = 1,
+    transient: float = 0.0,
+    active: tuple[str, ...] = (),
+) -> PeriodicOrbit:
+    """Find a periodic orbit near a state.
+
+    The signature is read off a run over `periods` periods, then all states and event times are
+    corrected by Newton's method.
+
+    Parameters
+    ----------
+    family : Family
+    guess : Instant
+        A state near the orbit.
+    periods : int
+        Periods of the problem after which the orbit closes.
+    transient : float
+        Periods to run before the signature is read.
+    active : tuple of str
+        Parameters in which the orbit is to be continued afterwards.
+
+    Raises
+    ------
+    OrbitError
+        If no orbit is found near the guess.
+    """
+    if periods < 1:
+        raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
+    problem = family.problem()
+    if transient > 0.0:
+        final = run(problem, guess, transient, consume=lambda _: None).final
+        guess = replace(final, cycle=0)
+    start = read_guess(problem, guess, periods)
+    shooting = Shooting(family, start.segments, active)
+    unknowns, values = shooting.pack(start), np.array([family.values[a] for a in active])
+    shooting.pin(shooting.evaluate(unknowns, values))
+    return make_orbit(shooting, shooting.solve(unknowns, values))
+
+
+def check_closed(orbit: PeriodicOrbit) -> float:
+    """Return by how much the automaton, run along the orbit, misses its own start."""
+    problem = orbit.family.problem()
+    final = run(problem, orbit.instant, orbit.periods).final
+    if final.mode != orbit.instant.mode:
+        raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)
+    free = orbit.shooting.free
+    return float(np.abs(final.y[free] - orbit.state[free]).max())

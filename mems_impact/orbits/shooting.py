@@ -1,0 +1,293 @@
+"""Multi-segment shooting: the equations of a periodic orbit, with their derivatives.
+
+The unknowns are the states at the starts of all segments and the times of all events. An event's
+time being an unknown, its guard is one more equation, and nothing blows up where a guard is touched
+at zero speed: the equations stay regular through a grazing, and past it they describe an orbit that
+penetrates the guard. Whether an orbit is one of the automaton is a question apart (`defects`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mems_impact.errors import OrbitError, RunError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.hybrid.variational import Arc, Event, Variational, free_components
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
+
+TOLERANCE = 1e-11  # of a Newton step
+ACCEPTED = 1e-8  # residual at which a Newton iteration that no longer shrinks is taken as done
+ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class Point:
+    """One evaluation of the equations.
+
+    Attributes
+    ----------
+    unknowns : float array, shape (N f + events,)
+    values : float array, shape (k,)
+        Values of the active parameters.
+    residual : float array, shape of `unknowns`
+    jacobian : float array
+        By the unknowns; square.
+    by_parameter : float array, shape (len(unknowns), k)
+    arcs : tuple of Arc
+    events : tuple of Event or None
+        One for each segment; None where it ends with the period.
+    starts, ends : float array, shape (N,)
+        Times of the segments, each since the start of its period.
+    """
+
+    unknowns: Floats
+    values: Floats
+    residual: Floats
+    jacobian: Floats
+    by_parameter: Floats
+    arcs: tuple[Arc, ...]
+    events: tuple[Event | None, ...]
+    starts: Floats
+    ends: Floats
+
+
+class Shooting:
+    """The equations of the orbits that have one signature, in a family.
+
+    Parameters
+    ----------
+    family : Family
+    segments : tuple of Segment
+    active : tuple of str
+        Names of the parameters by which to differentiate.
+    """
+
+    def __init__(self, family: Family, segments: tuple[Segment, ...], active: tuple[str, ...]) -> None:
+        self.family, self.segments, self.active = family, segments, active
+        problem = family.problem()
+        self.automaton = problem.automaton
+        self.free = list(free_components(self.automaton))
+        self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
+        self.events = [
+            i for i, s in enumerate(segments) if s.code != BOUNDARY and s.code != 2 * self.m
+        ]
+        count = np.asarray(problem.parameters).size
+        self.variational = Variational(problem, np.zeros((max(1, len(active)), count)))
+        self.pinned: list[int] = []
+        self._at: tuple[float, ...] | None = None
+
+    def pack(self, guess: Guess) -> Floats:
+        """Return the unknowns of a guess."""
+        return np.concatenate([guess.states[:, self.free].ravel(), guess.times[self.events]])
+
+    def unpack(self, unknowns: Floats) -> tuple[Floats, Floats]:
+        """Return the states at the starts, shape (N, n), and the times of the events."""
+        f, count = len(self.free), len(self.segments)
+        states = np.zeros((count, self.n))
+        states[:, self.free] = unknowns[: f * count].reshape(count, f)
+        return states, unknowns[f * count :]
+
+    def _move_to(self, values: Floats) -> None:
+        if self._at == tuple(values):
+            return
+        family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
+        problem = family.problem()
+        count = np.asarray(problem.parameters).size
+        self.period, self.switches = problem.period, np.array(problem.switches)
+        directions = np.zeros((max(1, len(self.active)), count))
+        self.scales = np.ones(len(self.active))
+        self.period_rates = np.zeros(len(self.active))
+        self.switch_rates = np.zeros((len(self.active), self.switches.size))
+        for j, name in enumerate(self.active):
+            p_rate, self.period_rates[j], rates = family.derivative(name)
+            self.switch_rates[j] = rates[: self.switches.size]
+            # The differences want a direction of length one.
+            self.scales[j] = max(float(np.abs(p_rate).max()), 1e-300)
+            directions[j] = p_rate / self.scales[j]
+        self.variational.set_parameters(np.asarray(problem.parameters), directions)
+        self._at = tuple(values)
+
+    def evaluate(self, unknowns: Floats, values: Floats) -> Point:
+        """Evaluate residual and derivatives.
+
+        Raises
+        ------
+        OrbitError
+            If an arc cannot be integrated.
+        """
+        self._move_to(values)
+        segments, free, f = self.segments, self.free, len(self.free)
+        count, k = len(segments), len(self.active)
+        states, times = self.unpack(unknowns)
+        size = unknowns.size
+        residual, jacobian = np.zeros(size), np.zeros((size, size))
+        by_parameter = np.zeros((size, k))
+        event_column = {segment: f * count + i for i, segment in enumerate(self.events)}
+        starts, ends = np.zeros(count), np.zeros(count)
+        end_rates = np.zeros((count, k))  # of ends that are no unknowns
+        for i, segment in enumerate(segments):
+            if i in event_column:
+                ends[i] = times[event_column[i] - f * count]
+            elif segment.code == BOUNDARY:
+                ends[i], end_rates[i] = self.period, self.period_rates
+            else:
+                ends[i] = self.switches[segment.switch]
+                end_rates[i] = self.switch_rates[:, segment.switch]
+            if i > 0 and segments[i - 1].cycle == segment.cycle:
+                starts[i] = ends[i - 1]
+        arcs: list[Arc] = []
+        events: list[Event | None] = []
+        try:
+            for i, segment in enumerate(segments):
+                arc = self.variational.arc(segment.mode, states[i], starts[i], ends[i])
+                event = None
+                if segment.code != BOUNDARY:
+                    event = self.variational.event(segment.mode, segment.code, ends[i], arc.end)
+                arcs.append(arc)
+                events.append(event)
+        except RunError as error:
+            raise OrbitError(error.reason, error.remedy) from error
+
+        row = 0
+        for i, segment in enumerate(segments):
+            arc, event = arcs[i], events[i]
+            # What the end state owes to the unknowns, as rows over all of them.
+            end = np.zeros((self.n, size))
+            end[:, f * i : f * (i + 1)] = arc.by_state
+            end_by_parameter = arc.by_parameter[:, :k] * self.scales
+            if i > 0 and starts[i] > 0.0:
+                by_start = -(arc.by_state @ arc.slope_start[free])
+                if i - 1 in event_column:
+                    end[:, event_column[i - 1]] += by_start
+                else:
+                    end_by_parameter = end_by_parameter + np.outer(by_start, end_rates[i - 1])
+            if i in event_column:
+                end[:, event_column[i]] += arc.slope_end
+            else:
+                end_by_parameter = end_by_parameter + np.outer(arc.slope_end, end_rates[i])
+
+            after, after_by_parameter, arrived = end, end_by_parameter, arc.end
+            if event is not None:
+                after = event.jump_by_state @ end
+                after_by_parameter = (
+                    event.jump_by_state @ end_by_parameter
+                    + event.jump_by_parameter[:, :k] * self.scales
+                )
+                arrived = event.after
+                if i in event_column:
+                    after[:, event_column[i]] += event.jump_by_time
+                    guard = segment.code % self.m
+                    residual[row] = event.margins[guard]
+                    jacobian[row] = event.margin_by_state[guard] @ end
+                    jacobian[row, event_column[i]] += event.margin_by_time[guard]
+                    by_parameter[row] = (
+                        event.margin_by_state[guard] @ end_by_parameter
+                        + event.margin_by_parameter[guard, :k] * self.scales
+                    )
+                    row += 1
+                else:
+                    after_by_parameter = after_by_parameter + np.outer(
+                        event.jump_by_time, end_rates[i]
+                    )
+            following = (i + 1) % count
+            rows = slice(row, row + f)
+            residual[rows] = states[following][free] - arrived[free]
+            jacobian[rows] = -after[free]
+            jacobian[rows, f * following : f * (following + 1)] += np.eye(f)
+            by_parameter[rows] = -after_by_parameter[free]
+            if following == 0:
+                for c in self.pinned:
+                    residual[row + c] = 0.0
+                    jacobian[row + c] = 0.0
+                    jacobian[row + c, c] = 1.0
+                    by_parameter[row + c] = 0.0
+            row += f
+        return Point(
+            unknowns=unknowns,
+            values=values,
+            residual=residual,
+            jacobian=jacobian,
+            by_parameter=by_parameter,
+            arcs=tuple(arcs),
+            events=tuple(events),
+            starts=starts,
+            ends=ends,
+        )
+
+    def monodromy(self, point: Point) -> Floats:
+        """Return the derivative of the map over the orbit's periods, by the free components.
+
+        At an event with margin h and jump R, a perturbation is carried over by the saltation
+        matrix ``DR + (f_after - DR f_before - R_t) (grad h)^T / (grad h . f_before + h_t)``.
+        """
+        free = self.free
+        total = np.eye(len(free))
+        for i, segment in enumerate(self.segments):
+            arc, event = point.arcs[i], point.events[i]
+            moved = arc.by_state  # (n, f)
+            if event is not None:
+                jump = event.jump_by_state
+                saltation = jump
+                if segment.code != 2 * self.m:
+                    guard = segment.code % self.m
+                    gradient = event.margin_by_state[guard]
+                    rate = gradient @ arc.slope_end + event.margin_by_time[guard]
+                    after = self._slope_after(i, point)
+                    kick = after - jump @ arc.slope_end - event.jump_by_time
+                    saltation = jump + np.outer(kick, gradient) / rate
+                moved = saltation @ moved
+            total = moved[free] @ total
+        return total
+
+    def _slope_after(self, i: int, point: Point) -> Floats:
+        following = point.arcs[(i + 1) % len(self.segments)]
+        return following.slope_start
+
+    def pin(self, point: Point) -> None:
+        """Fix the components of the first state that the orbit can't determine.
+
+        A component that no segment changes, such as the velocity of a frame that is stuck all
+        along, has a row of the identity in the monodromy matrix; it keeps its value.
+        """
+        monodromy = self.monodromy(point)
+        identity = np.eye(len(self.free))
+        self.pinned = [
+            c
+            for c in range(len(self.free))
+            if np.allclose(monodromy[c], identity[c], atol=1e-12)
+            and all(arc.slope_start[self.free[c]] == 0.0 for arc in point.arcs)
+        ]
+
+    def solve(self, unknowns: Floats, values: Floats) -> Point:
+        """Correct `unknowns` at fixed parameters by Newton's method.
+
+        Raises
+        ------
+        OrbitError
+            If the iteration does not converge; the last `Point` is in it.
+        """
+        point = self.evaluate(unknowns, values)
+        previous = np.inf
+        for _ in range(ITERATIONS):
+            try:
+                step = np.linalg.solve(point.jacobian, -point.residual)
+            except np.linalg.LinAlgError:
+                step = np.linalg.lstsq(point.jacobian, -point.residual)[0]
+            size = float(np.abs(step).max())
+            if size < TOLERANCE:
+                return point
+            if size >= previous and float(np.abs(point.residual).max()) < ACCEPTED:
+                return point  # at the level of the integration error
+            if not np.isfinite(size) or size > 1e6:
+                break
+            previous = size
+            point = self.evaluate(point.unknowns + step, values)
+        raise OrbitError(
+            reason=f"no orbit with this signature near the guess (residual "
+            f"{np.abs(point.residual).max():.2g} after {ITERATIONS} iterations)",
+            remedy="take a guess nearer to an orbit: let transients die out, or change periods",
+            partial=point,
+        )

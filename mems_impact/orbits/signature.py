@@ -1,0 +1,138 @@
+"""The signature of an orbit: its segments, each in one mode, and what ends each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+
+BOUNDARY = -1  # a segment that ends with the period, not with an event
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of an orbit within one mode and one period.
+
+    Attributes
+    ----------
+    mode : int
+    cycle : int
+        Which period of the orbit it lies in.
+    code : int
+        What ends it: a guard's number, a guard's number + m (the last of a sequence of impacts
+        that accumulates), 2 m (the drive switches), or BOUNDARY.
+    switch : int
+        For a switch of the drive, which of the switching times.
+    """
+
+    mode: int
+    cycle: int
+    code: int
+    switch: int = -1
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Segments with approximate states at their starts and times at their ends.
+
+    Attributes
+    ----------
+    segments : tuple of Segment
+    states : float array, shape (N, n)
+    times : float array, shape (N,)
+        End of each segment, since the start of its period.
+    """
+
+    segments: tuple[Segment, ...]
+    states: Floats
+    times: Floats
+
+
+def read_guess(problem: Problem, start: Instant, periods: int) -> Guess:
+    """Read the signature off a run of `periods` periods that begins at `start`.
+
+    Raises
+    ------
+    OrbitError
+        If two transitions fall into one instant, which the segments cannot express.
+    """
+    if start.time != 0.0:
+        rest = 1.0 - start.time / problem.period
+        start = run(problem, start, rest).final
+        start = replace(start, time=0.0)
+    start = replace(start, cycle=0)
+    return guess_from(run(problem, start, periods), periods, problem.switches)
+
+
+def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] = ()) -> Guess:
+    """Cut a trajectory that begins with a period into segments."""
+    automaton, period = trajectory.automaton, trajectory.period
+    m = len(automaton.guards)
+    events = trajectory.events
+    segments: list[Segment] = []
+    states: list[Floats] = []
+    times: list[float] = []
+    mode, y, cycle = trajectory.start.mode, _without_cyclic(automaton, trajectory.start.y), 0
+    impacts: dict[int, list[float]] = {}
+
+    def close(code: int, time: float, switch: int = -1) -> None:
+        segments.append(Segment(mode, cycle, code, switch))
+        states.append(y)
+        times.append(time)
+
+    chosen = np.flatnonzero(np.isin(events.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH)))
+    for i in chosen:
+        kind, guard, time = int(events.kind[i]), int(events.guard[i]), float(events.time[i])
+        at_end = kind == loop.SWITCH and time == 0.0  # the switch that closes a period
+        while cycle < events.cycle[i] - at_end:
+            close(BOUNDARY, period)
+            cycle += 1
+            y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
+        if kind == loop.TRANSITION:
+            close(guard, time)
+            impacts.setdefault(guard, []).append(float(events.cycle[i]) * period + time)
+        elif kind == loop.ACCUMULATION:
+            # The loop stops the sequence at the last impact that it saw; here one flight more is
+            # taken, and the impact after it is the one without rebound.
+            last = impacts[guard][-3:]
+            flight = (last[2] - last[1]) ** 2 / (last[1] - last[0])
+            close(m + guard, last[2] - cycle * period + flight)
+        else:
+            switch = int(np.argmin(np.abs(np.array(switches) - (period if at_end else time))))
+            close(2 * m, period if at_end else time, switch)
+        mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
+        if at_end:
+            cycle += 1
+    while cycle < periods:
+        close(BOUNDARY, period)
+        cycle += 1
+        if cycle < periods:
+            y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
+    starts = [(s.cycle, 0.0 if i == 0 else times[i - 1]) for i, s in enumerate(segments)]
+    for i in range(1, len(segments)):
+        if segments[i].cycle == segments[i - 1].cycle and times[i] <= starts[i][1]:
+            raise OrbitError(
+                reason=f"two transitions fall into one instant (t = {times[i]:.6g})",
+                remedy="move the parameter a little",
+            )
+    return Guess(tuple(segments), np.array(states), np.array(times))
+
+
+def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:
+    """Return the state where period `cycle` begins."""
+    samples = trajectory.samples(1, first=float(cycle), last=float(cycle))
+    return np.asarray(samples.y[0])
+
+
+def _without_cyclic(automaton: Automaton, y: Floats) -> Floats:
+    result = np.array(y, dtype=float)
+    result[list(automaton.cyclic)] = 0.0
+    return result
