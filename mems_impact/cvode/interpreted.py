@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import math
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -15,8 +16,12 @@ from mems_impact.cvode import engine as contract
 from mems_impact.cvode.options import Options
 
 
-class _NonFinite(Exception):
-    """Raised through CVODE by a right-hand side that is not finite."""
+# Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
+_SILENCE = threading.Lock()
+
+
+class _Failure(Exception):
+    """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
 
 
 class Engine:
@@ -64,7 +69,7 @@ class Engine:
         def rhs(t: float, y: Any, dy: Any) -> None:
             self.flow(self._mode, min(t, self._last_instant), y, dy)
             if not np.isfinite(dy).all():
-                raise _NonFinite
+                raise _Failure(contract.NON_FINITE)
 
         def roots(t: float, y: Any, out: Any) -> None:
             if self._frozen is not None:
@@ -72,6 +77,8 @@ class Engine:
                 return
             self.margins(self._mode, min(t, self._last_instant), y, out)
             out[:m] += self.bias
+            if np.isnan(out[: 2 * m]).any():
+                raise _Failure(contract.NO_GUARD)
             # CVODE prints a warning about root functions that are zero for a whole step.
             out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
             out[2 * m] = y[component] - level if component >= 0 else 1.0
@@ -130,11 +137,11 @@ class Engine:
         for log in (self._roots._i, self._roots._t, self._roots._y):  # type: ignore[attr-defined]
             log.clear()
         # CVODE's complaints go to standard output; its code says it all.
-        with contextlib.redirect_stdout(io.StringIO()):
+        with _SILENCE, contextlib.redirect_stdout(io.StringIO()):
             try:
                 self._result = self._solver.step(self._horizon, method="onestep", tstop=self._stop)
-            except _NonFinite:
-                return contract.NON_FINITE
+            except _Failure as failure:
+                return int(failure.args[0])
         self._t = float(np.ravel(self._result.t)[-1])
         self._horizon = self._t + 1.0
         return int(self._result.status)

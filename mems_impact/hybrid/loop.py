@@ -136,6 +136,11 @@ def advance(
             s.fresh = 0
             s.restart = 1
             guard = violated(engine, s.mode, s.t, y, layout, buffers)
+            for i in range(layout.switches.size):
+                # A run that ended here left the jump to this one.
+                since = abs(s.t - layout.switches[i]) % s.period
+                if min(since, s.period - since) <= 1e-14 * s.period:
+                    guard = 2 * layout.order.size
             if guard != NONE:
                 status = resolve(engine, s, s.t, y, guard, layout, buffers)
                 if status != DONE:
@@ -147,6 +152,11 @@ def advance(
         quota -= 1
         s.steps += 1
         s.arc_steps += 1
+        if status == arc.CLOSE_ROOTS and s.arc_steps > 1:
+            arc.state(engine, y)
+            note(s, s.t, REBASE, 0, s.mode, y, y, buffers)
+            s.restart = 1
+            continue
         if status < 0 or s.arc_steps > s.max_steps:
             if s.arc_steps > 1:  # else y is where the arc, and its first step, began
                 s.t = arc.time(engine)
@@ -240,7 +250,8 @@ def first_guard(
         if arc.fired(engine, m + i) > 0:
             arc.state(engine, y)
             arc.margins(engine, s.mode, t, y, g)
-            if g[i] + arc.bias(engine, i) < 0.0:
+            # Zero as well: CVODE stops where a margin and its rate are zero together.
+            if g[i] + arc.bias(engine, i) <= 0.0:
                 t_crossing = crossing(engine, s, i, before, t, buffers)
                 if (
                     guard == NONE

@@ -86,19 +86,30 @@ def extended_flow(
 
 
 def integrate(
-    engine: Any, mode: int, y: Any, start: float, end: float, m: int, max_steps: int, minima: Any
+    engine: Any,
+    mode: int,
+    y: Any,
+    start: float,
+    end: float,
+    m: int,
+    max_steps: int,
+    minima: Any,
+    work: Any,
 ) -> int:
     """Integrate `mode` from `start` to `end` whatever the guards say; `y` is overwritten.
 
     Row 0 of `minima` gets the smallest value that each margin has at a closest approach inside
-    the arc (inf if it has none), row 1 when; row 2 is scratch.
+    the arc (inf if it has none), row 1 when; row 2 is scratch, and so is `work` (5 rows).
     """
     for i in range(m):
         minima[0, i] = math.inf
         minima[1, i] = math.nan
-        arc.set_bias(engine, i, 0.0)
+        # Only closest approaches are wanted. A margin and its rate that are zero together would
+        # stop CVODE ("root found very near t").
+        arc.set_bias(engine, i, 1e6)
     if end <= start:
-        return DONE if end == start else FAILED
+        go_back(engine, mode, y, start, end, work)
+        return DONE
     arc.restart(engine, mode, start, y, math.inf)
     for _ in range(max_steps):
         status = arc.step(engine)
@@ -116,6 +127,33 @@ def integrate(
                     minima[0, i] = minima[2, i]
                     minima[1, i] = t
     return STEP_BUDGET
+
+
+def go_back(engine: Any, mode: int, y: Any, start: float, end: float, work: Any) -> None:
+    """Integrate from `start` back to an earlier `end`, by the classical Runge-Kutta method.
+
+    An arc of negative length is met only where a guard is touched at zero speed and the equations
+    are looked at from the other side; it is short, and at steps of 1e-3 the method is exact to
+    rounding.
+    """
+    n = y.size
+    steps = int(math.ceil((start - end) / 1e-3))
+    k1, k2, k3, k4, x = work[0], work[1], work[2], work[3], work[4]
+    for k in range(steps):
+        h = (end - start) / steps
+        t = start + k * h
+        arc.flow(engine, mode, t, y, k1)
+        for i in range(n):
+            x[i] = y[i] + 0.5 * h * k1[i]
+        arc.flow(engine, mode, t + 0.5 * h, x, k2)
+        for i in range(n):
+            x[i] = y[i] + 0.5 * h * k2[i]
+        arc.flow(engine, mode, t + 0.5 * h, x, k3)
+        for i in range(n):
+            x[i] = y[i] + h * k3[i]
+        arc.flow(engine, mode, t + h, x, k4)
+        for i in range(n):
+            y[i] += h * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
 
 
 def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
@@ -292,6 +330,7 @@ class Variational:
         self._bound = bind(self._problem)
         self._call = self._bound.call
         self._modes = automaton.modes
+        self._backward = np.zeros((5, len(extended.states)))
         self._minima = np.zeros((3, 2 * self.m))
         self._work = np.zeros((3, max(self.n, 2 * self.m, self.count)))
 
@@ -316,7 +355,15 @@ class Variational:
         self._call(evaluate_flow, mode, start, state, slope_start)
         options = self._problem.options
         status = self._call(
-            integrate, mode, state, start, end, self.m, options.max_steps, self._minima
+            integrate,
+            mode,
+            state,
+            start,
+            end,
+            self.m,
+            options.max_steps,
+            self._minima,
+            self._backward,
         )
         if status != DONE:
             raise RunError(

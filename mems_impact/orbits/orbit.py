@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -148,6 +147,7 @@ def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:
 
 def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
     """Return all ways in which `point` is no orbit of the automaton."""
+    shooting.move_to(point.values)
     found: list[Defect] = []
     automaton: Automaton = shooting.automaton
     m, segments = len(automaton.guards), shooting.segments

@@ -65,7 +65,9 @@ class Shooting:
         Names of the parameters by which to differentiate.
     """
 
-    def __init__(self, family: Family, segments: tuple[Segment, ...], active: tuple[str, ...]) -> None:
+    def __init__(
+        self, family: Family, segments: tuple[Segment, ...], active: tuple[str, ...]
+    ) -> None:
         self.family, self.segments, self.active = family, segments, active
         problem = family.problem()
         self.automaton = problem.automaton
@@ -90,7 +92,8 @@ class Shooting:
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
         return states, unknowns[f * count :]
 
-    def _move_to(self, values: Floats) -> None:
+    def move_to(self, values: Floats) -> None:
+        """Take over values of the active parameters, whichever were looked at last."""
         if self._at == tuple(values):
             return
         family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
@@ -118,7 +121,7 @@ class Shooting:
         OrbitError
             If an arc cannot be integrated.
         """
-        self._move_to(values)
+        self.move_to(values)
         segments, free, f = self.segments, self.free, len(self.free)
         count, k = len(segments), len(self.active)
         states, times = self.unpack(unknowns)

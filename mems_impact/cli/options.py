@@ -1,0 +1,113 @@
+"""The options that commands share, and what is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cvode.options import ENGINES, METHODS, Options
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.parameters import Actuator
+
+Decorator = Callable[[Any], Any]
+
+
+def combined(*decorators: Decorator) -> Decorator:
+    """Return one decorator that applies `decorators`, the first outermost."""
+
+    def decorate(function: Any) -> Any:
+        for decorator in reversed(decorators):
+            function = decorator(function)
+        return function
+
+    return decorate
+
+
+def _assignments(
+    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, float]:
+    changes = {}
+    for text in texts:
+        name, _, number = (part.strip() for part in text.partition("="))
+        try:
+            changes[name] = float(number)
+        except ValueError:
+            name = ""
+        if not name:
+            raise click.BadParameter(f"{text!r} must be NAME=NUMBER, such as e=0.7")
+    return changes
+
+
+device_options = combined(
+    click.argument("device"),
+    click.option(
+        "--set",
+        "changes",
+        multiple=True,
+        metavar="NAME=NUMBER",
+        callback=_assignments,
+        help="Change a parameter of the device, such as e=0.7. May be repeated.",
+    ),
+)
+
+state_options = combined(
+    click.option("--x2", type=float, default=0.0, help="Initial position of the block.  [0]"),
+    click.option("--v2", type=float, default=0.0, help="Initial velocity of the block.  [0]"),
+    click.option("--v1", type=float, default=0.0, help="Initial velocity of the frame.  [0]"),
+)
+
+integrator_options = combined(
+    click.option(
+        "--method",
+        type=click.Choice(METHODS),
+        default=Options.method,
+        help=f"CVODE's family of formulas.  [{Options.method}]",
+    ),
+    click.option(
+        "--rtol",
+        type=float,
+        default=Options.rtol,
+        help=f"Relative tolerance.  [{Options.rtol:g}]",
+    ),
+    click.option(
+        "--atol",
+        type=float,
+        default=Options.atol,
+        help=f"Absolute tolerance.  [{Options.atol:g}]",
+    ),
+    click.option(
+        "--engine",
+        type=click.Choice(ENGINES),
+        default=Options.engine,
+        help="Compiled, or interpreted (slower).  "
+        f"[{Options.engine}: compiled where it is available]",
+    ),
+)
+
+output_options = combined(
+    click.option(
+        "--output",
+        type=click.Path(),
+        default="out",
+        metavar="DIR",
+        help="Where tables and figure go; created if need be.  [./out]",
+    ),
+    click.option(
+        "--figure",
+        type=click.Path(dir_okay=False),
+        metavar="FILE",
+        help="Where the figure goes: .png, .pdf or .svg.  [a PNG in DIR]",
+    ),
+    click.option("--no-figure", is_flag=True, help="Draw no figure."),
+)
+
+
+def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
+    """Load the device and apply what ``--set`` changes."""
+    from mems_impact.actuator.parameters import load_actuator
+
+    actuator = load_actuator(device)
+    return actuator.replace(**changes) if changes else actuator

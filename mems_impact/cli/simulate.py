@@ -1,0 +1,123 @@
+"""`mems-impact simulate`: one run of the actuator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    integrator_options,
+    output_options,
+    state_options,
+)
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+FIRST_ROWS = 6
+
+
+@click.command(short_help="Run a device under a voltage.")
+@device_options
+@click.option("--amplitude", type=float, required=True, help="Amplitude f of the voltage.")
+@click.option("--omega", type=float, required=True, help="Angular frequency of the voltage.")
+@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@click.option("--periods", type=float, default=300.0, help="Forcing periods to simulate.  [300]")
+@state_options
+@click.option(
+    "--window",
+    type=(float, float),
+    metavar="FIRST LAST",
+    help="Forcing periods that the statistics are taken over.  [the last part of the run]",
+)
+@integrator_options
+@output_options
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    amplitude: float,
+    omega: float,
+    bias: float,
+    periods: float,
+    x2: float,
+    v2: float,
+    v1: float,
+    window: tuple[float, float] | None,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    r"""Simulate DEVICE under v(t) = bias + amplitude cos(omega t).
+
+    Shows the statistics and the first impacts, and writes the tables of impacts, events and
+    statistics as CSV and the last periods of the motion as a figure.
+
+    \b
+    Example:
+      mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
+    """
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = mi.Sine(amplitude=amplitude, omega=omega, bias=bias)
+    initial = mi.State(x2=x2, v1=v1, v2=v2)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, figure, no_figure, "simulate")
+    try:
+        run = mi.simulate(
+            actuator,
+            drive,
+            periods,
+            initial=initial,
+            window=window,
+            options=options,
+            progress=True,
+        )
+    except mi.RunError as error:
+        if not isinstance(error.trajectory, mi.Run):
+            raise
+        _write(files, error.trajectory)
+        say(f"{error}; up to there, {files.said()}")
+        ctx.exit(FAILED)
+    _show(run)
+    _write(files, run)
+    files.draw(lambda: mi.plot_run(run)[0].figure)
+    click.echo(files.said())
+
+
+def _show(run: mi.Run) -> None:
+    first, last = run.window
+    click.echo(f"Statistics over forcing periods {first:g} to {last:g}:")
+    # Without an impact there is no impact speed: what is not defined is not shown.
+    defined = run.statistics.drop(["window first", "window last"]).dropna()
+    width = max(map(len, defined.index))
+    for name, value in defined.items():
+        click.echo(f"  {name:<{width}}  {value:.9g}")
+    impacts = run.impacts
+    if impacts.empty:
+        click.echo("\nNo impact.")
+    else:
+        click.echo(f"\nThe first of {len(impacts)} impacts:")
+        click.echo(impacts.head(FIRST_ROWS).to_string(index=False, float_format="{:.6g}".format))
+    click.echo("")
+
+
+def _write(files: Output, run: mi.Run) -> None:
+    files.table("impacts", run.impacts)
+    files.table("events", run.events)
+    statistics = run.statistics
+    files.table("statistics", statistics.rename_axis("quantity").reset_index(name="value"))

@@ -1,0 +1,152 @@
+"""`mems-impact sweep`: a parameter varied slowly, up and down."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from mems_impact.cli.failures import INTERRUPTED, say, show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    integrator_options,
+    output_options,
+)
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mems_impact.cli.output import Output
+
+DIRECTIONS = ("up", "down", "both")
+WORDS = {"up": "increased", "down": "decreased"}
+SHOWN_FAILURES = 3
+
+
+@click.command(short_help="Vary a parameter slowly, up and down.")
+@device_options
+@click.option("--parameter", required=True, help="What to vary: a parameter of drive or device.")
+@click.option("--from", "low", type=float, required=True, help="First value.")
+@click.option("--to", "high", type=float, required=True, help="Last value.")
+@click.option("--points", type=click.IntRange(2, 1_000_000), default=101, help="Values.  [101]")
+@click.option("--amplitude", type=float, help="Amplitude f of the voltage, unless it is varied.")
+@click.option("--omega", type=float, help="Angular frequency of the voltage, unless it is varied.")
+@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@click.option(
+    "--direction", type=click.Choice(DIRECTIONS), default="both", help="Way to go.  [both]"
+)
+@click.option(
+    "--transient", type=int, default=300, help="Forcing periods to wait at a value.  [300]"
+)
+@click.option("--periods", type=int, default=60, help="Forcing periods to measure then.  [60]")
+@integrator_options
+@output_options
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    parameter: str,
+    low: float,
+    high: float,
+    points: int,
+    amplitude: float | None,
+    omega: float | None,
+    bias: float,
+    direction: Literal["up", "down", "both"],
+    transient: int,
+    periods: int,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    r"""Vary a parameter of DEVICE or of its voltage slowly, each value from the state of the last.
+
+    Upwards the first value starts at rest, downwards with a kick that strikes the stopper. Shows
+    where impacts set in and where they cease, and writes the velocities on the Poincaré
+    section x2 = 0 as a CSV table and as a figure, as in Fig. 4 of the paper.
+
+    \b
+    Example:
+      mems-impact sweep zhao2004 --parameter amplitude --from 0.16 --to 0.24 --omega 0.5
+    """
+    voltage = {"bias": bias}
+    for name, value in {"amplitude": amplitude, "omega": omega}.items():
+        if name == parameter:
+            if value is not None:
+                raise click.UsageError(f"--{name} is what is varied; leave it out")
+            voltage[name] = low
+        elif value is None:
+            raise click.UsageError(f"missing option '--{name}'")
+        else:
+            voltage[name] = value
+
+    import numpy as np
+
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = mi.Sine(**voltage)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, figure, no_figure, "sweep")
+    try:
+        table = mi.sweep(
+            actuator,
+            drive,
+            parameter,
+            np.linspace(low, high, points),
+            direction=direction,
+            transient=transient,
+            periods=periods,
+            options=options,
+            progress=True,
+        )
+    except mi.SweepInterrupted as stop:
+        if stop.done == 0:
+            raise
+        _write(files, stop.table)
+        say(f"interrupted after {stop.done} of {stop.total} values; {files.said()}")
+        ctx.exit(INTERRUPTED)
+    _show(table)
+    _write(files, table)
+    click.echo(files.said())
+
+
+def _show(table: pd.DataFrame) -> None:
+    from mems_impact.plotting.bifurcation import switches
+    from mems_impact.tables import sweep_summary
+
+    summary = sweep_summary(table)
+    parameter = summary.columns[0]
+    turns = {direction: (value, begins) for direction, value, begins in switches(table)}
+    for direction, chain in summary.groupby("direction", sort=False):
+        failed = chain[chain["status"] != "ok"]
+        line = f"{parameter} {WORDS[str(direction)]}, {len(chain)} values: "
+        line += f"{int(chain['impacting'].sum())} with impacts"
+        if direction in turns:
+            value, begins = turns[direction]
+            line += f", which {'begin' if begins else 'cease'} at {value:.9g}"
+        if len(failed):
+            line += f"; {len(failed)} failed"
+        click.echo(line)
+        reasons = zip(failed[parameter], failed["status"], strict=True)
+        for value, reason in islice(reasons, SHOWN_FAILURES):
+            click.echo(f"  failed at {value:.9g}: {reason}")
+    click.echo("")
+
+
+def _write(files: Output, table: pd.DataFrame) -> None:
+    files.table("table", table)
+
+    from mems_impact.plotting.bifurcation import plot_sweep
+
+    files.draw(lambda: plot_sweep(table).figure)

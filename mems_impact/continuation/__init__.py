@@ -1,0 +1,1 @@
+"""Continuation of periodic orbits, and of their bifurcations in two parameters."""

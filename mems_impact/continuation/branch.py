@@ -1,0 +1,329 @@
+"""A branch of periodic orbits in one parameter, by pseudo-arclength continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mems_impact.continuation.corrector import correct, step, tangent
+from mems_impact.continuation.monitors import (
+    FOLD,
+    GRAZING,
+    LABELS,
+    NEIMARK_SACKER,
+    PERIOD_DOUBLING,
+    Monitor,
+    monitors,
+)
+from mems_impact.continuation.resignature import reconnect
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Point, Shooting
+
+ROLES = ("rate", "approach", "end", "start")
+COINCIDENT = 1e-7  # distance on the branch below which two losses are one
+EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Control of the step length, in the space of unknowns and parameter.
+
+    Attributes
+    ----------
+    initial, smallest, largest : float
+    most : int
+        Points that a branch may have.
+    """
+
+    initial: float = 1e-3
+    smallest: float = 1e-7
+    largest: float = 0.05
+    most: int = 2000
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A point of a branch at which something happens, located on it.
+
+    Attributes
+    ----------
+    kind : str
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", or the name of the guard whose
+        margin is touched.
+    label : str
+        As in the paper: G, CF, PD; else the kind.
+    value : float
+        Of the parameter.
+    orbit : PeriodicOrbit
+    direction : float array
+        Tangent of the branch.
+    monitor : Monitor
+        The test function that is zero.
+    """
+
+    kind: str
+    label: str
+    value: float
+    orbit: PeriodicOrbit
+    direction: Floats
+    monitor: Monitor
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One orbit on a branch.
+
+    Attributes
+    ----------
+    orbit : PeriodicOrbit
+    value : float
+        Of the parameter.
+    direction : float array
+        Tangent.
+    piece : int
+        Number of the signature on the branch, counted from 0.
+    """
+
+    orbit: PeriodicOrbit
+    value: float
+    direction: Floats
+    piece: int
+
+
+@dataclass
+class OrbitBranch:
+    """A branch and what was found on it.
+
+    Attributes
+    ----------
+    parameter : str
+    points : list of BranchPoint
+    special_points : list of SpecialPoint
+    ended : str
+        Why the branch ends.
+    """
+
+    parameter: str
+    points: list[BranchPoint] = field(default_factory=list)
+    special_points: list[SpecialPoint] = field(default_factory=list)
+    ended: str = ""
+
+
+def follow(
+    orbit: PeriodicOrbit,
+    parameter: str,
+    *,
+    low: float,
+    high: float,
+    direction: float = 1.0,
+    steps: Steps | None = None,
+    reconnecting: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> OrbitBranch:
+    """Follow `orbit` in `parameter` until a bound, an end or the budget of points.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    parameter : str
+        A parameter of the orbit's family.
+    low, high : float
+        Bounds of the parameter.
+    direction : float
+        Sign of the first step in the parameter.
+    steps : Steps, optional
+    reconnecting : bool
+        Whether to go on with the changed signature where a guard is touched at zero speed. If
+        not, the branch goes on with the old one onto orbits that the automaton does not have.
+    progress : callable, optional
+        Called with every value of the parameter.
+
+    Returns
+    -------
+    OrbitBranch
+        Whatever ends it, what was found is in it, and `ended` says why it ends.
+    """
+    branch = OrbitBranch(parameter)
+    shooting = Shooting(orbit.family, orbit.segments, (parameter,))
+    shooting.pinned = orbit.shooting.pinned
+    value = orbit.family.values[parameter]
+    try:
+        point = shooting.solve(orbit.point.unknowns, np.array([value]))
+    except OrbitError as error:
+        branch.ended = f"the first orbit could not be corrected: {error}"
+        return branch
+    along = tangent(point)
+    if direction < 0.0:
+        along = -along
+    walker = _Walker(branch, low, high, steps or Steps(), reconnecting)
+    for found in walker.walk(shooting, point, along):
+        if progress is not None:
+            progress(found.value)
+    return branch
+
+
+class _Walker:
+    """The iteration along a branch, from one signature to the next."""
+
+    def __init__(
+        self, branch: OrbitBranch, low: float, high: float, steps: Steps, reconnecting: bool
+    ) -> None:
+        self.branch, self.low, self.high, self.steps = branch, low, high, steps
+        self.reconnecting = reconnecting
+
+    def walk(self, shooting: Shooting, point: Point, along: Floats) -> Iterator[BranchPoint]:
+        """Yield the points of the branch."""
+        piece = 0
+        self.branch.points.append(
+            BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
+        )
+        yield self.branch.points[-1]
+        length = self.steps.initial
+        before = monitors(shooting, point, along)
+        while len(self.branch.points) < self.steps.most:
+            try:
+                following, iterations = step(shooting, point, along, length)
+                ahead = tangent(following, along)
+                if ahead @ along < 0.9:
+                    raise OrbitError("the branch turns too sharply", "take a shorter step")
+            except OrbitError as error:
+                length /= 2.0
+                if length < self.steps.smallest:
+                    self.branch.ended = f"no further step possible: {error.reason}"
+                    return
+                continue
+            value = float(following.values[0])
+            if not self.low <= value <= self.high:
+                following = self._at_bound(shooting, point, following, along, length)
+                ahead = tangent(following, along)
+                self._append(shooting, following, ahead, piece)
+                yield self.branch.points[-1]
+                self.branch.ended = f"{self.branch.parameter} reached its bound"
+                return
+            after = monitors(shooting, following, ahead)
+            lost = self._locate(shooting, point, along, length, before, after)
+            if lost is not None and self.reconnecting:
+                self.branch.points.append(
+                    BranchPoint(lost.orbit, lost.value, lost.direction, piece)
+                )
+                yield self.branch.points[-1]
+                joined = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
+                if joined is None:
+                    self.branch.ended = f"{lost.kind}: no orbit of another signature joins here"
+                    return
+                shooting, point, along = joined
+                piece += 1
+                length = self.steps.initial
+                before = monitors(shooting, point, along)
+                self._append(shooting, point, along, piece)
+                yield self.branch.points[-1]
+                continue
+            if self._closed(shooting, following):
+                self.branch.ended = "the branch closed upon itself"
+                return
+            point, along, before = following, ahead, after
+            self._append(shooting, point, along, piece)
+            yield self.branch.points[-1]
+            if iterations <= EASY:
+                length = min(1.5 * length, self.steps.largest)
+            elif iterations >= HARD:
+                length /= 1.5
+        self.branch.ended = f"the budget of {self.steps.most} points is used up"
+
+    def _append(self, shooting: Shooting, point: Point, along: Floats, piece: int) -> None:
+        found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
+        self.branch.points.append(found)
+
+    def _closed(self, shooting: Shooting, point: Point) -> bool:
+        """Return whether the branch is back at its first point."""
+        first = self.branch.points[0].orbit
+        if len(self.branch.points) < 20 or first.segments != shooting.segments:
+            return False
+        here = np.append(point.unknowns, point.values)
+        there = np.append(first.point.unknowns, self.branch.points[0].value)
+        return bool(np.abs(here - there).max() < self.steps.initial)
+
+    def _at_bound(
+        self, shooting: Shooting, point: Point, beyond: Point, along: Floats, length: float
+    ) -> Point:
+        """Return the orbit at the bound that lies between `point` and `beyond`."""
+        bound = self.low if beyond.values[0] < self.low else self.high
+        share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
+        unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
+        return shooting.solve(unknowns, np.array([bound]))
+
+    def _locate(
+        self,
+        shooting: Shooting,
+        point: Point,
+        along: Floats,
+        length: float,
+        before: dict[Monitor, float],
+        after: dict[Monitor, float],
+    ) -> SpecialPoint | None:
+        """Locate all sign changes of the last step; return the loss of admissibility, if any."""
+        found: list[tuple[float, SpecialPoint]] = []
+        for monitor, value in before.items():
+            if monitor not in after or not value * after[monitor] < 0.0:
+                continue
+            located = locate(shooting, point, along, length, monitor)
+            if located is not None:
+                found.append(located)
+        found.sort(key=lambda item: item[0])
+        lost = [(position, special) for position, special in found if special.monitor.role]
+        # Where a guard is touched at zero speed, what would follow on the event loses its margin
+        # in the same point; the event itself is the one to name.
+        first = min(
+            (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+            key=lambda item: ROLES.index(item[1].monitor.role),
+            default=None,
+        )
+        for position, special in found:
+            if not special.monitor.role and (first is None or position < first[0] - COINCIDENT):
+                self.branch.special_points.append(special)
+        if first is None:
+            return None
+        self.branch.special_points.append(first[1])
+        return first[1]
+
+
+def locate(
+    shooting: Shooting, point: Point, along: Floats, length: float, monitor: Monitor
+) -> tuple[float, SpecialPoint] | None:
+    """Locate the zero of `monitor` within the step of `length` from `point` along `along`.
+
+    Returns the position in the step with the point, or None if the sign change is no zero.
+    """
+    start = np.append(point.unknowns, point.values[0])
+    last: list[tuple[Point, Floats]] = []
+
+    def test(s: float) -> float:
+        here, _ = correct(shooting, start + s * along, along)
+        direction = tangent(here, along)
+        last.append((here, direction))
+        return monitors(shooting, here, direction)[monitor]
+
+    try:
+        position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
+        test(position)
+    except (OrbitError, KeyError, ValueError):
+        return None
+    here, direction = last[-1]
+    orbit = make_orbit(shooting, here)
+    # A test function may change its sign through infinity (an impact at zero speed), and the
+    # product of two real multipliers may pass one.
+    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > 1e-3:
+        return None
+    if monitor.kind == NEIMARK_SACKER and np.all(np.abs(orbit.multipliers.imag) < 1e-9):
+        return None
+    label = LABELS.get(monitor.kind, monitor.kind)
+    value = float(here.values[0])
+    return position, SpecialPoint(monitor.kind, label, value, orbit, direction, monitor)
+
+
+__all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]

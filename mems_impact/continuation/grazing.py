@@ -1,0 +1,128 @@
+"""What a grazing does to the attractor: the normal form of the first impact.
+
+An impact at a small speed changes the state, once what follows on it has died out, by a kick that
+goes with the square root of the penetration that the orbit without impact would have. Whether the
+orbit comes back to the stopper after k periods is decided by the sign of the kick's image in the
+margin, xi_k = grad h . M^k kick, M being the monodromy matrix of the orbit without impact, based at
+the grazing (Nordmark 1991).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mems_impact.continuation.monitors import Monitor
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.loop import TRANSITION
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import Point, Shooting
+
+SPEED = 1e-4  # of the trial impact that shows the kick
+SEQUENCE = 200  # periods over which the signs are looked at
+
+CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
+
+
+def contact_coefficient(shooting: Shooting, point: Point, monitor: Monitor, k: int) -> float | None:
+    """Return xi_k = -grad h . M^k kick: positive if the kick leads away from the stopper.
+
+    None if the orbit has other events, for which the formula does not hold.
+    """
+    sequence = contact_sequence(shooting, point, monitor, k)
+    return None if sequence is None else float(sequence[-1])
+
+
+def contact_sequence(
+    shooting: Shooting, point: Point, monitor: Monitor, count: int
+) -> Floats | None:
+    """Return xi_1 .. xi_count, or None if the orbit has events."""
+    if any(event is not None for event in point.events):
+        return None
+    shooting.move_to(point.values)
+    i = monitor.segment
+    segment, arc = shooting.segments[i], point.arcs[i]
+    time = float(arc.minima_time[monitor.guard])
+    states, _ = shooting.unpack(point.unknowns)
+    free = shooting.free
+    to_touch = shooting.variational.arc(segment.mode, states[i], point.starts[i], time)
+    from_touch = shooting.variational.arc(segment.mode, to_touch.end, time, point.ends[i])
+    total = from_touch.by_state[free]
+    others = len(shooting.segments)
+    for j in range(1, others):
+        total = point.arcs[(i + j) % others].by_state[free] @ total
+    total = to_touch.by_state[free] @ total
+    event = shooting.variational.event(segment.mode, monitor.guard, time, to_touch.end)
+    gradient = event.margin_by_state[monitor.guard][free]
+    image = kick(shooting, point.values, segment.mode, monitor.guard, time, to_touch.end)
+    values = []
+    for _ in range(count):
+        image = total @ image
+        values.append(float(gradient @ image))
+    return np.array(values)
+
+
+def kick(
+    shooting: Shooting, values: Floats, mode: int, guard: int, time: float, y: Floats
+) -> Floats:
+    """Return the change of the state per speed that a weak impact at (time, y) leaves behind.
+
+    Learnt from a trial: the impact and what follows on it (a slip, say) until the mode is the old
+    one, compared with the flow of the old mode over the same time, pulled back to the impact.
+    """
+    before = weak_contact(shooting, mode, guard, time, y, SPEED)
+    family = shooting.family.at(**dict(zip(shooting.active, values.tolist(), strict=True)))
+    problem = family.problem()
+    events = run(problem, Instant(0, time, mode, before), 0.02).events
+    back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
+    last = back[0]
+    elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
+    undisturbed = shooting.variational.arc(mode, y, time, elapsed)
+    free = shooting.free
+    difference = events.after[last][free] - undisturbed.end[free]
+    return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / SPEED
+
+
+def weak_contact(
+    shooting: Shooting, mode: int, guard: int, time: float, y: Floats, speed: float
+) -> Floats:
+    """Return the state nearest to `y` on the guard, with its margin falling at `speed`."""
+    h, free = 1e-5, shooting.free
+    margin, rate = shooting.variational.margins(mode, time, y)
+    rows = np.zeros((2, len(free)))
+    for c, i in enumerate(free):
+        shift = np.zeros(y.size)
+        shift[i] = h
+        up = shooting.variational.margins(mode, time, y + shift)
+        down = shooting.variational.margins(mode, time, y - shift)
+        rows[0, c] = (up[0][guard] - down[0][guard]) / (2.0 * h)
+        rows[1, c] = (up[1][guard] - down[1][guard]) / (2.0 * h)
+    wanted = np.array([-margin[guard], -speed - rate[guard]])
+    weak = y.copy()
+    weak[free] += np.linalg.lstsq(rows, wanted)[0]
+    return weak
+
+
+def grazing_type(orbit: PeriodicOrbit, monitor: Monitor) -> str:
+    """Return how the attractor leaves a grazing orbit without impacts.
+
+    Returns
+    -------
+    str
+        "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump" (some
+        xi_k negative: type I), "died earlier" (a multiplier beyond +1: type III).
+    """
+    if monitor.role != "approach":
+        raise InvalidParameter(
+            field="monitor", value=monitor.role, allowed="the closest approach of a free orbit"
+        )
+    if not orbit.stable:
+        return DEAD
+    sequence = contact_sequence(orbit.shooting, orbit.point, monitor, SEQUENCE)
+    if sequence is None:
+        raise InvalidParameter(field="orbit", value="with events", allowed="an orbit without")
+    return CONTINUOUS if np.all(sequence > 0.0) else JUMP
+
+
+__all__ = ["CONTINUOUS", "DEAD", "JUMP", "contact_sequence", "grazing_type"]

@@ -1,0 +1,162 @@
+"""Where a guard is touched at zero speed, orbits of two signatures meet: from one to the other."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mems_impact.continuation.corrector import tangent
+from mems_impact.continuation.grazing import weak_contact
+from mems_impact.continuation.monitors import Monitor, monitors
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
+from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
+
+SPEED = 1e-4  # rate at the guard with which the other signature is entered
+DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
+
+
+def reconnect(
+    orbit: PeriodicOrbit, monitor: Monitor, parameter: str
+) -> tuple[Shooting, Point, Floats] | None:
+    """Return the branch of the other signature that meets `orbit`, and the direction away from it.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        Located at a zero of `monitor`.
+    monitor : Monitor
+        With the role "approach" (an event comes in) or "rate" (one drops out).
+
+    Returns
+    -------
+    shooting, point, direction
+        Or None where no admissible orbit of another signature joins.
+    """
+    if monitor.role == "approach":
+        guess = with_event(orbit, monitor)
+        wanted = Monitor(monitor.kind, "rate", monitor.segment, monitor.guard)
+        level = SPEED
+    elif monitor.role == "rate":
+        guess = without_event(orbit, monitor)
+        wanted = Monitor(monitor.kind, "approach", monitor.segment, monitor.guard)
+        level = DEPTH
+    else:
+        return None
+    if guess is None:
+        return None
+    shooting = Shooting(orbit.family, guess.segments, (parameter,))
+    unknowns = shooting.pack(guess)
+    value = orbit.family.values[parameter]
+    try:
+        shooting.pin(shooting.evaluate(unknowns, np.array([value])))
+        point = _at_level(shooting, unknowns, value, wanted, level)
+    except OrbitError:
+        return None
+    if point is None:
+        return None
+    direction = tangent(point)
+    gain = _derivative(shooting, point, wanted, direction)
+    return shooting, point, direction if gain > 0.0 else -direction
+
+
+def with_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess | None:
+    """Return a guess with the events that a weak contact at the closest approach brings.
+
+    What follows on a contact at vanishing speed is learnt from a run that starts on the guard with
+    a small speed into it, until it is back in the mode that it came from.
+    """
+    shooting, point = orbit.shooting, orbit.point
+    i, segment = monitor.segment, orbit.segments[monitor.segment]
+    arc = point.arcs[i]
+    time = float(arc.minima_time[monitor.guard])
+    shooting.move_to(point.values)
+    states, _ = shooting.unpack(point.unknowns)
+    touch = shooting.variational.arc(segment.mode, states[i], point.starts[i], time).end
+    weak = weak_contact(shooting, segment.mode, monitor.guard, time, touch, SPEED)
+    problem = orbit.family.problem()
+    share = 0.02
+    trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
+    piece = guess_from(trajectory, 1 if time + share * problem.period < problem.period else 2)
+    codes = [s for s in piece.segments if s.code != BOUNDARY]
+    if not codes or codes[0].code != monitor.guard:
+        return None
+    count = len(codes)
+    if piece.segments[count].mode != segment.mode:
+        return None
+    inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in codes)
+    segments = orbit.segments[:i] + inserted + orbit.segments[i:]
+    new_states = np.vstack([states[: i + 1], piece.states[1 : count + 1], states[i + 1 :]])
+    times = np.concatenate([point.ends[:i], piece.times[:count], point.ends[i:]])
+    return Guess(segments, new_states, times)
+
+
+def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess | None:
+    """Return a guess without the event, and without what followed on it in no time."""
+    shooting, point = orbit.shooting, orbit.point
+    i = monitor.segment
+    states, _ = shooting.unpack(point.unknowns)
+    mode = orbit.segments[i].mode
+    following = i + 1
+    while following < len(orbit.segments) and orbit.segments[following].mode != mode:
+        if point.ends[following] - point.starts[following] > 1e-3:
+            return None
+        following += 1
+    if (
+        following >= len(orbit.segments)
+        or orbit.segments[following].cycle != orbit.segments[i].cycle
+    ):
+        return None
+    segments = orbit.segments[:i] + orbit.segments[following:]
+    keep = [*range(i + 1), *range(following + 1, len(orbit.segments))]
+    times = np.concatenate([point.ends[:i], point.ends[following:]])
+    return Guess(segments, states[keep], times)
+
+
+def _at_level(
+    shooting: Shooting, unknowns: Floats, value: float, monitor: Monitor, level: float
+) -> Point | None:
+    """Solve for the orbit on which `monitor` has the value `level`, by Newton's method.
+
+    The parameter is free. The gradient of the monitor is taken by differences.
+    """
+    u = np.append(unknowns, value)
+
+    def observed(x: Floats) -> float:
+        point = shooting.evaluate(x[:-1], x[-1:])
+        return monitors(shooting, point, np.zeros(x.size)).get(monitor, np.nan)
+
+    for _ in range(12):
+        point = shooting.evaluate(u[:-1], u[-1:])
+        here = monitors(shooting, point, np.zeros(u.size)).get(monitor, np.nan)
+        if not np.isfinite(here):
+            return None
+        gradient = np.zeros(u.size)
+        for c in range(u.size):
+            shift = np.zeros(u.size)
+            shift[c] = 1e-6
+            gradient[c] = (observed(u + shift) - observed(u - shift)) / 2e-6
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), gradient])
+        residual = np.append(point.residual, here - level)
+        if not np.isfinite(matrix).all():
+            return None
+        change = np.linalg.lstsq(matrix, -residual)[0]
+        u = u + change
+        if np.abs(change).max() < 1e-10:
+            break
+    point = shooting.evaluate(u[:-1], u[-1:])
+    return point if np.abs(point.residual).max() < ACCEPTED else None
+
+
+def _derivative(shooting: Shooting, point: Point, monitor: Monitor, direction: Floats) -> float:
+    """Return how `monitor` changes along `direction`."""
+    h = 1e-6
+    u = np.append(point.unknowns, point.values[0])
+    values = []
+    for sign in (1.0, -1.0):
+        x = u + sign * h * direction
+        there = shooting.evaluate(x[:-1], x[-1:])
+        values.append(monitors(shooting, there, direction).get(monitor, np.nan))
+    return float(values[0] - values[1])

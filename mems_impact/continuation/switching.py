@@ -1,0 +1,47 @@
+"""Onto the branch of doubled period."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mems_impact.continuation.corrector import correct, tangent
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import Point, Shooting
+
+DISTANCE = 1e-3  # from the orbit that doubles, in the space of unknowns
+
+
+def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[Shooting, Point, Floats]:
+    """Return the branch of twice the period that leaves `orbit`, and the direction along it.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        At a period doubling.
+    parameter : str
+
+    Raises
+    ------
+    OrbitError
+        If the orbit does not double its period.
+    """
+    later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in orbit.segments)
+    shooting = Shooting(orbit.family, orbit.segments + later, (parameter,))
+    shooting.pinned = orbit.shooting.pinned
+    states, times = orbit.shooting.unpack(orbit.point.unknowns)
+    free = shooting.free
+    unknowns = np.concatenate([np.tile(states[:, free].ravel(), 2), np.tile(times, 2)])
+    value = np.array([orbit.family.values[parameter]])
+    point = shooting.evaluate(unknowns, value)
+    _, sizes, vectors = np.linalg.svd(point.jacobian)
+    if sizes[-1] > 1e-4 * sizes[0]:
+        raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
+    # The null vector of the doubled equations: one way in the first pass, the other in the second.
+    away = np.append(vectors[-1], 0.0)
+    start = np.append(unknowns, value) + DISTANCE * away
+    first, _ = correct(shooting, start, away)
+    return shooting, first, tangent(first, away)

@@ -1,0 +1,187 @@
+"""What a run of the actuator returns: tables, statistics and the last state."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mems_impact import tables
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.modes import STATES, X1, X2, actuator_automaton, direction_of
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.cvode.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid import run as hybrid
+from mems_impact.hybrid.trajectory import Events, Trajectory
+from mems_impact.studies.impacts import energy_lost, frame_steps
+from mems_impact.studies.state import State, is_number
+from mems_impact.studies.statistics import Accumulator, instant_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Keep", "Run", "check_direction", "problem_of"]
+
+Keep = Literal["events", "statistics"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A run of the actuator; its tables are made when they are first asked for.
+
+    Attributes
+    ----------
+    actuator : Actuator
+    drive : Drive
+    options : Options
+    keep : {"events", "statistics"}
+    window : tuple of float
+        First and last forcing period of the statistics.
+    trajectory : Trajectory
+        What the event loop returned: the events as arrays, the first and last instant.
+    """
+
+    actuator: Actuator
+    drive: Drive
+    options: Options = field(repr=False)
+    keep: Keep
+    window: tuple[float, float]
+    trajectory: Trajectory = field(repr=False)
+    _accumulator: Accumulator = field(repr=False)
+
+    @property
+    def periods(self) -> float:
+        """Forcing periods done."""
+        start, final = self.trajectory.start, self.trajectory.final
+        return final.cycle - start.cycle + (final.time - start.time) / self.drive.period
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Where the run begins and ends, in forcing periods (0: start of the first of them)."""
+        start, final = self.trajectory.start, self.trajectory.final
+        period = self.drive.period
+        return start.cycle + start.time / period, final.cycle + final.time / period
+
+    @property
+    def final(self) -> State:
+        """The state at the end; ``initial`` of a run that goes on from there."""
+        final = self.trajectory.final
+        values = dict(zip(STATES, final.y.tolist(), strict=True))
+        return State(**values, time=final.time)
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """One row an impact.
+
+        Columns: period, time and phase (in [0, 1)) within it, stopper, velocities of frame (v1)
+        and block (v2) before and after, energy lost, position x1 of the frame, and its step: the
+        displacement until the frame rests or the next impact comes (NaN if neither came).
+        """
+        log = self._events("impacts")
+        rows, steps = frame_steps(log)
+        struck = np.zeros(len(log), dtype=bool)
+        struck[rows] = True
+        hits = log[struck]
+        return tables.impacts(hits, steps, energy_lost(hits, self.actuator), self.drive.period)
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """One row a transition: period, time, event, modes before and after, state after."""
+        return tables.events(self._events("events"))
+
+    def section(self, direction: int = 0) -> pd.DataFrame:
+        """Return the crossings of the Poincaré section x2 = 0.
+
+        Parameters
+        ----------
+        direction : {0, 1, -1}, optional
+            Both directions, v2 > 0 or v2 < 0.
+
+        Returns
+        -------
+        DataFrame
+            period, time, v2, v1, x1, direction; one row a crossing.
+        """
+        check_direction("direction", direction)
+        return tables.section(self._events("section"), direction)
+
+    def samples(
+        self, per_period: int = 200, first: float | None = None, last: float | None = None
+    ) -> pd.DataFrame:
+        """Return the state at equal intervals.
+
+        Parameters
+        ----------
+        per_period : int, optional
+            Samples per forcing period, > 0.
+        first, last : float, optional
+            Forcing periods between which to sample; the whole run by default.
+
+        Returns
+        -------
+        DataFrame
+            period, time within it, t (from the start of period 0), x1, v1, x2, v2, mode.
+        """
+        self._events("samples")
+        whole = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
+        if not whole or per_period <= 0:
+            raise InvalidParameter("per_period", per_period, "a whole number > 0")
+        begin, end = self.extent
+        low, high = begin if first is None else first, end if last is None else last
+        if not (is_number(low) and is_number(high) and low <= high and high >= begin):
+            allowed = f"between {begin:g} and {end:g}, first before last"
+            raise InvalidParameter("first, last", (first, last), allowed)
+        grid = self.trajectory.samples(int(per_period), first, last)
+        return tables.samples(grid, self.drive.period)
+
+    @cached_property
+    def statistics(self) -> pd.Series:
+        """What happened in the window, number by number (see `studies.statistics.Statistics`)."""
+        values = self._accumulator.result(self.trajectory.final, (self._x1(0), self._x1(1)))
+        return tables.statistics(asdict(values))
+
+    def _x1(self, border: int) -> float:
+        """Return x1 where the window begins (0) or ends (1)."""
+        final, period = self.trajectory.final, self.drive.period
+        cycle, time = instant_of(self.window[border], period)
+        if (final.cycle, final.time) <= (cycle, time):
+            return float(final.y[X1])
+        anchor = self._accumulator.anchor(border)
+        wait = (cycle - anchor.cycle) + (time - anchor.time) / period
+        if wait > 0.0 and direction_of(anchor.mode) != 0:
+            # The frame slides across the border: integrate the arc again, up to there.
+            problem = problem_of(self.actuator, self.drive, self.options)
+            anchor = hybrid.run(problem, anchor, wait, consume=lambda _: None).final
+        return float(anchor.y[X1])
+
+    def _events(self, table: str) -> Events:
+        if self.keep != "events":
+            allowed = f"'events' for the run's {table}; simulate again with keep='events'"
+            raise InvalidParameter("keep", self.keep, allowed)
+        return self.trajectory.events
+
+
+def problem_of(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Problem:
+    """Return the actuator under a drive as a problem of the hybrid layer."""
+    if not isinstance(actuator, Actuator):
+        raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
+    if not isinstance(drive, Drive):
+        raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
+    kind = type(drive)
+    return hybrid.Problem(
+        automaton=actuator_automaton(kind.voltage, kind.voltage_rate),
+        parameters=np.concatenate([actuator.to_array(), drive.parameters()]),
+        period=drive.period,
+        switches=drive.switches,
+        section=(X2, 0.0, 0),
+        options=options,
+    )
+
+
+def check_direction(field: str, direction: object) -> None:
+    """Raise InvalidParameter unless `direction` is that of crossings of a section."""
+    if direction not in (-1, 0, 1):
+        raise InvalidParameter(field, direction, "1 (v2 > 0), -1 (v2 < 0) or 0 (both)")

@@ -1,0 +1,179 @@
+"""Sweeps: one parameter slowly increased or decreased, every value from the last state before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from mems_impact import tables
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.cvode import library
+from mems_impact.cvode.options import Options
+from mems_impact.errors import EngineUnavailable, InvalidParameter, SweepInterrupted
+from mems_impact.studies.chains import Case, Chain, Point, Study, in_threads, in_turn
+from mems_impact.studies.run import check_direction
+from mems_impact.studies.state import State, is_number
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+__all__ = ["kicked", "sweep"]
+
+CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
+
+
+def sweep(
+    actuator: Actuator,
+    drive: Drive,
+    parameter: str,
+    values: ArrayLike,
+    *,
+    direction: Literal["up", "down", "both"] = "up",
+    transient: int = 300,
+    periods: int = 60,
+    section: Literal[1, -1, 0] = 1,
+    initial: State | Mapping[str, State] | None = None,
+    options: Options = Options(),  # noqa: B008 - immutable
+    progress: bool = False,
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Vary one parameter slowly; every value starts from the last state of the value before.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+    parameter : str
+        A parameter of the drive (``"amplitude"``, ``"omega"``, …) or of the actuator.
+    values : array_like of float
+        Values of the parameter, in any order.
+    direction : {"up", "down", "both"}, optional
+        Ascending, descending, or one chain of each.
+    transient, periods : int, optional
+        Forcing periods that each value is given to settle, and that are then measured.
+    section : {1, -1, 0}, optional
+        Which crossings of the Poincaré section x2 = 0 are kept: v2 > 0, v2 < 0 or both.
+    initial : State or mapping of str to State, optional
+        Where each chain starts: one state for all, or one for ``"up"`` and one for ``"down"``. By
+        default, up starts at rest in the middle and down with a kick (see `kicked`), so that a
+        range with two attractors shows both.
+    options : Options, optional
+    progress : bool, optional
+        Show a progress bar if the sweep takes over a second.
+    workers : int, optional
+        Threads; by default one for each chain. The results do not depend on it.
+
+    Returns
+    -------
+    DataFrame
+        One row a crossing of the section: the parameter, direction ("up" or "down"), period
+        (counted from the end of the transient), v2, v1, and for each value impacts per period,
+        displacement per period and status. A value without any crossing is one row with NaN. So
+        is one that failed; its status is the reason rather than "ok", and the chain goes on from
+        the last good state.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or a value is not allowed for the parameter.
+    SweepInterrupted
+        On Ctrl-C; its ``table`` holds the values done.
+
+    Notes
+    -----
+    Where the forcing period changes, the phase of the drive is carried over as a fraction of it.
+    """
+    if direction not in CHAINS:
+        raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
+    check_direction("section", section)
+    transient, periods = _count("transient", transient, 0), _count("periods", periods, 1)
+    study = Study(actuator, drive, parameter, transient, periods, section, options)
+    ascending = np.sort(_numbers(values))
+    cases = [study.case(value) for value in ascending.tolist()]  # all checked before the first
+    chains = []
+    for name in CHAINS[direction]:
+        ordered = cases if name == "up" else cases[::-1]
+        chains.append(Chain(study, name, ordered, _initial(initial, name, ordered[0])))
+    threads = _threads(workers, len(chains), options)
+
+    points: list[list[Point]] = [[] for _ in chains]
+    total = len(cases) * len(chains)
+    run = in_turn if threads == 1 else in_threads
+    interrupted = False
+    with _bar(total, shown=progress) as bar:
+        results = run(chains)
+        try:
+            for number, point in results:
+                points[number].append(point)
+                bar.update()
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            results.close()
+    done = [point for chain in points for point in chain]
+    table = tables.sweep(parameter, done)
+    if interrupted:
+        raise SweepInterrupted(table, len(done), total)
+    return table
+
+
+def kicked(actuator: Actuator) -> State:
+    """Return the state in which the block passes the middle fast enough to strike a stopper.
+
+    Its kinetic energy is four times what the spring takes up on the way.
+    """
+    return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
+
+
+def _initial(initial: State | Mapping[str, State] | None, name: str, case: Case) -> State:
+    if isinstance(initial, Mapping):
+        unknown = set(initial) - {"up", "down"}
+        if unknown:
+            raise InvalidParameter("initial", sorted(unknown), "given for 'up' and 'down' alone")
+        initial = initial.get(name)
+    if initial is None:
+        return State() if name == "up" else kicked(case.actuator)
+    if not isinstance(initial, State):
+        raise InvalidParameter("initial", initial, "a State, or a mapping of 'up', 'down' to State")
+    return initial
+
+
+def _numbers(values: ArrayLike) -> np.ndarray:
+    allowed = "one or more finite numbers"
+    try:
+        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise InvalidParameter("values", values, allowed) from None
+    if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
+        raise InvalidParameter("values", values, allowed)
+    return numbers
+
+
+def _threads(workers: int | None, chains: int, options: Options) -> int:
+    if workers is not None:
+        workers = _count("workers", workers, 1)
+    # The interpreted engine holds Python's lock, and silences standard output for all threads.
+    if options.engine == "interpreted":
+        return 1
+    try:
+        library.load()
+    except EngineUnavailable:
+        return 1
+    return chains if workers is None else min(workers, chains)
+
+
+def _count(field: str, value: Any, least: int) -> int:
+    if not (is_number(value) and value >= least and value == int(value)):
+        raise InvalidParameter(field, value, f"a whole number >= {least}")
+    return int(value)
+
+
+def _bar(total: int, *, shown: bool) -> Any:
+    from tqdm import tqdm
+
+    return tqdm(total=total, delay=1.0, unit=" values", disable=not shown)

@@ -1,0 +1,113 @@
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+ARGUMENTS = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "20"]
+
+
+def test_tables_and_figure_are_written_and_said(cli, tmp_path):
+    done = cli(*ARGUMENTS)
+    assert done.status == 0
+    names = [f"simulate-{table}.csv" for table in ("impacts", "events", "statistics")]
+    names.append("simulate.png")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(names)
+    for name in names:
+        assert f"out/{name}" in done.out.splitlines()[-1]
+    assert (tmp_path / "out" / "simulate.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_tables_hold_what_python_gives(cli, tmp_path):
+    cli(*ARGUMENTS, "--no-figure", "--set", "e=0.7", "--x2", "0.1", "--bias", "0.05")
+    run = mi.simulate(
+        mi.load_actuator("zhao2004").replace(e=0.7),
+        mi.Sine(amplitude=0.24, omega=0.5, bias=0.05),
+        periods=20,
+        initial=mi.State(x2=0.1),
+    )
+    written = pd.read_csv(tmp_path / "out" / "simulate-impacts.csv")
+    expected = run.impacts.astype({"stopper": object})
+    pd.testing.assert_frame_equal(written, expected, check_dtype=False, rtol=1e-15)
+    statistics = pd.read_csv(tmp_path / "out" / "simulate-statistics.csv", index_col=0)["value"]
+    assert statistics["displacement per period"] == pytest.approx(
+        run.statistics["displacement per period"], rel=1e-15
+    )
+
+
+def test_screen_shows_statistics_and_first_impacts(cli):
+    out = cli(*ARGUMENTS, "--no-figure").out
+    assert "impacts per period" in out
+    assert "v2 before" in out
+
+
+def test_a_run_without_impact_says_so(cli):
+    done = cli(*ARGUMENTS, "--amplitude", "0.05")
+    assert done.status == 0
+    assert "No impact." in done.out
+    assert "closest approach" in done.out
+    assert "impact speed" not in done.out
+
+
+def test_window_is_that_of_the_statistics(cli):
+    out = cli(*ARGUMENTS, "--no-figure", "--window", "18", "20").out
+    assert "forcing periods 18 to 20" in out
+
+
+def test_figure_may_go_elsewhere(cli, tmp_path):
+    done = cli(*ARGUMENTS, "--figure", "figures/run.pdf", "--output", "tables")
+    assert done.status == 0
+    assert (tmp_path / "figures" / "run.pdf").read_bytes().startswith(b"%PDF")
+    assert not list((tmp_path / "tables").glob("*.p*"))
+
+
+def test_a_failed_run_keeps_its_tables(cli, tmp_path, monkeypatch):
+    whole = mi.simulate(
+        mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), periods=20
+    )
+
+    def failing(*_arguments, **_options):
+        raise mi.RunError(
+            reason="it broke",
+            remedy="mend it",
+            cycle=20,
+            phase_time=0.0,
+            mode="stuck-free",
+            state={"x1": 0.0},
+            trajectory=whole,
+        )
+
+    monkeypatch.setattr(mi, "simulate", failing, raising=False)
+    done = cli(*ARGUMENTS)
+    assert done.status == 1
+    assert done.err.count("\n") == 1
+    assert "it broke" in done.err
+    assert "mend it" in done.err
+    assert "out/simulate-impacts.csv" in done.err
+    assert len(pd.read_csv(tmp_path / "out" / "simulate-impacts.csv")) == len(whole.impacts)
+
+
+def test_interrupted(cli, monkeypatch):
+    def interrupted(*_arguments, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mi, "simulate", interrupted, raising=False)
+    done = cli(*ARGUMENTS)
+    assert done.status == 130
+    assert done.err.strip() == "mems-impact: interrupted; nothing was written"
+
+
+def test_a_fallback_is_one_line(cli, monkeypatch):
+    from mems_impact.cvode import library
+    from mems_impact.errors import EngineUnavailable
+
+    def unavailable():
+        raise EngineUnavailable("no SUNDIALS here", "install it")
+
+    monkeypatch.setattr(library, "load", unavailable)
+    done = cli(*ARGUMENTS, "--no-figure", "--periods", "1")
+    assert done.status == 0
+    assert done.err.count("\n") == 1
+    assert done.err.startswith("mems-impact: warning: no SUNDIALS here; install it")
+    refused = cli(*ARGUMENTS, "--no-figure", "--engine", "compiled")
+    assert refused.status == 1
+    assert refused.err == "mems-impact: no SUNDIALS here; install it\n"

@@ -1,0 +1,70 @@
+import signal
+import subprocess
+import sys
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+ARGUMENTS = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.16", "--to", "0.24"]
+ARGUMENTS += ["--points", "3", "--omega", "0.5", "--transient", "100", "--periods", "10"]
+
+
+def test_summary_table_and_figure(cli, tmp_path):
+    done = cli(*ARGUMENTS)
+    assert done.status == 0
+    assert "amplitude increased, 3 values: 1 with impacts, which begin at 0.24" in done.out
+    assert "amplitude decreased, 3 values: 2 with impacts, which cease at 0.16" in done.out
+    assert "out/sweep-table.csv, out/sweep.png" in done.out.splitlines()[-1]
+    table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
+    assert set(table["direction"]) == {"up", "down"}
+    assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_parameter_of_the_device(cli, tmp_path):
+    done = cli(
+        *ARGUMENTS, "--parameter", "e", "--from", "0.7", "--to", "0.8", "--amplitude", "0.24",
+        "--direction", "up", "--no-figure",
+    )  # fmt: skip
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
+    assert sorted(set(table["e"])) == [0.7, 0.75, 0.8]
+
+
+def test_failed_values_are_said(cli, monkeypatch):
+    table = mi.sweep(
+        mi.load_actuator("zhao2004"),
+        mi.Sine(amplitude=0.2, omega=0.5),
+        "amplitude",
+        [0.2, 0.24],
+        transient=1,
+        periods=1,
+    )
+    table.loc[table["amplitude"] == 0.24, "status"] = "it broke"
+    monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
+    done = cli(*ARGUMENTS)
+    assert done.status == 0
+    assert "1 failed" in done.out
+    assert "failed at 0.24: it broke" in done.out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
+def test_interrupted_sweep_keeps_what_is_done(tmp_path):
+    command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000"]
+    sweep = subprocess.Popen(
+        [*command, "--output", str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.PIPE
+    )
+    # The bar is on standard error once values are being done, after a second or more.
+    shown = b""
+    while b" values/s" not in shown and (more := sweep.stderr.read1()):
+        shown += more
+    sweep.send_signal(signal.SIGINT)
+    _, rest = sweep.communicate(timeout=60)
+    assert sweep.returncode == 130
+    line = rest.decode().splitlines()[-1]
+    assert line.startswith("mems-impact: interrupted after ")
+    assert "sweep-table.csv" in line
+    done = int(line.split("after ")[1].split()[0])
+    table = pd.read_csv(tmp_path / "sweep-table.csv")
+    assert len(table.groupby(["amplitude", "direction"])) == done > 0

@@ -1,0 +1,328 @@
+"""Runs of the actuator: what they keep, refuse and report."""
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+KICK = mi.State(v2=1.0)
+INTERPRETED = mi.Options(engine="interpreted")
+
+
+@pytest.fixture(scope="module")
+def walking():
+    return mi.simulate(ZHAO, DRIVE, 300, initial=KICK)
+
+
+def refused(**arguments):
+    arguments = {"actuator": ZHAO, "drive": DRIVE, "periods": 2} | arguments
+    with pytest.raises(mi.InvalidParameter) as caught:
+        mi.simulate(**arguments)
+    return caught.value
+
+
+# The paper, Section 4, at omega = 0.5.
+
+
+def test_paper_off():
+    run = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.16), 300)
+    assert run.statistics["impacts"] == 0
+    assert run.statistics["displacement per period"] == 0
+
+
+def test_paper_one_impact_a_forcing_period(walking):
+    assert walking.statistics["impacts per period"] == 1.0
+    assert walking.statistics["step std"] < 1e-9
+    assert (walking.impacts["stopper"].iloc[100:] == "right").all()
+    assert walking.statistics["displacement per period"] > 0
+
+
+# Tables.
+
+
+def test_impacts(walking):
+    hits = walking.impacts
+    assert list(hits.columns) == [
+        "period", "time", "phase", "stopper", "v1 before", "v1 after", "v2 before", "v2 after",
+        "energy lost", "x1", "step",
+    ]  # fmt: skip
+    assert hits["phase"].between(0, 1, inclusive="left").all()
+    np.testing.assert_allclose(hits["phase"] * DRIVE.period, hits["time"], rtol=1e-15)
+    ratio = -hits["v2 after"] / hits["v2 before"]
+    np.testing.assert_allclose(ratio, ZHAO.e, rtol=1e-14)
+    # The frame is at rest whenever it is struck: its steps are all that moves it.
+    assert hits["step"].iloc[:-1].sum() == pytest.approx(hits["x1"].iloc[-1], abs=1e-13)
+
+
+def test_momentum_at_every_impact(walking):
+    for hits in (walking.impacts, chatter().impacts):
+        before = ZHAO.m1 * hits["v1 before"] + ZHAO.m2 * (hits["v1 before"] + hits["v2 before"])
+        after = ZHAO.m1 * hits["v1 after"] + ZHAO.m2 * (hits["v1 after"] + hits["v2 after"])
+        np.testing.assert_allclose(after, before, rtol=0, atol=1e-12)
+
+
+def chatter():
+    slippery = ZHAO.replace(mu_s=0.01, mu_d=0.01)
+    drive = mi.Sine(amplitude=0.45, omega=0.1)
+    return mi.simulate(slippery, drive, 6, initial=KICK)
+
+
+def test_events(walking):
+    events = walking.events
+    assert set(events["event"]) == {"right impact", "left impact", "slip end"} & set(
+        events["event"]
+    )
+    # Every transition begins in the mode in which the one before it ended.
+    assert (
+        events["mode before"].iloc[1:].astype(str).to_numpy()
+        == events["mode after"].iloc[:-1].astype(str).to_numpy()
+    ).all()
+    assert set(chatter().events["event"]) >= {"right impact", "chatter ends", "release"}
+
+
+def test_section(walking):
+    both, up, down = (walking.section(direction) for direction in (0, 1, -1))
+    assert len(both) == len(up) + len(down)
+    assert (up["v2"] > 0).all()
+    assert (down["v2"] < 0).all()
+    assert refuses_section(walking).field == "direction"
+
+
+def refuses_section(run):
+    with pytest.raises(mi.InvalidParameter) as caught:
+        run.section(2)
+    return caught.value
+
+
+def test_samples(walking):
+    grid = walking.samples(50, 298)
+    assert len(grid) == 101
+    assert list(grid.columns) == ["period", "time", "t", "x1", "v1", "x2", "v2", "mode"]
+    np.testing.assert_allclose(np.diff(grid["t"]), DRIVE.period / 50, rtol=1e-9)
+    assert grid["x2"].abs().max() <= ZHAO.delta + 1e-9
+    assert (grid["x2"].iloc[-1], grid["v2"].iloc[-1]) == pytest.approx(
+        (walking.final.x2, walking.final.v2), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "arguments", [{"per_period": 0}, {"per_period": 2.5}, {"first": 301}, {"first": 5, "last": 4},
+                  {"first": math.nan}],
+)  # fmt: skip
+def test_samples_refused(walking, arguments):
+    with pytest.raises(mi.InvalidParameter):
+        walking.samples(**arguments)
+
+
+def test_statistics_only_keeps_no_tables():
+    run = mi.simulate(ZHAO, DRIVE, 5, keep="statistics")
+    assert len(run.trajectory.events) == 0
+    for table in ("impacts", "events"):
+        with pytest.raises(mi.InvalidParameter, match="keep='events'"):
+            getattr(run, table)
+    for table in (run.section, run.samples):
+        with pytest.raises(mi.InvalidParameter, match="keep='events'"):
+            table()
+
+
+# Going on, and the engines.
+
+
+def test_going_on_from_the_final_state():
+    whole = mi.simulate(ZHAO, DRIVE, 20, initial=KICK)
+    half = mi.simulate(ZHAO, DRIVE, 9.3, initial=KICK)
+    assert half.final.time == pytest.approx(0.3 * DRIVE.period, rel=1e-12)
+    rest = mi.simulate(ZHAO, DRIVE, 10.7, initial=half.final)
+    assert rest.extent == pytest.approx((0.3, 11.0))
+    assert rest.periods == pytest.approx(10.7)
+    for name in ("x1", "v1", "x2", "v2"):
+        assert getattr(rest.final, name) == pytest.approx(getattr(whole.final, name), abs=1e-7)
+    first = rest.statistics["window first"]
+    assert first == pytest.approx(0.3 + 5.35)
+
+
+@pytest.mark.parametrize("omega", [0.37, 0.45, 0.501, 0.6543])
+@pytest.mark.parametrize("periods", [3, 7, 19])
+def test_whole_periods_end_at_the_start_of_one(omega, periods):
+    run = mi.simulate(ZHAO, DRIVE.replace(omega=omega), periods)
+    assert run.final.time == 0.0
+    assert run.extent == (0.0, periods)
+
+
+def test_engines_agree():
+    slow, fast = (
+        mi.simulate(ZHAO, DRIVE, 8, initial=KICK, options=mi.Options(engine=engine))
+        for engine in ("interpreted", "compiled")
+    )
+    assert len(slow.impacts) == len(fast.impacts)
+    for column in ("time", "v2 before", "x1"):
+        np.testing.assert_allclose(slow.impacts[column], fast.impacts[column], atol=1e-7)
+    assert slow.statistics["impacts"] == fast.statistics["impacts"]
+    assert slow.final.x2 == pytest.approx(fast.final.x2, abs=1e-7)
+
+
+# Initial states.
+
+
+@pytest.mark.parametrize("name", ["x1", "v1", "x2", "v2", "time"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, "0", None, True])
+def test_state_refuses(name, value):
+    with pytest.raises(mi.InvalidParameter) as caught:
+        mi.State(**{name: value})
+    assert caught.value.field == name
+
+
+def test_state_refuses_a_time_before_the_period():
+    with pytest.raises(mi.InvalidParameter):
+        mi.State(time=-0.1)
+
+
+def test_beyond_a_stopper():
+    error = refused(initial=mi.State(x2=-0.51))
+    assert error.field == "x2"
+    assert "-0.5 and 0.5" in str(error)
+
+
+def test_beyond_the_period():
+    assert refused(initial=mi.State(time=7.0)).field == "time"
+
+
+@pytest.mark.parametrize("options", [mi.Options(), INTERPRETED])
+@pytest.mark.parametrize("side", [1, -1])
+def test_on_the_stopper_and_moving_into_it(options, side):
+    initial = mi.State(x2=side * ZHAO.delta, v2=side * 0.3)
+    run = mi.simulate(ZHAO, DRIVE, 1, initial=initial, options=options)
+    hit = run.impacts.iloc[0]
+    assert (hit["period"], hit["time"]) == (0, 0.0)
+    assert hit["stopper"] == ("right" if side == 1 else "left")
+    assert hit["v2 before"] == side * 0.3
+    assert hit["v1 after"] == pytest.approx(1.8 * 0.3 * side / 6, rel=1e-14)
+
+
+@pytest.mark.parametrize(("v1", "mode"), [(0.1, "forward-free"), (-0.1, "backward-free")])
+def test_sliding_frame(v1, mode):
+    run = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.0), 1, initial=mi.State(v1=v1, x2=0.1))
+    assert run.events["mode before"].iloc[0] == mode
+    assert run.events["event"].iloc[0] == "slip end"
+    assert math.copysign(1.0, run.final.x1) == math.copysign(1.0, v1)
+    # The frame decelerates with about mu_d N / m1, Equation (3).
+    stop = 0.5 * v1**2 * ZHAO.m1 / (ZHAO.mu_d * 6 * 9.81)
+    assert abs(run.final.x1) == pytest.approx(stop, rel=0.05)
+
+
+def test_at_rest_on_the_stopper():
+    strong = DRIVE.replace(amplitude=0.5)
+    run = mi.simulate(ZHAO, strong, 1, initial=mi.State(x2=ZHAO.delta))
+    assert run.samples(10)["mode"].iloc[0] == "stuck-right"
+    weak = mi.simulate(ZHAO, DRIVE, 1, initial=mi.State(x2=ZHAO.delta))
+    assert weak.samples(10)["mode"].iloc[0] == "stuck-free"
+
+
+# Limits of the parameters.
+
+
+def test_block_never_leaves_the_stopper():
+    held = mi.Sine(amplitude=0.1, omega=0.5, bias=2.0)
+    run = mi.simulate(ZHAO, held, 10)
+    assert run.statistics["share resting"] == pytest.approx(1.0, rel=1e-14)
+    assert run.statistics["impacts"] == 0
+    assert run.statistics["closest approach"] == 0.0
+    assert run.final.x2 == ZHAO.delta
+    assert (run.events["event"] == "chatter ends").sum() == 1
+
+
+def test_plastic_impact():
+    run = mi.simulate(ZHAO.replace(e=0.0), DRIVE.replace(amplitude=0.5), 20)
+    assert len(run.impacts) > 0
+    assert (run.impacts["v2 after"] == 0.0).all()
+    assert run.samples(200)["x2"].abs().max() <= ZHAO.delta + 1e-9
+
+
+def test_elastic_impact():
+    run = mi.simulate(ZHAO.replace(e=1.0), DRIVE, 100, initial=KICK)
+    assert len(run.impacts) > 0
+    np.testing.assert_allclose(run.impacts["energy lost"], 0.0, atol=1e-15)
+
+
+def test_frictionless_frame_never_sticks():
+    free = ZHAO.replace(mu_s=0.0, mu_d=0.0)
+    run = mi.simulate(free, DRIVE, 100, initial=KICK, window=(0, 100))
+    assert run.statistics["share slipping"] > 0.99
+    grid = run.samples(50)
+    # No force from outside: the common momentum stays what it was.
+    momentum = free.m1 * grid["v1"] + free.m2 * (grid["v1"] + grid["v2"])
+    np.testing.assert_allclose(momentum, free.m2 * KICK.v2, atol=1e-6)
+
+
+# Arguments.
+
+
+@pytest.mark.parametrize("periods", [0, -1, math.nan, math.inf, "10", None])
+def test_periods_refused(periods):
+    assert refused(periods=periods).field == "periods"
+
+
+@pytest.mark.parametrize(
+    "window", [(1, 1), (1.5, 1), (-1, 2), (0, 3), (0, math.nan), (1,), "all", 5]
+)
+def test_window_refused(window):
+    assert refused(window=window).field == "window"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("actuator", "zhao2004"), ("drive", 0.24), ("initial", (0, 1)), ("keep", "all")],
+)
+def test_arguments_refused(name, value):
+    assert refused(**{name: value}).field == name
+
+
+# What goes wrong on the way.
+
+
+def test_run_error_holds_what_was_computed():
+    options = mi.Options(max_events=3)
+    slippery = ZHAO.replace(mu_s=0.01, mu_d=0.01)
+    with pytest.raises(mi.RunError) as caught:
+        mi.simulate(slippery, mi.Sine(amplitude=0.45, omega=0.1), 50, options=options)
+    run = caught.value.trajectory
+    assert isinstance(run, mi.Run)
+    assert len(run.events) >= 3
+    assert run.periods < 50
+    assert math.isnan(run.statistics["impacts per period"])  # the window was never reached
+    assert run.samples(10).notna().all(axis=None)
+
+
+def test_run_error_within_the_window():
+    options = mi.Options(max_events=3)
+    slippery = ZHAO.replace(mu_s=0.01, mu_d=0.01)
+    drive = mi.Sine(amplitude=0.45, omega=0.1)
+    with pytest.raises(mi.RunError) as caught:
+        mi.simulate(slippery, drive, 50, options=options, window=(0, 50), keep="statistics")
+    run = caught.value.trajectory
+    number = run.statistics
+    assert number["window last"] == pytest.approx(run.extent[1])
+    assert number["impacts"] >= 1
+    assert 0 < number["share slipping"] < 1
+
+
+def test_interruption_passes_through():
+    def interrupt(_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        mi.simulate(ZHAO, DRIVE, 5, progress=interrupt)
+
+
+def test_progress(capsys):
+    seen = []
+    mi.simulate(ZHAO, DRIVE, 5, progress=seen.append)
+    assert seen[-1] == pytest.approx(5)
+    mi.simulate(ZHAO, DRIVE, 5, progress=True)
+    assert capsys.readouterr().out == ""
+    assert "tqdm" in sys.modules

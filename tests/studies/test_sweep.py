@@ -1,0 +1,231 @@
+"""Sweeps: chains of runs, what fails in them and what interrupts them."""
+
+import math
+import threading
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+from mems_impact.studies import chains
+
+ZHAO = mi.load_actuator("zhao2004")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+SHORT = {"transient": 10, "periods": 4}
+
+
+def swept(values=(0.2, 0.22, 0.24), parameter="amplitude", **arguments):
+    return mi.sweep(ZHAO, DRIVE, parameter, values, **(SHORT | arguments))
+
+
+@pytest.fixture(scope="module")
+def hysteresis():
+    values = np.linspace(0.16, 0.24, 17)
+    return mi.sweep(ZHAO, DRIVE, "amplitude", values, direction="both", transient=200, periods=20)
+
+
+def test_hysteresis_of_the_paper(hysteresis):
+    summary = mi.sweep_summary(hysteresis)
+    up, down = (summary[summary["direction"] == name] for name in ("up", "down"))
+    on = up.loc[up["impacting"], "amplitude"].min()
+    off = down.loc[~down["impacting"], "amplitude"].max()
+    # Between a cyclic fold near 0.18 and a graze near 0.23, both are stable.
+    assert 0.22 < on <= 0.23
+    assert 0.17 < off < 0.18
+    assert not up["impacting"].iloc[0]
+    assert up["impacting"].iloc[-1]
+    assert (summary.loc[summary["impacting"], "impacts per period"] == 1.0).all()
+    # Where one attractor is left, the chains agree.
+    same = up.merge(down, on="amplitude")
+    alone = same[(same["amplitude"] < 0.17) | (same["amplitude"] > 0.231)]
+    np.testing.assert_allclose(alone["v2 max_x"], alone["v2 max_y"], atol=1e-4)
+
+
+def test_table(hysteresis):
+    assert list(hysteresis.columns) == [
+        "amplitude", "direction", "period", "v2", "v1", "impacts per period",
+        "displacement per period", "status",
+    ]  # fmt: skip
+    assert len(hysteresis) == 2 * 17 * 20
+    assert (hysteresis["status"] == "ok").all()
+    assert (hysteresis["v2"] > 0).all()
+    assert sorted(set(hysteresis["period"])) == list(range(20))
+    down = hysteresis[hysteresis["direction"] == "down"]
+    assert down["amplitude"].is_monotonic_decreasing
+
+
+def test_both_is_up_and_down():
+    both = swept(direction="both")
+    apart = pd.concat([swept(direction="up"), swept(direction="down")], ignore_index=True)
+    pd.testing.assert_frame_equal(both, apart, check_exact=True)
+
+
+def test_workers_do_not_matter():
+    serial, threads = (swept(direction="both", workers=n) for n in (1, 2))
+    pd.testing.assert_frame_equal(serial, threads, check_exact=True)
+
+
+def test_interpreted():
+    options = {"transient": 1, "periods": 2, "direction": "both"}
+    tables = [
+        swept((0.2, 0.24), options=mi.Options(engine=engine), **options)
+        for engine in ("interpreted", "compiled")
+    ]
+    pd.testing.assert_frame_equal(*tables, check_exact=False, rtol=1e-6)
+
+
+def test_every_value_starts_from_the_last_state():
+    table = swept((0.22, 0.24), initial=mi.State(v2=1.0), section=0)
+    first = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.22), 14, initial=mi.State(v2=1.0))
+    second = mi.simulate(ZHAO, DRIVE, 14, initial=first.final)
+    expected = second.section()
+    expected = expected[expected["period"] >= 10]
+    rows = table[table["amplitude"] == 0.24]
+    assert rows["v2"].tolist() == expected["v2"].tolist()
+    assert (rows["period"] + 10).tolist() == expected["period"].tolist()
+
+
+def test_values_in_any_order():
+    pd.testing.assert_frame_equal(swept((0.24, 0.2, 0.22)), swept((0.2, 0.22, 0.24)))
+
+
+@pytest.mark.parametrize(("section", "signs"), [(1, {1}), (-1, {-1}), (0, {1, -1})])
+def test_section(section, signs):
+    assert set(np.sign(swept(section=section)["v2"])) == signs
+
+
+def test_frequency_keeps_the_phase():
+    # A whole number of periods ends at phase 0 whatever the period, and so goes on from there.
+    table = swept((0.48, 0.5, 0.52), "omega", initial=mi.State(time=1.0, v2=1.0))
+    assert (table["status"] == "ok").all()
+    assert table.groupby("omega").size().tolist() == [4, 4, 4]
+    state = chains._at_same_phase(mi.State(time=1.5, x2=0.1), 6.0, 4.0)
+    assert state == mi.State(time=1.0, x2=0.1)
+
+
+def test_parameter_of_the_actuator():
+    table = swept((0.6, 0.8), "e", initial=mi.State(v2=1.0))
+    assert table.columns[0] == "e"
+    assert set(table["e"]) == {0.6, 0.8}
+
+
+def test_initial():
+    states = {"up": mi.State(v2=0.5), "down": mi.State(v2=0.9)}
+    both = swept(direction="both", initial=states)
+    up = swept(direction="up", initial=states["up"])
+    down = swept(direction="down", initial=states["down"])
+    pd.testing.assert_frame_equal(both, pd.concat([up, down], ignore_index=True))
+    kicked = swept(direction="down", initial=mi.kicked(ZHAO))
+    pd.testing.assert_frame_equal(swept(direction="down"), kicked)
+
+
+def test_failed_values_are_rows(monkeypatch):
+    simulate, starts = chains.simulate, []
+
+    def failing(actuator, drive, *rest, **more):
+        starts.append(more["initial"])
+        if drive.amplitude == 0.22:
+            return simulate(actuator, drive, *rest, **more | {"options": mi.Options(max_events=1)})
+        return simulate(actuator, drive, *rest, **more)
+
+    monkeypatch.setattr(chains, "simulate", failing)
+    table = swept(initial=mi.State(v2=1.0), workers=1)
+    failed = table[table["amplitude"] == 0.22]
+    assert len(failed) == 1
+    assert failed[["period", "v2", "v1", "impacts per period"]].isna().all(axis=None)
+    assert "max_events = 1" in failed["status"].iloc[0]
+    # The next value starts where the failed one did.
+    assert starts[2] == starts[1] != starts[0]
+    assert (table.loc[table["amplitude"] != 0.22, "status"] == "ok").all()
+    summary = mi.sweep_summary(table)
+    assert summary["impacting"].tolist()[1] is False
+    assert summary["crossings"].tolist() == [4, 0, 4]
+
+
+def test_stopper_that_closes_in_on_the_block():
+    # The state carried over may lie beyond a stopper that is nearer: such values fail, one by one.
+    table = swept((0.3, 0.45, 0.5), "delta", direction="down", initial=mi.State(x2=0.4))
+    assert table["status"].iloc[0] == "ok"
+    assert len(table) >= 3
+
+
+def test_value_without_crossing_is_a_row():
+    held = mi.Sine(amplitude=0.1, omega=0.5, bias=2.0)
+    table = mi.sweep(ZHAO, held, "amplitude", [0.1, 0.2], **SHORT)
+    assert len(table) == 2
+    assert table["v2"].isna().all()
+    assert (table["status"] == "ok").all()
+    assert (table["impacts per period"] == 0).all()
+
+
+def interrupting(monkeypatch, at):
+    simulate, calls, lock = chains.simulate, [], threading.Lock()
+
+    def interrupted(*arguments, **more):
+        with lock:
+            calls.append(arguments)
+            if len(calls) == at:
+                raise KeyboardInterrupt
+        return simulate(*arguments, **more)
+
+    monkeypatch.setattr(chains, "simulate", interrupted)
+
+
+def test_interruption(monkeypatch):
+    whole = swept()
+    interrupting(monkeypatch, at=3)
+    with pytest.raises(mi.SweepInterrupted) as caught:
+        swept(workers=1)
+    stop = caught.value
+    assert isinstance(stop, KeyboardInterrupt)
+    assert (stop.done, stop.total) == (2, 3)
+    assert "2 of 3" in str(stop)
+    pd.testing.assert_frame_equal(stop.table, whole[whole["amplitude"] < 0.24])
+
+
+def test_interruption_of_threads(monkeypatch):
+    interrupting(monkeypatch, at=5)
+    before = threading.active_count()
+    with pytest.raises(mi.SweepInterrupted) as caught:
+        swept(np.linspace(0.2, 0.24, 9), direction="both")
+    assert 0 < caught.value.done < 18
+    assert threading.active_count() == before
+
+
+def test_interruption_before_anything(monkeypatch):
+    interrupting(monkeypatch, at=1)
+    with pytest.raises(mi.SweepInterrupted) as caught:
+        swept(workers=1)
+    assert caught.value.done == len(caught.value.table) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "field"),
+    [
+        ({"parameter": "voltage"}, "parameter"),
+        ({"direction": "sideways"}, "direction"),
+        ({"values": []}, "values"),
+        ({"values": [0.1, math.nan]}, "values"),
+        ({"values": "many"}, "values"),
+        ({"values": [[0.1], [0.2]]}, "values"),
+        ({"values": [-0.1, 0.1]}, "amplitude"),
+        ({"values": [0.4, 1.0], "parameter": "delta"}, "delta"),
+        ({"transient": -1}, "transient"),
+        ({"transient": 1.5}, "transient"),
+        ({"periods": 0}, "periods"),
+        ({"section": 2}, "section"),
+        ({"workers": 0}, "workers"),
+        ({"initial": {"sideways": mi.State()}}, "initial"),
+        ({"initial": 1.0}, "initial"),
+    ],
+)
+def test_refused(arguments, field):
+    with pytest.raises(mi.InvalidParameter) as caught:
+        swept(**arguments)
+    assert caught.value.field == field
+
+
+def test_unknown_parameter_lists_the_known():
+    with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, m1"):
+        swept(parameter="volts")

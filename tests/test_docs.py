@@ -1,0 +1,50 @@
+"""The Python examples of README.md and docs/*.md run as they stand, page by page."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+
+
+def python_blocks(text):
+    """Yield the line on which a block begins, and the block."""
+    for match in FENCE.finditer(text):
+        if match.group(1) == "python":
+            yield text.count("\n", 0, match.start(2)), match.group(2)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_python_examples_run(page, tmp_path, monkeypatch):
+    blocks = list(python_blocks(page.read_text(encoding="utf-8")))
+    if not blocks:
+        pytest.skip("no Python example on this page")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    namespace = {"__name__": "__main__"}
+    for line, block in blocks:
+        # Line numbers of the page, so that a failure points into it.
+        code = compile("\n" * line + block, str(page), "exec")
+        exec(code, namespace)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_within_the_project_lead_somewhere(page):
+    text = page.read_text(encoding="utf-8")
+    missing = [link for link in LINK.findall(text) if not (page.parent / link).exists()]
+    assert missing == []
+
+
+def test_every_block_says_its_language():
+    unnamed = [
+        f"{page.name}:{page.read_text(encoding='utf-8')[: match.start()].count(chr(10)) + 1}"
+        for page in PAGES
+        for match in FENCE.finditer(page.read_text(encoding="utf-8"))
+        if not match.group(1)
+    ]
+    assert unnamed == []

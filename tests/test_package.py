@@ -1,0 +1,40 @@
+"""The package's table of contents."""
+
+import pickle
+import subprocess
+import sys
+
+import pytest
+
+import mems_impact as mi
+
+
+def test_every_name_is_there():
+    for name in mi.__all__:
+        assert getattr(mi, name).__name__ == name
+    assert set(mi.__all__) <= set(dir(mi))
+
+
+def test_every_home_is_listed():
+    listed = [name for names in mi._HOMES.values() for name in names]
+    assert sorted(listed) == sorted(mi.__all__)
+
+
+def test_unknown_name():
+    with pytest.raises(AttributeError, match="no attribute 'simulte'"):
+        _ = mi.simulte
+
+
+def test_import_is_light():
+    code = (
+        "import sys, mems_impact\n"
+        "heavy = {'numba', 'pandas', 'matplotlib', 'numpy', 'pydantic', 'sksundae'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_sweep_interrupted_survives_pickling():
+    stop = pickle.loads(pickle.dumps(mi.SweepInterrupted([1, 2], 2, 5)))
+    assert (stop.table, stop.done, stop.total) == ([1, 2], 2, 5)
+    assert "2 of 5" in str(stop)
