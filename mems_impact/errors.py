@@ -179,6 +179,31 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
+class RunInterrupted(KeyboardInterrupt):
+    """A run was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    trajectory : object
+        What was computed up to the interruption.
+    periods : float
+        Periods that were done.
+
+    Attributes
+    ----------
+    trajectory, periods
+        As given.
+    """
+
+    def __init__(self, trajectory: object, periods: float) -> None:
+        self.trajectory = trajectory
+        self.periods = periods
+        super().__init__(f"run interrupted after {periods:g} periods; they are in .trajectory")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.trajectory, self.periods)
+
+
 class SweepInterrupted(KeyboardInterrupt):
     """A sweep was interrupted (Ctrl-C); what was done is kept.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+from mems_impact.cli.failures import FAILED, INTERRUPTED, say, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -18,6 +18,7 @@ from mems_impact.cli.options import (
 if TYPE_CHECKING:
     import mems_impact as mi
     from mems_impact.cli.output import Output
+    from mems_impact.errors import RunInterrupted
 
 FIRST_ROWS = 6
 
@@ -87,10 +88,13 @@ def command(
             options=options,
             progress=True,
         )
-    except mi.RunError as error:
+    except (mi.RunError, RunInterrupted) as error:
         if not isinstance(error.trajectory, mi.Run):
             raise
         _write(files, error.trajectory)
+        if isinstance(error, RunInterrupted):
+            say(f"interrupted after {error.periods:.1f} forcing periods; {files.said()}")
+            ctx.exit(INTERRUPTED)
         say(f"{error}; up to there, {files.said()}")
         ctx.exit(FAILED)
     _show(run)

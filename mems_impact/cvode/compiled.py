@@ -109,6 +109,8 @@ class Engine:
         _must(flag, "CVodeSetRootDirection")
         _must(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
         _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
+        _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
+        _must(sun.CVodeSetInitStep(memory, contract.first_step(max_step)), "CVodeSetInitStep")
         self._sun = sun
 
     def close(self) -> None:

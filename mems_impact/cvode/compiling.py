@@ -8,7 +8,10 @@ sources in its key: as a variable that it closes over, or in the type of an argu
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import inspect
+import sys
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from types import FunctionType
@@ -29,6 +32,7 @@ WORD = 8  # bytes of a double
 
 # Functions that numba can call already.
 _compilable: set[Callable[..., Any]] = set()
+_registering = threading.RLock()  # two threads may come to the same function at once
 
 
 def mark_compilable(*functions: Callable[..., Any]) -> None:
@@ -48,11 +52,12 @@ def make_compilable(function: Callable[..., Any]) -> None:
     Calls of plain Python functions are not compiled by numba unless it is told to. Doing so here,
     for whatever a function names, keeps numba's decorators out of the equations.
     """
-    if function in _compilable:
-        return
-    _compilable.add(function)
-    make_callees_compilable(function)
-    register_jitable(**JIT, **INNER)(function)
+    with _registering:
+        if function in _compilable:
+            return
+        _compilable.add(function)
+        make_callees_compilable(function)
+        register_jitable(**JIT, **INNER)(function)
 
 
 def _callees(function: Callable[..., Any]) -> list[FunctionType]:
@@ -70,8 +75,9 @@ def _callees(function: Callable[..., Any]) -> list[FunctionType]:
 
 
 def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
-    """Hash the state of the package's sources and of all files on which `functions` draw."""
-    files = set(Path(__file__).resolve().parents[1].rglob("*.py"))
+    """Hash the state of the engine, of the loop and of all files on which `functions` draw."""
+    package = Path(__file__).resolve().parents[1]
+    files = {*(package / "cvode").glob("*.py"), *(package / "hybrid").glob("*.py")}
     seen: set[Callable[..., Any]] = set()
     waiting = list(functions)
     while waiting:
@@ -87,6 +93,23 @@ def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
         stat = file.stat()
         digest.update(f"{file.name}:{stat.st_size}:{stat.st_mtime_ns};".encode())
     return int.from_bytes(digest.digest()[:7], "big")
+
+
+def cacheable(*functions: Callable[..., Any]) -> bool:
+    """Return whether compiled code that draws on `functions` can be found again by a new process.
+
+    numba's cache refers to functions by the name of their module, which must be importable.
+    """
+    for function in functions:
+        name = function.__module__
+        if name in ("__main__", "__mp_main__"):
+            continue  # pickled by value
+        if name not in sys.modules and importlib.util.find_spec(name) is None:
+            return False
+        module = sys.modules.get(name)
+        if module is not None and getattr(module, "__spec__", None) is None:
+            return False
+    return True
 
 
 @intrinsic

@@ -15,7 +15,6 @@ from sksundae.cvode import CVODE
 from mems_impact.cvode import engine as contract
 from mems_impact.cvode.options import Options
 
-
 # Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
 _SILENCE = threading.Lock()
 
@@ -91,9 +90,7 @@ class Engine:
             method=options.method,
             rtol=options.rtol,
             atol=options.atol,
-            # CVODE's own first step makes an error of the whole tolerance, at order 1: more than the
-            # flight after a weak impact is high. One far below it costs two steps an arc.
-            first_step=1e-13 + 256.0 * np.finfo(float).eps * max_step,
+            first_step=contract.first_step(max_step),
             max_step=max_step,
             eventsfn=roots,
             num_events=2 * m + 1,

@@ -13,7 +13,15 @@ from numba import cfunc, from_dtype, types
 from numba.extending import intrinsic
 
 from mems_impact.cvode import library
-from mems_impact.cvode.compiling import JIT, WORD, array, fingerprint, make_compilable, pointer
+from mems_impact.cvode.compiling import (
+    JIT,
+    WORD,
+    array,
+    cacheable,
+    fingerprint,
+    make_compilable,
+    pointer,
+)
 
 _data = library.symbol("N_VGetArrayPointer")
 
@@ -106,14 +114,15 @@ def kernels(
     for function in (flow, margins, transition):
         make_compilable(function)
     stamp = fingerprint((flow, margins, transition))
+    keep = cacheable(flow, margins, transition)
 
-    @cfunc(KERNEL, cache=True, **JIT)
+    @cfunc(KERNEL, cache=keep, **JIT)
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         flow(mode, t, array(y, n), array(p, size), array(out, n))
         return mode
 
-    @cfunc(KERNEL, cache=True, **JIT)
+    @cfunc(KERNEL, cache=keep, **JIT)
     def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         g, r = array(out, m), array(out + WORD * m, m)
@@ -123,7 +132,7 @@ def kernels(
         margins(mode, t, array(y, n), array(p, size), g, r)
         return mode
 
-    @cfunc(KERNEL, cache=True, **JIT)
+    @cfunc(KERNEL, cache=keep, **JIT)
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         return transition(mode, code, t, array(y, n), array(p, size))
@@ -168,6 +177,8 @@ def callbacks() -> Callbacks:
         call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
         values, bias = pointer(out), pointer(handle.bias)
         for i in range(m):
+            if math.isnan(values[i]) or math.isnan(values[m + i]):
+                return -1
             values[i] += bias[i]
         values[2 * m] = 1.0
         if handle.section >= 0:

@@ -48,6 +48,8 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "CVodeSetRootDirection": (_int, (_ptr, _ptr)),
     "CVodeSetNoInactiveRootWarn": (_int, (_ptr,)),
     "CVodeSetMaxStep": (_int, (_ptr, _real)),
+    "CVodeSetInitStep": (_int, (_ptr, _real)),
+    "CVodeSetMaxHnilWarns": (_int, (_ptr, _int)),
     "CVodeSetEtaFixedStepBounds": (_int, (_ptr, _real, _real)),
     "CVodeSetStopTime": (_int, (_ptr, _real)),
     "CVodeClearStopTime": (_int, (_ptr,)),

@@ -202,8 +202,8 @@ def advance(
 def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
     """Move the time base, put the cyclic components aside and restart the engine at (s.t, y)."""
     if s.t >= s.period:
-        whole = math.floor(s.t / s.period)
-        s.cycle += int(whole)
+        whole = whole_periods(s.t, s.period)
+        s.cycle += whole
         s.t -= whole * s.period
         s.hit_time -= whole * s.period
     if s.cycle != s.events_from:
@@ -232,6 +232,16 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
     s.arc_start = s.t
     s.arc_steps = 0
     s.arcs += 1
+
+
+def whole_periods(t: float, period: float) -> int:
+    """Return how many periods fit into `t`; the quotient alone may be rounded to the next."""
+    whole = math.floor(t / period)
+    if whole * period > t:
+        whole -= 1
+    elif (whole + 1) * period <= t:
+        whole += 1
+    return whole
 
 
 def first_guard(
@@ -389,7 +399,7 @@ def note(
     s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any, buffers: Any
 ) -> None:
     """Write one row to the event buffer."""
-    whole = math.floor(t / s.period)
+    whole = whole_periods(t, s.period)
     row = buffers.events[s.rows]
     row[CYCLE] = s.cycle + whole
     row[TIME] = t - whole * s.period

@@ -106,7 +106,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
 
-    return Bound(call, engine.close, 100_000)
+    return Bound(call, engine.close, 20_000)
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
@@ -117,4 +117,4 @@ def _interpreted(arguments: dict[str, Any]) -> Bound:
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)
 
-    return Bound(call, engine.close, 2_000)
+    return Bound(call, engine.close, 1_000)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mems_impact.cvode import engine as contract
-from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
@@ -49,6 +49,8 @@ def run(
     ------
     RunError
         If the run cannot go on; what was computed is in it.
+    RunInterrupted
+        On Ctrl-C, with what was computed.
     """
     if not (math.isfinite(periods) and periods > 0.0):
         raise InvalidParameter(field="periods", value=periods, allowed="finite and above 0")
@@ -137,13 +139,21 @@ class _Run:
                 )
                 self._drain()
                 if self.progress is not None:
-                    elapsed = self.clock.t / self.problem.period - self.start.cycle
-                    self.progress(float(self.clock.cycle + elapsed))
+                    self.progress(self._done())
+        except KeyboardInterrupt:
+            # The loop answers before Python hears of it, so that clock and buffers are whole.
+            self._drain()
+            raise RunInterrupted(self._trajectory(), self._done()) from None
         finally:
             self.bound.close()
         if status != loop.DONE:
             raise self._failure(status)
         return self._trajectory()
+
+    def _done(self) -> float:
+        """Return the periods done so far."""
+        elapsed = self.clock.t / self.problem.period - self.start.cycle
+        return float(self.clock.cycle + elapsed)
 
     def _drain(self) -> None:
         rows = self.buffers.events[: self.clock.rows]

@@ -172,6 +172,10 @@ class Trajectory:
         events = self.events
         begins = (events.kind != loop.APPROACH) & (events.kind != loop.SECTION_CROSSING)
         begins &= events.cycle + events.time / self.period <= first
+        # The loop remembers the last impact, to tell when a sequence of them accumulates: an arc
+        # within such a sequence can't be run again without those before it.
+        instants = events.cycle * self.period + events.time
+        begins[:-1] &= np.diff(instants) > 10.0 * loop.CHATTER_TIME
         places = np.flatnonzero(begins)
         if places.size == 0:
             return self.start

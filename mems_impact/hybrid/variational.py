@@ -137,7 +137,7 @@ def go_back(engine: Any, mode: int, y: Any, start: float, end: float, work: Any)
     rounding.
     """
     n = y.size
-    steps = int(math.ceil((start - end) / 1e-3))
+    steps = math.ceil((start - end) / 1e-3)
     k1, k2, k3, k4, x = work[0], work[1], work[2], work[3], work[4]
     for k in range(steps):
         h = (end - start) / steps

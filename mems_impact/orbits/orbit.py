@@ -122,13 +122,18 @@ class PeriodicOrbit:
 
 def reduced(shooting: Shooting, point: Point) -> Floats:
     """Return the monodromy matrix without the components that the first mode holds fixed."""
+    keep = reduced_components(shooting, point)
+    return shooting.monodromy(point)[np.ix_(keep, keep)]
+
+
+def reduced_components(shooting: Shooting, point: Point) -> list[int]:
+    """Return which of the free components the first mode does not hold fixed."""
     arc = point.arcs[0]
-    keep = [
+    return [
         c
         for c, i in enumerate(shooting.free)
         if arc.slope_start[i] != 0.0 or arc.slope_end[i] != 0.0
     ]
-    return shooting.monodromy(point)[np.ix_(keep, keep)]
 
 
 def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:

@@ -13,7 +13,7 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES, settled_mode
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.cvode.options import Options
-from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Instant, Trajectory
 from mems_impact.studies.impacts import concatenate
@@ -104,7 +104,7 @@ def simulate(
     with _reporting(progress, periods) as report:
         try:
             trajectory = hybrid.run(problem, start, periods, consume=consume, progress=report)
-        except RunError as error:
+        except (RunError, RunInterrupted) as error:
             if isinstance(error.trajectory, Trajectory):
                 error.trajectory = finished(error.trajectory)
             raise

@@ -245,3 +245,15 @@ def test_static_pull_in():
         assert side_of(run_.final.mode) == side
         if side == 0:
             assert 0.28 < run_.final.y[2] < D / 3.0
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_load_that_is_zero_to_rounding_for_a_while(engine):
+    """CVODE refuses to go on (-22) where a root function stays at zero after a root."""
+    actuator = ZHAO.replace(mu_s=0.0, mu_d=0.0, e=0.5, c=0.2, m1=0.2, delta=0.9)
+    drive = Sine(amplitude=0.138, omega=0.0421)
+    # The rate of the slip velocity is the load, and the load all but vanishes in a slow motion.
+    for x2 in np.linspace(-0.3, -0.32, 3 if engine == "compiled" else 1):
+        options = {"rtol": 4.8e-10, "atol": 4.8e-12, "engine": engine}
+        run_ = simulate(actuator, drive, [0.0, 0.0, x2, 0.0], 1.0, **options)
+        assert run_.final.cycle == 1

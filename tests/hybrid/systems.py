@@ -200,4 +200,6 @@ def times(trajectory, kind=None, guard=None):
 
 def same(a, b):
     """Say whether two event logs are identical to the last bit."""
-    return all(np.array_equal(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True))
+    return all(
+        np.array_equal(x, y) for x, y in zip(vars(a).values(), vars(b).values(), strict=True)
+    )

@@ -15,7 +15,9 @@ def regular(events, nudged, period, nudge):
     """Return how many events come before the nudge of the start has grown a hundredfold."""
     n = min(len(events), len(nudged))
     same = (events.kind[:n] == nudged.kind[:n]) & (events.guard[:n] == nudged.guard[:n])
-    same &= (events.mode_after[:n] == nudged.mode_after[:n]) & (events.cycle[:n] == nudged.cycle[:n])
+    same &= (events.mode_after[:n] == nudged.mode_after[:n]) & (
+        events.cycle[:n] == nudged.cycle[:n]
+    )
     drift = np.abs(events.after[:n] - nudged.after[:n]).max(axis=1, initial=0.0)
     drift = np.maximum(drift, np.abs(events.time[:n] - nudged.time[:n]))
     bad = np.flatnonzero(~same | (drift > 100.0 * nudge))

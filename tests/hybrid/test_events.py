@@ -59,7 +59,7 @@ def three(slots):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("slots", itertools.permutations(range(3)))
+@pytest.mark.parametrize("slots", list(itertools.permutations(range(3))))
 def test_the_result_does_not_depend_on_the_order_in_which_guards_are_listed(slots, engine):
     run_ = simulate(three(slots), slots, [0.0, 0.0, 0.0], 2.0, period=1.0, engine=engine)
     assert run_.final.y == pytest.approx([2.0, 7.0, 231.0], abs=1e-12)

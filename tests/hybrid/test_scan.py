@@ -8,7 +8,7 @@ from tests.hybrid.systems import COULOMB, STOP, STUCK, TAU, coulomb, simulate, s
 
 PHASES = np.linspace(0.3, 3.05, 200)
 DEPTHS = [10.0**-k for k in range(3, 11)]
-THIN = [("compiled", PHASES), ("interpreted", PHASES[::67])]
+THIN = [("compiled", PHASES), ("interpreted", PHASES[::100])]
 
 
 def swing(phase, d, engine, **options):

@@ -140,8 +140,6 @@ def test_a_switch_at_the_end_of_a_chatter(shift, engine):
     """Constant push 1 (k = 0): bounces of e = 0.5 from 1 accumulate after 3 sqrt 2."""
     end = 3.0 * math.sqrt(2.0) + shift
     p = stop(k=0.0, amplitude=1.0, omega=math.pi / end, square=1.0, d=0.0, e=0.5)
-    run_ = simulate(
-        STOP, p, [-1.0, 0.0], 0.75, period=2.0 * end, switches=SQUARE, engine=engine
-    )
+    run_ = simulate(STOP, p, [-1.0, 0.0], 0.75, period=2.0 * end, switches=SQUARE, engine=engine)
     assert len(run_.events) < 100
     assert run_.final.y == pytest.approx([-((end / 2.0) ** 2) / 2.0, -end / 2.0], abs=1e-4)
