@@ -2,6 +2,9 @@
 
 Headings are the symbols of the paper and plain words. Times and phases that stand beside a
 ``period`` count from the start of that forcing period; ``t`` counts from the start of period 0.
+
+What a run computed is dimensionless. Where the device is in SI, its `Scales` put every column of
+`COLUMN_UNITS` in SI and the unit in its heading: ``x1 [m]``.
 """
 
 from __future__ import annotations
@@ -14,16 +17,46 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mems_impact.actuator.modes import GUARDS, MODES, RIGHT_IMPACT, STATES, V1, V2, X1
+from mems_impact.actuator.units import DIMENSIONLESS, Scales
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats, Samples
 
-__all__ = ["events", "impacts", "samples", "section", "statistics", "sweep", "sweep_summary"]
+__all__ = [
+    "COLUMN_UNITS",
+    "events",
+    "heading",
+    "impacts",
+    "samples",
+    "section",
+    "segments",
+    "statistics",
+    "sweep",
+    "sweep_summary",
+    "symbols",
+]
+
+COLUMN_UNITS = {
+    **dict.fromkeys(["time", "t", "start", "end"], "s"),
+    **dict.fromkeys(["x1", "x2", "step"], "m"),
+    **dict.fromkeys(["v1", "v1 before", "v1 after", "v2", "v2 before", "v2 after"], "m/s"),
+    **dict.fromkeys(["v2 min", "v2 max"], "m/s"),
+    "energy lost": "J",
+    # statistics
+    **dict.fromkeys(["displacement per period", "displacement per impact", "step std"], "m"),
+    **dict.fromkeys(["impact speed min", "impact speed mean", "impact speed max"], "m/s"),
+    "mean speed": "m/s",
+    "closest approach": "m",
+    "energy lost per period": "J",
+}
+"""The SI unit of every column, and of every statistic, that is not a pure number."""
 
 CHATTER_ENDS = "chatter ends"
 DRIVE_SWITCHES = "drive switches"
 
 
-def impacts(rows: Events, steps: Floats, energy: Floats, period: float) -> pd.DataFrame:
+def impacts(
+    rows: Events, steps: Floats, energy: Floats, period: float, scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
     """Return one row an impact.
 
     Parameters
@@ -36,6 +69,7 @@ def impacts(rows: Events, steps: Floats, energy: Floats, period: float) -> pd.Da
         Kinetic energy lost in each.
     period : float
         Forcing period.
+    scales : Scales, optional
     """
     columns = {
         **_when(rows.cycle, rows.time),
@@ -49,10 +83,10 @@ def impacts(rows: Events, steps: Floats, energy: Floats, period: float) -> pd.Da
         "x1": rows.after[:, X1],
         "step": steps,
     }
-    return _table(columns)
+    return _table(columns, scales)
 
 
-def events(log: Events) -> pd.DataFrame:
+def events(log: Events, scales: Scales = DIMENSIONLESS) -> pd.DataFrame:
     """Return one row a transition: what happened, the modes before and after, the state after."""
     shown = np.isin(log.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH))
     log = log[shown]
@@ -66,10 +100,10 @@ def events(log: Events) -> pd.DataFrame:
         "mode after": _words(MODES, log.mode_after),
         **_states(log.after),
     }
-    return _table(columns)
+    return _table(columns, scales)
 
 
-def section(log: Events, direction: int) -> pd.DataFrame:
+def section(log: Events, direction: int, scales: Scales = DIMENSIONLESS) -> pd.DataFrame:
     """Return one row a crossing of the Poincaré section x2 = 0.
 
     Parameters
@@ -77,6 +111,7 @@ def section(log: Events, direction: int) -> pd.DataFrame:
     log : Events
     direction : {-1, 0, 1}
         Crossings with v2 < 0, both, or v2 > 0.
+    scales : Scales, optional
     """
     log = crossings(log, direction)
     columns = {
@@ -86,7 +121,7 @@ def section(log: Events, direction: int) -> pd.DataFrame:
         "x1": log.after[:, X1],
         "direction": log.guard,
     }
-    return _table(columns)
+    return _table(columns, scales)
 
 
 def crossings(log: Events, direction: int) -> Events:
@@ -97,7 +132,7 @@ def crossings(log: Events, direction: int) -> Events:
     return log[wanted]
 
 
-def samples(grid: Samples, period: float) -> pd.DataFrame:
+def samples(grid: Samples, period: float, scales: Scales = DIMENSIONLESS) -> pd.DataFrame:
     """Return one row a sample."""
     columns = {
         **_when(grid.cycle, grid.time),
@@ -105,16 +140,40 @@ def samples(grid: Samples, period: float) -> pd.DataFrame:
         **_states(grid.y),
         "mode": _words(MODES, grid.mode),
     }
-    return _table(columns)
+    return _table(columns, scales)
 
 
-def statistics(values: Mapping[str, float]) -> pd.Series:
+def segments(
+    period: Sequence[int],
+    mode: Sequence[int],
+    start: Floats,
+    end: Floats,
+    ends: Sequence[str],
+    scales: Scales = DIMENSIONLESS,
+) -> pd.DataFrame:
+    """Return one row a stretch of an orbit: its period, mode, start, end and what ends it."""
+    columns = {
+        "period": np.asarray(period, dtype=np.int64),
+        "mode": _words(MODES, np.asarray(mode, dtype=np.int64)),
+        "start": start,
+        "end": end,
+        "ends with": list(ends),
+    }
+    return _table(columns, scales)
+
+
+def statistics(values: Mapping[str, float], scales: Scales = DIMENSIONLESS) -> pd.Series:
     """Return one number a row, in the order given; underscores in the names become spaces."""
-    names = [name.replace("_", " ") for name in values]
-    return pd.Series(list(values.values()), index=names, dtype=float, name="statistics")
+    named = {name.replace("_", " "): value for name, value in values.items()}
+    return pd.Series(_in_units(named, scales), dtype=float, name="statistics")
 
 
-def sweep(parameter: str, points: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+def sweep(
+    parameter: str,
+    points: Sequence[Mapping[str, Any]],
+    unit: str = "",
+    scales: Scales = DIMENSIONLESS,
+) -> pd.DataFrame:
     """Return one row a crossing of the section, or one with NaN for a point without any.
 
     Parameters
@@ -122,30 +181,40 @@ def sweep(parameter: str, points: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     parameter : str
         Name of the parameter that was swept.
     points : sequence of mapping
-        One for each value, in order: ``value``, ``direction``, ``section`` (Events of crossings),
-        ``impacts per period``, ``displacement per period`` and ``status``.
+        One for each value, in order: ``value``, ``direction``, ``section`` (period, v2 and v1 of
+        the crossings), ``impacts per period``, ``displacement per period`` and ``status``; all in
+        the units of the device.
+    unit : str, optional
+        The SI unit of the parameter.
+    scales : Scales, optional
+        Of the device, for the headings.
     """
-    repeats = [max(1, len(point["section"])) for point in points]
+    crossings = [len(point["section"].get("v2", ())) for point in points]
+    repeats = [max(1, k) for k in crossings]
 
     def repeated(name: str) -> NDArray[Any]:
         return np.repeat([point[name] for point in points], repeats)
 
-    def crossing(column: Any) -> NDArray[Any]:
+    def crossing(column: str) -> NDArray[Any]:
         none = np.array([np.nan])
-        found = [column(p["section"]) if len(p["section"]) else none for p in points]
+        found = [
+            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
+        ]
         return np.concatenate([*found, none])[:-1]
 
     columns = {
-        parameter: repeated("value").astype(float),
+        scales.label(parameter, unit): repeated("value").astype(float),
         "direction": repeated("direction").astype(str).astype(object),
-        "period": crossing(lambda rows: rows.cycle.astype(float)),
-        "v2": crossing(lambda rows: rows.after[:, V2]),
-        "v1": crossing(lambda rows: rows.after[:, V1]),
+        "period": crossing("period"),
+        scales.label("v2", "m/s"): crossing("v2"),
+        scales.label("v1", "m/s"): crossing("v1"),
         "impacts per period": repeated("impacts per period").astype(float),
-        "displacement per period": repeated("displacement per period").astype(float),
+        scales.label("displacement per period", "m"): repeated("displacement per period").astype(
+            float
+        ),
         "status": repeated("status").astype(str).astype(object),
     }
-    return _table(columns)
+    return pd.DataFrame(columns)
 
 
 def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -170,25 +239,50 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     changed = (keys != keys.shift()).any(axis=1)
     changed |= table["period"] < table["period"].shift()
     groups = table.groupby(changed.cumsum(), sort=False)
+    v2, moved = heading(table, "v2"), heading(table, "displacement per period")
     summary = groups.agg(
         **{
             parameter: (parameter, "first"),
             "direction": ("direction", "first"),
             "status": ("status", "first"),
             "impacts per period": ("impacts per period", "first"),
-            "displacement per period": ("displacement per period", "first"),
-            "v2 min": ("v2", "min"),
-            "v2 max": ("v2", "max"),
-            "crossings": ("v2", "count"),
+            moved: (moved, "first"),
+            v2.replace("v2", "v2 min"): (v2, "min"),
+            v2.replace("v2", "v2 max"): (v2, "max"),
+            "crossings": (v2, "count"),
         }
     ).reset_index(drop=True)
     summary.insert(3, "impacting", summary["impacts per period"] > 0.0)
     return summary
 
 
-def _table(columns: Mapping[str, Any]) -> pd.DataFrame:
-    # All tables pass here: the place for units in headings, once devices carry them.
-    return pd.DataFrame(columns)
+def heading(table: pd.DataFrame, symbol: str) -> str:
+    """Return the heading of the column `symbol`, with the unit that it may carry."""
+    return next(name for name in table.columns if _symbol(name) == symbol)
+
+
+def symbols(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the same table with symbols alone for headings, whatever the units."""
+    return table.rename(columns=_symbol)
+
+
+def _symbol(name: str) -> str:
+    return str(name).partition(" [")[0]
+
+
+def _table(columns: Mapping[str, Any], scales: Scales) -> pd.DataFrame:
+    return pd.DataFrame(_in_units(columns, scales))
+
+
+def _in_units(columns: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
+    """Return columns as computed in the units of the device, which stand in the headings."""
+    if scales is DIMENSIONLESS:
+        return dict(columns)
+    result = {}
+    for name, values in columns.items():
+        unit = COLUMN_UNITS.get(name, "")
+        result[scales.label(name, unit)] = scales.out(values, unit) if unit else values
+    return result
 
 
 def _when(cycle: NDArray[np.int64], time: Floats) -> dict[str, Any]:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import Self
+from collections.abc import Mapping
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import model_validator
 
+from mems_impact.actuator.units import Scales, scaled_fields
 from mems_impact.actuator.validation import NonNegative, Number, Positive, ValidatedModel
 from mems_impact.errors import InvalidParameter
 
@@ -41,6 +43,10 @@ class Drive(ValidatedModel, ABC):
     switches : tuple of float
         The times in (0, period], ascending, at which v or its rate jumps; empty where v is
         smooth. Integration stops and restarts there.
+    units : mapping of str to str
+        The SI unit of every field that is not a pure number: "V", "s", "rad/s" or "Hz" (see
+        `mems_impact.actuator.units.UNITS`). From it `scaled` follows, and what a table calls the
+        field of a device in SI. A field may hold a tuple (of tuples) of numbers in that unit.
 
     Methods
     -------
@@ -57,6 +63,8 @@ class Drive(ValidatedModel, ABC):
     InvalidParameter
         If a parameter is out of range, missing or unknown.
     """
+
+    units: ClassVar[Mapping[str, str]] = {}
 
     @property
     @abstractmethod
@@ -81,6 +89,22 @@ class Drive(ValidatedModel, ABC):
     @abstractmethod
     def voltage_rate(t: float, q: NDArray[np.float64]) -> float:
         """Return the time derivative of v at t."""
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same waveform in other units of voltage and time.
+
+        Parameters
+        ----------
+        voltage, time : float
+            The new units in the old ones, > 0: voltages are divided by the one and times by the
+            other, so that v_new(t) = v(time t) / voltage.
+
+        Notes
+        -----
+        Works from `units`. Override it only if a field is not simply a voltage, a time, a
+        frequency or a pure number.
+        """
+        return self.replace(**scaled_fields(self, self.units, Scales.of_drive(voltage, time)))
 
     def value(self, t: ArrayLike) -> NDArray[np.float64]:
         """Return the voltage at many times, for plots.
@@ -130,6 +154,8 @@ class Sine(Drive):
     amplitude: NonNegative
     omega: Positive
     bias: Number = 0.0
+
+    units = {"amplitude": "V", "omega": "rad/s", "bias": "V"}  # noqa: RUF012 - ClassVar above
 
     voltage = staticmethod(_sine_voltage)
     voltage_rate = staticmethod(_sine_voltage_rate)

@@ -6,12 +6,13 @@ import tomllib
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields, unscaled_fields
 from mems_impact.actuator.validation import (
     Fraction,
     NonNegative,
@@ -20,7 +21,7 @@ from mems_impact.actuator.validation import (
 )
 from mems_impact.errors import InvalidFile, InvalidParameter, shown
 
-__all__ = ["PARAMETER_NAMES", "Actuator", "load_actuator", "preset_names"]
+__all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
 
 _DEVICES = files("mems_impact.actuator") / "devices"
 _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fills the memory
@@ -29,8 +30,9 @@ _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fi
 class Actuator(ValidatedModel):
     """The electrostatic impact microactuator: a block in a frame that rests on the ground.
 
-    All parameters are keyword-only, in one consistent set of units (SI, or dimensionless [-] as
-    in the paper). An actuator is immutable and hashable; `replace` makes a changed copy.
+    All parameters are keyword-only, in SI or dimensionless as in the paper; `units` says which.
+    States, drives and results are in the same. An actuator is immutable and hashable; `replace`
+    makes a changed copy, `to_dimensionless` and `to_si` the same device in the other form.
 
     Parameters
     ----------
@@ -58,6 +60,8 @@ class Actuator(ValidatedModel):
         electrostatic force is alpha v^2 / (d - x2)^2. Equation (2).
     g : float
         Gravity [m/s^2], >= 0; the normal force on the ground is N = (m1 + m2) g. Equation (3).
+    units : {"dimensionless", "SI"}, optional
+        The units of all of the above.
 
     Raises
     ------
@@ -76,6 +80,7 @@ class Actuator(ValidatedModel):
     mu_d: NonNegative
     alpha: Positive
     g: NonNegative
+    units: Literal["dimensionless", "SI"] = "dimensionless"
 
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
@@ -91,8 +96,50 @@ class Actuator(ValidatedModel):
         """Return the parameters as an array of shape (11,), in the order of `PARAMETER_NAMES`."""
         return np.array([getattr(self, name) for name in PARAMETER_NAMES], dtype=np.float64)
 
+    @property
+    def scales(self) -> Scales:
+        """The units in which the package integrates this device; ones if it is dimensionless."""
+        if self.units == "dimensionless":
+            return DIMENSIONLESS
+        return Scales.of_device(self.m2, self.k, self.d, self.alpha)
 
-PARAMETER_NAMES: tuple[str, ...] = tuple(Actuator.model_fields)
+    def to_dimensionless(self) -> Self:
+        """Return the same device in its `scales`, in which m2 = k = d = alpha = 1.
+
+        One that is dimensionless already is returned as it stands.
+        """
+        if self.units == "dimensionless":
+            return self
+        values = scaled_fields(self, PARAMETER_UNITS, self.scales)
+        return self.replace(**values, units="dimensionless")
+
+    def to_si(self, scales: Scales) -> Self:
+        """Return the same device in SI.
+
+        Parameters
+        ----------
+        scales : Scales
+            The units of this dimensionless device: ``si.to_dimensionless().to_si(si.scales)`` is
+            `si` again, to the last rounding.
+        """
+        if self.units == "SI":
+            return self
+        return self.replace(**unscaled_fields(self, PARAMETER_UNITS, scales), units="SI")
+
+
+PARAMETER_UNITS = {
+    "m1": "kg",
+    "m2": "kg",
+    "k": "N/m",
+    "c": "N s/m",
+    "d": "m",
+    "delta": "m",
+    "alpha": "F m",
+    "g": "m/s^2",
+}
+"""The SI unit of each parameter that is not a pure number."""
+
+PARAMETER_NAMES: tuple[str, ...] = tuple(name for name in Actuator.model_fields if name != "units")
 """The parameters' names, in the order of `Actuator.to_array`."""
 
 
@@ -101,6 +148,7 @@ class _DeviceFile(ValidatedModel):
 
     name: str = ""
     description: str = ""
+    units: Literal["dimensionless", "SI"] = "dimensionless"
     parameters: dict[str, Any]
 
     @model_validator(mode="before")
@@ -126,8 +174,9 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     ----------
     name_or_path : str or os.PathLike
         One of `preset_names`, or the path of a TOML file with a table ``[parameters]`` that holds
-        the eleven parameters of `Actuator` and, optionally, ``name`` and ``description`` above
-        it. A preset wins over a file of the same name; write ``./name`` for the file.
+        the eleven parameters of `Actuator` and, optionally, ``name``, ``description`` and
+        ``units`` ("SI", or "dimensionless" by default) above it. A preset wins over a file of the
+        same name; write ``./name`` for the file.
 
     Returns
     -------
@@ -150,7 +199,11 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         raw = _read(source)
     content = _parse(raw, source)
     try:
-        return Actuator(**_DeviceFile(**content).parameters)
+        file = _DeviceFile(**content)
+        if "units" in file.parameters:
+            allowed = "above the table [parameters]"
+            raise InvalidParameter("units", file.parameters["units"], allowed)
+        return Actuator(**file.parameters, units=file.units)
     except InvalidParameter as error:
         raise error.located(source) from None
 

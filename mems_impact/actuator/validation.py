@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 from numbers import Real
-from typing import Annotated, Any, Self, get_origin
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -116,6 +116,8 @@ def _allowed(field: FieldInfo) -> str:
     """Describe what a field takes, worded to follow "must be"."""
     if field.annotation is not float:
         kind = get_origin(field.annotation) or field.annotation
+        if kind is Literal:
+            return f"one of {', '.join(get_args(field.annotation))}"
         return _KINDS.get(kind, f"of type {field.annotation}")
     bounds = [bound for limit in field.metadata if (bound := _bound(limit))]
     return " ".join(["a finite number", " and ".join(bounds)]).rstrip()

@@ -8,8 +8,18 @@ import click
 @click.command(short_help="List the devices of the package.")
 def command() -> None:
     """List the devices that come with the package, and their parameters."""
-    from mems_impact.actuator.parameters import load_actuator, preset_names
+    from mems_impact.actuator.parameters import (
+        PARAMETER_NAMES,
+        PARAMETER_UNITS,
+        load_actuator,
+        preset_names,
+    )
 
     for name in preset_names():
-        values = ", ".join(f"{key} = {value:g}" for key, value in load_actuator(name))
-        click.echo(f"{name}: {values}")
+        actuator = load_actuator(name)
+        units = PARAMETER_UNITS if actuator.units == "SI" else {}
+        values = [
+            f"{key} = {getattr(actuator, key):g} {units.get(key, '')}".rstrip()
+            for key in PARAMETER_NAMES
+        ]
+        click.echo(f"{name}: {', '.join(values)}")

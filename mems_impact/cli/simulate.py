@@ -18,7 +18,6 @@ from mems_impact.cli.options import (
 if TYPE_CHECKING:
     import mems_impact as mi
     from mems_impact.cli.output import Output
-    from mems_impact.errors import RunInterrupted
 
 FIRST_ROWS = 6
 
@@ -71,6 +70,7 @@ def command(
     """
     import mems_impact as mi
     from mems_impact.cli.output import Output
+    from mems_impact.errors import RunInterrupted
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)

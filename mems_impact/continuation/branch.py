@@ -24,7 +24,7 @@ from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
-ROLES = ("rate", "approach", "end", "start")
+ROLES = ("rate", "approach", "length")
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
@@ -161,10 +161,21 @@ def follow(
     if direction < 0.0:
         along = -along
     walker = _Walker(branch, low, high, steps or Steps(), reconnecting)
-    for found in walker.walk(shooting, point, along):
-        if progress is not None:
-            progress(found.value)
+    try:
+        for found in walker.walk(shooting, point, along):
+            if progress is not None:
+                progress(found.value)
+    except OrbitError as error:
+        branch.ended = error.reason
     return branch
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a step passed: special points in order, the last of them where the orbit is lost."""
+
+    special_points: list[SpecialPoint]
+    lost: SpecialPoint | None
 
 
 class _Walker:
@@ -191,22 +202,24 @@ class _Walker:
                 ahead = tangent(following, along)
                 if ahead @ along < 0.9:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
+                after = monitors(shooting, following, ahead)
+                found = self._locate(shooting, point, along, length, before, after)
+                value = float(following.values[0])
+                at_bound = found.lost is None and not self.low <= value <= self.high
+                if at_bound:
+                    self._finish(shooting, point, following, piece)
             except OrbitError as error:
                 length /= 2.0
                 if length < self.steps.smallest:
                     self.branch.ended = f"no further step possible: {error.reason}"
                     return
                 continue
-            value = float(following.values[0])
-            if not self.low <= value <= self.high:
-                following = self._at_bound(shooting, point, following, along, length)
-                ahead = tangent(following, along)
-                self._append(shooting, following, ahead, piece)
+            self.branch.special_points += found.special_points
+            lost = found.lost
+            if at_bound:
                 yield self.branch.points[-1]
                 self.branch.ended = f"{self.branch.parameter} reached its bound"
                 return
-            after = monitors(shooting, following, ahead)
-            lost = self._locate(shooting, point, along, length, before, after)
             if lost is not None and self.reconnecting:
                 self.branch.points.append(
                     BranchPoint(lost.orbit, lost.value, lost.direction, piece)
@@ -248,14 +261,13 @@ class _Walker:
         there = np.append(first.point.unknowns, self.branch.points[0].value)
         return bool(np.abs(here - there).max() < self.steps.initial)
 
-    def _at_bound(
-        self, shooting: Shooting, point: Point, beyond: Point, along: Floats, length: float
-    ) -> Point:
-        """Return the orbit at the bound that lies between `point` and `beyond`."""
+    def _finish(self, shooting: Shooting, point: Point, beyond: Point, piece: int) -> None:
+        """Put the last orbit at the bound, which lies between `point` and `beyond`."""
         bound = self.low if beyond.values[0] < self.low else self.high
         share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
         unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
-        return shooting.solve(unknowns, np.array([bound]))
+        last = shooting.solve(unknowns, np.array([bound]))
+        self._append(shooting, last, tangent(last), piece)
 
     def _locate(
         self,
@@ -265,15 +277,18 @@ class _Walker:
         length: float,
         before: dict[Monitor, float],
         after: dict[Monitor, float],
-    ) -> SpecialPoint | None:
-        """Locate all sign changes of the last step; return the loss of admissibility, if any."""
+    ) -> _Found:
+        """Locate all sign changes of the last step."""
         found: list[tuple[float, SpecialPoint]] = []
         for monitor, value in before.items():
             if monitor not in after or not value * after[monitor] < 0.0:
                 continue
+            if monitor.role and value < 0.0:
+                continue  # back to what the automaton has: nothing is lost
             located = locate(shooting, point, along, length, monitor)
             if located is not None:
                 found.append(located)
+        found = [item for item in found if self.low <= item[1].value <= self.high]
         found.sort(key=lambda item: item[0])
         lost = [(position, special) for position, special in found if special.monitor.role]
         # Where a guard is touched at zero speed, what would follow on the event loses its margin
@@ -283,13 +298,14 @@ class _Walker:
             key=lambda item: ROLES.index(item[1].monitor.role),
             default=None,
         )
-        for position, special in found:
-            if not special.monitor.role and (first is None or position < first[0] - COINCIDENT):
-                self.branch.special_points.append(special)
+        special_points = [
+            special
+            for position, special in found
+            if not special.monitor.role and (first is None or position < first[0] - COINCIDENT)
+        ]
         if first is None:
-            return None
-        self.branch.special_points.append(first[1])
-        return first[1]
+            return _Found(special_points, None)
+        return _Found([*special_points, first[1]], first[1])
 
 
 def locate(
@@ -298,6 +314,11 @@ def locate(
     """Locate the zero of `monitor` within the step of `length` from `point` along `along`.
 
     Returns the position in the step with the point, or None if the sign change is no zero.
+
+    Raises
+    ------
+    OrbitError
+        If the step is too long for the zero to be found within it.
     """
     start = np.append(point.unknowns, point.values[0])
     last: list[tuple[Point, Floats]] = []
@@ -311,8 +332,8 @@ def locate(
     try:
         position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
         test(position)
-    except (OrbitError, KeyError, ValueError):
-        return None
+    except (KeyError, ValueError) as error:
+        raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
     here, direction = last[-1]
     orbit = make_orbit(shooting, here)
     # A test function may change its sign through infinity (an impact at zero speed), and the

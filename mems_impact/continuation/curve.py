@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from mems_impact.continuation.branch import SpecialPoint, Steps
 from mems_impact.continuation.grazing import contact_coefficient
-from mems_impact.continuation.monitors import FOLD, PERIOD_DOUBLING, Monitor, monitors
+from mems_impact.continuation.monitors import FOLD, GRAZING, PERIOD_DOUBLING, Monitor, monitors
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
@@ -19,6 +19,7 @@ from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
 DIFFERENCE = 1e-6  # step of the differences that give the gradient of the test function
 ITERATIONS = 10
 
+MARGIN = "touched: "  # prefix of the tests on margins
 # Codimension two: what else is zero there, by the name of the test.
 CODIMENSION_TWO = {
     "multiplier +1": "grazing-fold",
@@ -161,16 +162,20 @@ class _Curve:
                 ahead = self._tangent(ahead_point, ahead_gradient, along)
                 if ahead @ along < 0.95:
                     raise OrbitError("the curve turns too sharply", "take a shorter step")
+                after = self._tests(ahead_point)
+                found = self._special(u, along, length, gradient, before, after)
             except OrbitError as error:
                 length /= 2.0
                 if length < steps.smallest:
                     curve.ended = f"no further step possible: {error.reason}"
                     return curve
                 continue
-            after = self._tests(ahead_point)
-            for name in before.keys() & after.keys():
-                if before[name] * after[name] < 0.0:
-                    self._locate(name, u, along, length, gradient)
+            curve.special_points += [special for special, _ in found]
+            lost = next((special for special, ends in found if ends), None)
+            if lost is not None:
+                curve.points.append(CurvePoint(lost.orbit, lost.values))
+                curve.ended = f"{lost.kind}: beyond, the automaton has no such orbit"
+                return curve
             if not self.bounds[0] <= ahead_u[-1] <= self.bounds[1]:
                 self._finish(u, ahead_u, gradient)
                 curve.ended = f"{curve.parameters[1]} reached its bound"
@@ -286,10 +291,24 @@ class _Curve:
             if coefficient is not None:
                 tests["contact"] = coefficient
         for other, value in monitors(self.shooting, point, np.zeros(1)).items():
-            if other.role in ("approach", "rate") and other != self.monitor:
-                name = self.shooting.automaton.guards[other.guard].name
-                tests[f"{name}: {other.role} in segment {other.segment}"] = value
+            if other.role in ("approach", "rate") and not self._same_contact(other):
+                tests[f"{MARGIN}{self._meeting(other)}"] = value
         return tests
+
+    def _meeting(self, other: Monitor) -> str:
+        """Return what it is called where the curve meets the touching of a guard."""
+        if other.kind == GRAZING and self.monitor.kind == FOLD:
+            # Folds of orbits with an impact set in where its speed is zero; those without, where
+            # the grazing orbit has a multiplier +1.
+            return "degenerate grazing" if other.role == "rate" else "grazing-fold"
+        name = self.shooting.automaton.guards[other.guard].name
+        where = "" if other.segment < 0 else f" of segment {other.segment}"
+        return f"{name} ({other.role}{where})"
+
+    def _same_contact(self, other: Monitor) -> bool:
+        """Return whether `other` is zero all along the curve."""
+        touching = self.monitor.role in ("approach", "rate")
+        return touching and (other == self.monitor or other.kind != GRAZING)
 
     def _second_derivative(self, point: Point) -> float:
         """Return the quadratic coefficient of a fold, zero at a cusp."""
@@ -303,7 +322,34 @@ class _Curve:
         # parameter's derivative is not.
         return float(left[:, -1] @ second) * float(np.sign(left[:, -1] @ point.by_parameter[:, 0]))
 
-    def _locate(self, name: str, u: Floats, along: Floats, length: float, gradient: Floats) -> None:
+    def _special(
+        self,
+        u: Floats,
+        along: Floats,
+        length: float,
+        gradient: Floats,
+        before: dict[str, float],
+        after: dict[str, float],
+    ) -> list[tuple[CodimensionTwo, bool]]:
+        """Return the points of codimension two within a step, and whether the curve ends there."""
+        found = []
+        for name in before.keys() & after.keys():
+            if before[name] * after[name] < 0.0:
+                special = self._locate(name, u, along, length, gradient)
+                if special is not None:
+                    found.append((special, name.startswith(MARGIN) and after[name] < 0.0))
+        # An impact at zero speed takes with it what follows on it.
+        main = [item for item in found if "grazing" in item[0].kind]
+        return [
+            item
+            for item in found
+            if item in main
+            or not any(np.allclose(item[0].values, other[0].values, atol=1e-6) for other in main)
+        ]
+
+    def _locate(
+        self, name: str, u: Floats, along: Floats, length: float, gradient: Floats
+    ) -> CodimensionTwo | None:
         """Locate a zero of the test `name` within a step."""
 
         def test(s: float) -> float:
@@ -312,16 +358,16 @@ class _Curve:
         try:
             position = brentq(test, 0.0, length, xtol=1e-13, rtol=1e-13)
             point = self._correct(u + position * along, along, gradient)[1]
-        except (OrbitError, KeyError, ValueError):
-            return
+        except (KeyError, ValueError) as error:
+            raise OrbitError(f"{name} could not be located", "take a shorter step") from error
         orbit = make_orbit(self.shooting, point)
         if name.startswith("multiplier"):
             target = 1.0 if name.endswith("+1") else -1.0
             if np.abs(orbit.multipliers - target).min() > 1e-3:
-                return  # a sign change through infinity
+                return None  # a sign change through infinity
         values = (float(point.values[0]), float(point.values[1]))
-        kind = CODIMENSION_TWO.get(name, name)
-        self.curve.special_points.append(CodimensionTwo(kind, values, orbit))
+        kind = CODIMENSION_TWO.get(name, name.removeprefix(MARGIN))
+        return CodimensionTwo(kind, values, orbit)
 
 
 __all__ = ["CodimensionTwo", "CurvePoint", "Monitor", "OrbitCurve", "follow_curve"]

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mems_impact.continuation.monitors import Monitor
+from mems_impact.continuation.monitors import Monitor, closest
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.loop import TRANSITION
 from mems_impact.hybrid.run import run
@@ -19,7 +19,7 @@ from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import Point, Shooting
 
-SPEED = 1e-4  # of the trial impact that shows the kick
+SPEED = 1e-3  # of the trial impacts that show the kick
 SEQUENCE = 200  # periods over which the signs are looked at
 
 CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
@@ -40,10 +40,11 @@ def contact_sequence(
     """Return xi_1 .. xi_count, or None if the orbit has events."""
     if any(event is not None for event in point.events):
         return None
-    shooting.move_to(point.values)
-    i = monitor.segment
-    segment, arc = shooting.segments[i], point.arcs[i]
-    time = float(arc.minima_time[monitor.guard])
+    touch = closest(shooting, point, monitor.guard)
+    if touch is None:
+        return None
+    i, time = touch.segment, touch.time
+    segment = shooting.segments[i]
     states, _ = shooting.unpack(point.unknowns)
     free = shooting.free
     to_touch = shooting.variational.arc(segment.mode, states[i], point.starts[i], time)
@@ -68,20 +69,24 @@ def kick(
 ) -> Floats:
     """Return the change of the state per speed that a weak impact at (time, y) leaves behind.
 
-    Learnt from a trial: the impact and what follows on it (a slip, say) until the mode is the old
+    Learnt from trials: the impact and what follows on it (a slip, say) until the mode is the old
     one, compared with the flow of the old mode over the same time, pulled back to the impact.
     """
-    before = weak_contact(shooting, mode, guard, time, y, SPEED)
     family = shooting.family.at(**dict(zip(shooting.active, values.tolist(), strict=True)))
     problem = family.problem()
-    events = run(problem, Instant(0, time, mode, before), 0.02).events
-    back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
-    last = back[0]
-    elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
-    undisturbed = shooting.variational.arc(mode, y, time, elapsed)
     free = shooting.free
-    difference = events.after[last][free] - undisturbed.end[free]
-    return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / SPEED
+
+    def left_behind(speed: float) -> Floats:
+        before = weak_contact(shooting, mode, guard, time, y, speed)
+        events = run(problem, Instant(0, time, mode, before), 0.02).events
+        last = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))[0]
+        elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
+        undisturbed = shooting.variational.arc(mode, y, time, elapsed)
+        difference = events.after[last][free] - undisturbed.end[free]
+        return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / speed
+
+    # The limit of vanishing speed, from which a finite one differs in proportion to it.
+    return 2.0 * left_behind(0.5 * SPEED) - left_behind(SPEED)
 
 
 def weak_contact(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
@@ -32,10 +33,11 @@ class Monitor:
         "fold", "period-doubling", "Neimark-Sacker", "grazing" (of a guard with impacts), or the
         name of another guard whose margin is touched.
     role : str
-        For a guard: "approach" (the smallest margin inside a segment), "rate" (the speed at which
-        the guard that ends a segment is reached), "start" (a margin at the start of a segment) or
-        "end" (another margin at its end).
+        For a guard: "approach" (its smallest margin along the orbit), "rate" (the speed at which
+        the guard that ends a segment is reached) or "length" (of a segment, zero where two events
+        meet).
     segment, guard : int
+        -1 where it is none or any.
     """
 
     kind: str
@@ -44,9 +46,57 @@ class Monitor:
     guard: int = -1
 
 
+@dataclass(frozen=True)
+class Closest:
+    """Where along an orbit a margin is smallest.
+
+    Attributes
+    ----------
+    value : float
+    segment : int
+    time : float
+        Since the start of the period of the segment.
+    inside : bool
+        Whether it is a closest approach within the segment, not a value at one of its ends.
+    """
+
+    value: float
+    segment: int
+    time: float
+    inside: bool
+
+
+def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
+    """Return the smallest value of a margin where it applies; None if it applies nowhere.
+
+    A gap does not jump, so that its closest approaches inside the segments are all. Another margin
+    may, and then its values at the ends of the segments count too, but for the one that ends a
+    segment and the one that starts at zero and rises.
+    """
+    shooting.move_to(point.values)
+    m = shooting.m
+    states, _ = shooting.unpack(point.unknowns)
+    found: list[Closest] = []
+    for i, segment in enumerate(shooting.segments):
+        arc = point.arcs[i]
+        start, end = float(point.starts[i]), float(point.ends[i])
+        if np.isfinite(arc.minima[guard]):
+            time = float(arc.minima_time[guard])
+            found.append(Closest(float(arc.minima[guard]), i, time, True))
+        if shooting.automaton.guards[guard].impact:
+            continue
+        own = segment.code % m if segment.code not in (BOUNDARY, 2 * m) else -1
+        if own != guard:
+            margin, _ = shooting.variational.margins(segment.mode, end, arc.end)
+            found.append(Closest(float(margin[guard]), i, end, False))
+        margin, rate = shooting.variational.margins(segment.mode, start, states[i])
+        if not (abs(margin[guard]) < 1e-9 and rate[guard] > 0.0):
+            found.append(Closest(float(margin[guard]), i, start, False))
+    return min(found, key=lambda c: c.value, default=None)
+
+
 def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monitor, float]:
     """Return all test functions at `point`; positive margins and falling rates are admissible."""
-    shooting.move_to(point.values)
     values: dict[Monitor, float] = {}
     matrix = reduced(shooting, point)
     identity = np.eye(len(matrix))
@@ -54,24 +104,23 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
     values[Monitor(PERIOD_DOUBLING)] = float(np.linalg.det(matrix + identity))
     values[Monitor(NEIMARK_SACKER)] = _products(np.linalg.eigvals(matrix))
     automaton, m = shooting.automaton, shooting.m
-    states, _ = shooting.unpack(point.unknowns)
     for i, segment in enumerate(shooting.segments):
-        arc, event = point.arcs[i], point.events[i]
-        own = segment.code % m if segment.code not in (BOUNDARY, 2 * m) else -1
-        at_start, rising = shooting.variational.margins(segment.mode, point.starts[i], states[i])
-        at_end, _ = shooting.variational.margins(segment.mode, point.ends[i], arc.end)
-        for j, guard in enumerate(automaton.guards):
-            kind = GRAZING if guard.impact else guard.name
-            if np.isfinite(arc.minima[j]):
-                values[Monitor(kind, "approach", i, j)] = float(arc.minima[j])
-            if j == own:
-                assert event is not None
-                values[Monitor(kind, "rate", i, j)] = -float(event.rates[j])
-            else:
-                values[Monitor(kind, "end", i, j)] = float(at_end[j])
-            if not (abs(at_start[j]) < 1e-9 and rising[j] > 0.0):
-                values[Monitor(kind, "start", i, j)] = float(at_start[j])
+        event = point.events[i]
+        values[Monitor("simultaneous events", "length", i)] = float(point.ends[i] - point.starts[i])
+        if event is not None and segment.code != 2 * m:
+            guard = segment.code % m
+            kind = kind_of(automaton.guards[guard])
+            values[Monitor(kind, "rate", i, guard)] = -float(event.rates[guard])
+    for j, each in enumerate(automaton.guards):
+        smallest = closest(shooting, point, j)
+        if smallest is not None:
+            values[Monitor(kind_of(each), "approach", -1, j)] = smallest.value
     return values
+
+
+def kind_of(guard: Guard) -> str:
+    """Return what it is called when the margin of `guard` is touched."""
+    return GRAZING if guard.impact else guard.name
 
 
 def _products(multipliers: Any) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
-from mems_impact.continuation.monitors import Monitor, monitors
+from mems_impact.continuation.monitors import Closest, Monitor, closest, monitors
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
@@ -35,13 +35,14 @@ def reconnect(
     shooting, point, direction
         Or None where no admissible orbit of another signature joins.
     """
-    if monitor.role == "approach":
-        guess = with_event(orbit, monitor)
-        wanted = Monitor(monitor.kind, "rate", monitor.segment, monitor.guard)
+    touch = closest(orbit.shooting, orbit.point, monitor.guard)
+    if monitor.role == "approach" and touch is not None and touch.inside:
+        guess = with_event(orbit, monitor.guard, touch)
+        wanted = Monitor(monitor.kind, "rate", touch.segment, monitor.guard)
         level = SPEED
     elif monitor.role == "rate":
         guess = without_event(orbit, monitor)
-        wanted = Monitor(monitor.kind, "approach", monitor.segment, monitor.guard)
+        wanted = Monitor(monitor.kind, "approach", -1, monitor.guard)
         level = DEPTH
     else:
         return None
@@ -62,26 +63,24 @@ def reconnect(
     return shooting, point, direction if gain > 0.0 else -direction
 
 
-def with_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess | None:
+def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess | None:
     """Return a guess with the events that a weak contact at the closest approach brings.
 
     What follows on a contact at vanishing speed is learnt from a run that starts on the guard with
     a small speed into it, until it is back in the mode that it came from.
     """
     shooting, point = orbit.shooting, orbit.point
-    i, segment = monitor.segment, orbit.segments[monitor.segment]
-    arc = point.arcs[i]
-    time = float(arc.minima_time[monitor.guard])
-    shooting.move_to(point.values)
+    i, time = touch.segment, touch.time
+    segment = orbit.segments[i]
     states, _ = shooting.unpack(point.unknowns)
-    touch = shooting.variational.arc(segment.mode, states[i], point.starts[i], time).end
-    weak = weak_contact(shooting, segment.mode, monitor.guard, time, touch, SPEED)
+    contact = shooting.variational.arc(segment.mode, states[i], point.starts[i], time).end
+    weak = weak_contact(shooting, segment.mode, guard, time, contact, SPEED)
     problem = orbit.family.problem()
     share = 0.02
     trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
     piece = guess_from(trajectory, 1 if time + share * problem.period < problem.period else 2)
     codes = [s for s in piece.segments if s.code != BOUNDARY]
-    if not codes or codes[0].code != monitor.guard:
+    if not codes or codes[0].code != guard:
         return None
     count = len(codes)
     if piece.segments[count].mode != segment.mode:

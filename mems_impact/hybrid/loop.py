@@ -29,7 +29,7 @@ TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = 0, 1, 2, 
 CYCLE, TIME, KIND, GUARD, MODE_BEFORE, MODE_AFTER, HEAD = 0, 1, 2, 3, 4, 5, 6
 
 MAX_SIMULTANEOUS = 16
-ROOM = 2 * MAX_SIMULTANEOUS + 8  # rows that one step may add at most
+ROOM = 2 * MAX_SIMULTANEOUS + 8  # rows that one step may add at most, beside one a guard
 REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
 NONE = -1
 
@@ -128,7 +128,7 @@ def advance(
     layout = Layout(order, impact, cyclic, switches)
     buffers = Buffers(offset, events, samples, work)
     while True:
-        if s.rows + ROOM > buffers.events.shape[0]:
+        if s.rows + ROOM + layout.order.size > buffers.events.shape[0]:
             return BUFFER_FULL
         if quota <= 0:
             return PAUSED

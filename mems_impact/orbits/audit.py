@@ -1,4 +1,4 @@
-"""Does the monodromy matrix agree with differences of the simulated map?"""
+"""Check a monodromy matrix against differences of the simulated map."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, reduced_components
 
 LARGEST = 1e-2  # step of the differences with which the extrapolation begins
 HALVINGS = 24
+TOLERANCE = 1e-13  # of the runs, unless the problem asks for a tighter one
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ def audit(orbit: PeriodicOrbit) -> Audit:
     if not orbit.admissible:
         raise OrbitError("the orbit is not admissible", "audit one that simulation follows", orbit)
     problem = orbit.family.problem()
+    rtol, atol = min(problem.options.rtol, TOLERANCE), min(problem.options.atol, TOLERANCE)
+    problem = replace(problem, options=replace(problem.options, rtol=rtol, atol=atol))
     kept = reduced_components(orbit.shooting, orbit.point)
     components = [orbit.shooting.free[c] for c in kept]
     columns = [_column(problem, orbit.instant, orbit.periods, c, components) for c in components]

@@ -116,11 +116,10 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
         cycle += 1
         if cycle < periods:
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
-    starts = [(s.cycle, 0.0 if i == 0 else times[i - 1]) for i, s in enumerate(segments)]
-    for i in range(1, len(segments)):
-        if segments[i].cycle == segments[i - 1].cycle and times[i] <= starts[i][1]:
+    for j in range(1, len(segments)):
+        if segments[j].cycle == segments[j - 1].cycle and times[j] <= times[j - 1]:
             raise OrbitError(
-                reason=f"two transitions fall into one instant (t = {times[i]:.6g})",
+                reason=f"two transitions fall into one instant (t = {times[j]:.6g})",
                 remedy="move the parameter a little",
             )
     return Guess(tuple(segments), np.array(states), np.array(times))

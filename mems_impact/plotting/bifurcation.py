@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables import sweep_summary
+from mems_impact.tables import sweep_summary, symbols
 
 __all__ = ["plot_sweep"]
 
@@ -40,6 +40,9 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None) -> Any:
     """
     if ax is None:
         ax = new_figure(7.0, 4.2).subplots()
+    units = [f" {name[name.index('[') :]}" if " [" in name else "" for name in table.columns]
+    unit, speed = units[0], units[[*symbols(table).columns].index("v2")]
+    table = symbols(table)
     parameter = table.columns[0]
     # Many dots are drawn small, or the rings run into a band; those that coincide count once.
     spread = max(table["v2"].max() - table["v2"].min(), 1e-300)
@@ -72,8 +75,8 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None) -> Any:
             ha=side, va="bottom", color=color, fontsize="small",
         )  # fmt: skip
     name = symbol(parameter)
-    ax.set_xlabel(name if name == parameter else f"{parameter} {name}")
-    ax.set_ylabel("$v_2$ at $x_2 = 0$")
+    ax.set_xlabel((name if name == parameter else f"{parameter} {name}") + unit)
+    ax.set_ylabel("$v_2$ at $x_2 = 0$" + speed)
     if ax.get_legend_handles_labels()[0]:
         ax.legend(frameon=False, markerscale=1.0 / scale)
     tidy(ax)
@@ -82,7 +85,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None) -> Any:
 
 def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
     """Return where each chain first begins or ceases to impact: direction, value, begins."""
-    summary = sweep_summary(table)
+    summary = sweep_summary(symbols(table))
     summary = summary[summary["status"] == "ok"]
     found = []
     for direction, rows in summary.groupby("direction", sort=False):

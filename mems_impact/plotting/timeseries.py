@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
+from mems_impact.tables import symbols
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -74,11 +75,12 @@ def plot_run(
         If the run kept no events, or does not cover those periods.
     """
     period, delta = run.drive.period, run.actuator.delta
+    unit = " [m]" if run.actuator.units == "SI" else ""
     if first is None:
         begin, end = run.extent
         end = end if last is None else last
         first = max(begin, end - SHOWN)
-    samples = run.samples(PER_PERIOD, first, last)
+    samples = symbols(run.samples(PER_PERIOD, first, last))
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]
     if axes is None:
@@ -86,7 +88,7 @@ def plot_run(
         axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
     block, frame = axes
 
-    for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
+    for slip in _slips(symbols(run.events), period, left, right, samples["mode"].iloc[0]):
         for ax in (block, frame):
             # The edge keeps a slip visible that is thinner than a dot.
             ax.axvspan(*slip, color=GREEN, alpha=0.3, linewidth=1.0, zorder=0)
@@ -110,9 +112,9 @@ def plot_run(
     )
     frame.plot(time, samples["x1"], color=BLUE, linewidth=1.4)
 
-    block.set_ylabel("$x_2$, block in frame")
+    block.set_ylabel("$x_2$, block in frame" + unit)
     block.set_ylim(-1.15 * delta, 1.15 * delta)
-    frame.set_ylabel("$x_1$, frame")
+    frame.set_ylabel("$x_1$, frame" + unit)
     frame.ticklabel_format(axis="y", useOffset=False)
     frame.set_xlabel("time / forcing period")
     frame.set_xlim(left, right)

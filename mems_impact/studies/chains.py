@@ -17,7 +17,8 @@ from typing import Any
 
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.modes import V1, V2
+from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.cvode.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.studies.simulate import simulate
@@ -55,10 +56,15 @@ class Study:
         change = {self.parameter: value}
         if self.parameter in type(self.drive).model_fields:
             return Case(value, self.actuator, self.drive.replace(**change))
-        if self.parameter in type(self.actuator).model_fields:
+        if self.parameter in PARAMETER_NAMES:
             return Case(value, self.actuator.replace(**change), self.drive)
-        names = [*type(self.drive).model_fields, *type(self.actuator).model_fields]
+        names = [*type(self.drive).model_fields, *PARAMETER_NAMES]
         raise InvalidParameter("parameter", self.parameter, f"one of {', '.join(names)}")
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the parameter; empty for a pure number."""
+        return {**PARAMETER_UNITS, **self.drive.units}.get(self.parameter, "")
 
     def point(
         self, case: Case, name: str, start: State, watch: Callable[[float], None] | None
@@ -67,7 +73,7 @@ class Study:
         point: Point = {
             "value": case.value,
             "direction": name,
-            "section": (),
+            "section": {},
             "impacts per period": math.nan,
             "displacement per period": math.nan,
             "status": "ok",
@@ -87,12 +93,19 @@ class Study:
         except MemsImpactError as error:
             point["status"] = str(error)
             return point, start
-        log = tables.crossings(run.trajectory.events, self.section)
-        measured = (log.cycle - self.transient) * period + log.time >= start.time
-        log = log[measured]
-        point["section"] = replace(log, cycle=log.cycle - self.transient)
-        for key in ("impacts per period", "displacement per period"):
-            point[key] = run.statistics[key]
+        log, begin = tables.crossings(run.trajectory.events, self.section), run.trajectory.start
+        elapsed = (log.cycle - self.transient) * run.trajectory.period + log.time
+        log = log[elapsed >= begin.time]
+        # By the scales of this case: a parameter that is varied may change them.
+        scales = case.actuator.scales
+        point["section"] = {
+            "period": (log.cycle - self.transient).astype(float),
+            "v2": scales.out(log.after[:, V2], "m/s"),
+            "v1": scales.out(log.after[:, V1], "m/s"),
+        }
+        moved = run.measured.displacement_per_period
+        point["impacts per period"] = run.measured.impacts_per_period
+        point["displacement per period"] = scales.out(moved, "m")
         return point, run.final
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+import math
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
@@ -12,13 +13,14 @@ from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES, X1, X2, actuator_automaton, direction_of
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.units import DIMENSIONLESS, inner, unscaled_fields
 from mems_impact.cvode.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Trajectory
 from mems_impact.studies.impacts import energy_lost, frame_steps
-from mems_impact.studies.state import State, is_number
-from mems_impact.studies.statistics import Accumulator, instant_of
+from mems_impact.studies.state import STATE_UNITS, State, is_number
+from mems_impact.studies.statistics import Accumulator, Statistics, instant_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,6 +34,9 @@ Keep = Literal["events", "statistics"]
 class Run:
     """A run of the actuator; its tables are made when they are first asked for.
 
+    Results are in the units of the actuator. The headings of tables carry them where it is in SI
+    (``"x1 [m]"``), and are the symbols alone where it is dimensionless (``"x1"``).
+
     Attributes
     ----------
     actuator : Actuator
@@ -41,7 +46,8 @@ class Run:
     window : tuple of float
         First and last forcing period of the statistics.
     trajectory : Trajectory
-        What the event loop returned: the events as arrays, the first and last instant.
+        What the event loop returned: the events as arrays, the first and last instant; always
+        dimensionless, in the actuator's ``scales``.
     """
 
     actuator: Actuator
@@ -56,13 +62,13 @@ class Run:
     def periods(self) -> float:
         """Forcing periods done."""
         start, final = self.trajectory.start, self.trajectory.final
-        return final.cycle - start.cycle + (final.time - start.time) / self.drive.period
+        return final.cycle - start.cycle + (final.time - start.time) / self.trajectory.period
 
     @property
     def extent(self) -> tuple[float, float]:
         """Where the run begins and ends, in forcing periods (0: start of the first of them)."""
         start, final = self.trajectory.start, self.trajectory.final
-        period = self.drive.period
+        period = self.trajectory.period
         return start.cycle + start.time / period, final.cycle + final.time / period
 
     @property
@@ -70,7 +76,14 @@ class Run:
         """The state at the end; ``initial`` of a run that goes on from there."""
         final = self.trajectory.final
         values = dict(zip(STATES, final.y.tolist(), strict=True))
-        return State(**values, time=final.time)
+        state = State(**values, time=final.time)
+        scales = self.actuator.scales
+        if scales is DIMENSIONLESS:
+            return state
+        out = replace(state, **unscaled_fields(state, STATE_UNITS, scales))
+        # Scaling may round a block on its stopper, or the end of a period, to just beyond it.
+        delta, last = self.actuator.delta, math.nextafter(self.drive.period, 0.0)
+        return replace(out, x2=min(max(out.x2, -delta), delta), time=min(out.time, last))
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
@@ -85,12 +98,13 @@ class Run:
         struck = np.zeros(len(log), dtype=bool)
         struck[rows] = True
         hits = log[struck]
-        return tables.impacts(hits, steps, energy_lost(hits, self.actuator), self.drive.period)
+        lost = energy_lost(hits, self.actuator.to_dimensionless())
+        return tables.impacts(hits, steps, lost, self.trajectory.period, self.actuator.scales)
 
     @cached_property
     def events(self) -> pd.DataFrame:
         """One row a transition: period, time, event, modes before and after, state after."""
-        return tables.events(self._events("events"))
+        return tables.events(self._events("events"), self.actuator.scales)
 
     def section(self, direction: int = 0) -> pd.DataFrame:
         """Return the crossings of the Poincaré section x2 = 0.
@@ -106,7 +120,7 @@ class Run:
             period, time, v2, v1, x1, direction; one row a crossing.
         """
         check_direction("direction", direction)
-        return tables.section(self._events("section"), direction)
+        return tables.section(self._events("section"), direction, self.actuator.scales)
 
     def samples(
         self, per_period: int = 200, first: float | None = None, last: float | None = None
@@ -135,17 +149,21 @@ class Run:
             allowed = f"between {begin:g} and {end:g}, first before last"
             raise InvalidParameter("first, last", (first, last), allowed)
         grid = self.trajectory.samples(int(per_period), first, last)
-        return tables.samples(grid, self.drive.period)
+        return tables.samples(grid, self.trajectory.period, self.actuator.scales)
 
     @cached_property
     def statistics(self) -> pd.Series:
         """What happened in the window, number by number (see `studies.statistics.Statistics`)."""
-        values = self._accumulator.result(self.trajectory.final, (self._x1(0), self._x1(1)))
-        return tables.statistics(asdict(values))
+        return tables.statistics(asdict(self.measured), self.actuator.scales)
+
+    @cached_property
+    def measured(self) -> Statistics:
+        """The statistics as numbers with names, dimensionless like the trajectory."""
+        return self._accumulator.result(self.trajectory.final, (self._x1(0), self._x1(1)))
 
     def _x1(self, border: int) -> float:
         """Return x1 where the window begins (0) or ends (1)."""
-        final, period = self.trajectory.final, self.drive.period
+        final, period = self.trajectory.final, self.trajectory.period
         cycle, time = instant_of(self.window[border], period)
         if (final.cycle, final.time) <= (cycle, time):
             return float(final.y[X1])
@@ -165,12 +183,13 @@ class Run:
 
 
 def problem_of(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Problem:
-    """Return the actuator under a drive as a problem of the hybrid layer."""
+    """Return the actuator under a drive as a problem of the hybrid layer, dimensionless."""
     if not isinstance(actuator, Actuator):
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
     kind = type(drive)
+    actuator, drive = inner(actuator, drive)
     return hybrid.Problem(
         automaton=actuator_automaton(kind.voltage, kind.voltage_rate),
         parameters=np.concatenate([actuator.to_array(), drive.parameters()]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES, settled_mode
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.units import inner
 from mems_impact.cvode.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid
@@ -41,6 +43,7 @@ def simulate(
     ----------
     actuator : Actuator
     drive : Drive
+        In the units of the actuator, as all that is given and returned.
     periods : float, optional
         Length of the run in forcing periods, > 0.
     initial : State, optional
@@ -74,13 +77,13 @@ def simulate(
     mode follows from Equation (4).
     """
     problem = problem_of(actuator, drive, options)
-    start = _start(actuator, drive, initial)
+    start = instant_of_state(actuator, drive, initial)
     if not is_number(periods) or periods <= 0.0:
         raise InvalidParameter("periods", periods, "a finite number > 0")
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
-    window = _window(window, start.time / drive.period, periods)
-    accumulator = Accumulator(actuator, drive.period, start, window)
+    window = _window(window, start.time / problem.period, periods)
+    accumulator = Accumulator(actuator.to_dimensionless(), problem.period, start, window)
     kept: list[Events] = []
 
     def consume(events: Events) -> None:
@@ -111,7 +114,7 @@ def simulate(
     return finished(trajectory)
 
 
-def _start(actuator: Actuator, drive: Drive, initial: State) -> Instant:
+def instant_of_state(actuator: Actuator, drive: Drive, initial: State) -> Instant:
     if not isinstance(initial, State):
         raise InvalidParameter("initial", initial, "a State(x2=…, v2=…)")
     if not abs(initial.x2) <= actuator.delta:
@@ -119,10 +122,13 @@ def _start(actuator: Actuator, drive: Drive, initial: State) -> Instant:
         raise InvalidParameter("x2", initial.x2, f"between the stoppers at -{delta} and {delta}")
     if not initial.time < drive.period:
         raise InvalidParameter("time", initial.time, f"below the forcing period {drive.period:g}")
+    initial = initial.inner(actuator.scales)
+    actuator, drive = inner(actuator, drive)
     y = np.array([getattr(initial, name) for name in STATES], dtype=float)
-    voltage = drive.voltage(initial.time, drive.parameters())
+    time = min(float(initial.time), math.nextafter(drive.period, 0.0))  # scaling may round it up
+    voltage = drive.voltage(time, drive.parameters())
     mode = settled_mode(y, voltage, actuator.to_array())
-    return Instant(0, float(initial.time), mode, y)
+    return Instant(0, time, mode, y)
 
 
 def _window(

@@ -3,28 +3,33 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
 from mems_impact.actuator.modes import STATES
+from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["State"]
+__all__ = ["STATE_UNITS", "State"]
+
+STATE_UNITS = {"x1": "m", "v1": "m/s", "x2": "m", "v2": "m/s", "time": "s"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class State:
     """A state of the actuator and the phase of the drive at which it holds.
 
+    In the units of the actuator that it is used with.
+
     Parameters
     ----------
     x1, v1 : float
-        Position and velocity of the frame. A frame with v1 != 0 slides.
+        Position [m] and velocity [m/s] of the frame. A frame with v1 != 0 slides.
     x2, v2 : float
-        Position and velocity of the block relative to the frame.
+        Position [m] and velocity [m/s] of the block relative to the frame.
     time : float
-        Time since the start of the forcing period, 0 <= time < period.
+        Time [s] since the start of the forcing period, 0 <= time < period.
 
     Raises
     ------
@@ -45,6 +50,12 @@ class State:
                 raise InvalidParameter(name, value, "a finite number")
         if self.time < 0.0:
             raise InvalidParameter("time", self.time, ">= 0 and below the forcing period")
+
+    def inner(self, scales: Scales) -> State:
+        """Return the state in the units in which the package integrates."""
+        if scales is DIMENSIONLESS:
+            return self
+        return replace(self, **scaled_fields(self, STATE_UNITS, scales))
 
 
 def is_number(value: Any) -> bool:

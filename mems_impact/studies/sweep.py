@@ -116,7 +116,7 @@ def sweep(
         finally:
             results.close()
     done = [point for chain in points for point in chain]
-    table = tables.sweep(parameter, done)
+    table = tables.sweep(parameter, done, study.unit, actuator.scales)
     if interrupted:
         raise SweepInterrupted(table, len(done), total)
     return table

@@ -34,7 +34,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m validation.benchmarks", description=__doc__)
     parser.add_argument("topics", nargs="*", help=f"some of: {', '.join(TOPICS)}; all by default")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter runs")
-    parser.add_argument("--output", type=Path, default=Path("benchmark-results"), metavar="DIR")
+    parser.add_argument("--output", type=Path, default=Path("out/benchmarks"), metavar="DIR")
     arguments = parser.parse_args()
     unknown = set(arguments.topics) - set(TOPICS)
     if unknown:
