@@ -15,7 +15,8 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 
 # electrode_gap       d - x2, frozen halfway between stopper and electrode
 # attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2)
-# attraction_rate     its time derivative
+# stiffness           derivative of the load by x2
+# attraction_rate     time derivative of the attraction
 # load                k x2 + c v2 - attraction: what the block exerts on the frame, Equation (3)
 # load_rate           its time derivative
 # static_limit        mu_s N, Equation (4)
@@ -38,6 +39,13 @@ def electrode_gap(x2: float, p: Any) -> float:
 def attraction(x2: float, voltage: float, p: Any) -> float:
     gap = electrode_gap(x2, p)
     return p[ALPHA] * voltage * voltage / (gap * gap)
+
+
+def stiffness(x2: float, voltage: float, p: Any) -> float:
+    if x2 >= 0.5 * (p[DELTA] + p[D]):
+        return p[K]
+    gap = electrode_gap(x2, p)
+    return p[K] - 2.0 * p[ALPHA] * voltage * voltage / (gap * gap * gap)
 
 
 def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p: Any) -> float:

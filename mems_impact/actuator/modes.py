@@ -115,6 +115,22 @@ def actuator_automaton(
             dy[V2] = 0.0
         dy[X1] = y[V1] if direction != 0 else 0.0
 
+    def jacobian(mode, t, y, p, entries):  # type: ignore[no-untyped-def]
+        direction = direction_of(mode)
+        if direction != 0:
+            entries[X1, V1] = 1.0
+        if side_of(mode) == 0:
+            by_x2 = eq.stiffness(y[X2], voltage(t, p[eq.DRIVE :]), p)
+            by_v2 = p[eq.C]
+            entries[X2, V2] = 1.0
+            entries[V2, X2] = -by_x2 / p[eq.M2]
+            entries[V2, V2] = -by_v2 / p[eq.M2]
+            if direction != 0:
+                entries[V1, X2] = by_x2 / p[eq.M1]
+                entries[V1, V2] = by_v2 / p[eq.M1]
+                entries[V2, X2] -= by_x2 / p[eq.M1]
+                entries[V2, V2] -= by_v2 / p[eq.M1]
+
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
         side = side_of(mode)
@@ -147,9 +163,9 @@ def actuator_automaton(
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
         v = voltage(t, p[eq.DRIVE :])
         guards = 5
-        if code == RIGHT_IMPACT or code == LEFT_IMPACT:
+        if code in (RIGHT_IMPACT, LEFT_IMPACT):
             impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
-        elif code == guards + RIGHT_IMPACT or code == guards + LEFT_IMPACT:
+        elif code in (guards + RIGHT_IMPACT, guards + LEFT_IMPACT):
             # An accumulated sequence of impacts is one without rebound.
             impact(1 if code == guards + RIGHT_IMPACT else -1, 0.0, y, p)
         elif code == RELEASE:
@@ -170,5 +186,6 @@ def actuator_automaton(
         flow=flow,
         margins=margins,
         transition=transition,
+        jacobian=jacobian,
         cyclic=(X1,),
     )

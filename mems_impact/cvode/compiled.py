@@ -46,6 +46,7 @@ class Engine:
         flow: Callable[..., Any],
         margins: Callable[..., Any],
         transition: Callable[..., Any],
+        jacobian: Callable[..., Any] | None = None,
         *,
         n: int,
         m: int,
@@ -55,7 +56,8 @@ class Engine:
         section: tuple[int, float, int] | None = None,
     ) -> None:
         sun = library.load()
-        self._kernels, self._callbacks = kernels(flow, margins, transition, n, m), callbacks()
+        self._kernels = kernels(flow, margins, transition, jacobian, n, m)
+        self._callbacks = callbacks()
         component, level, direction = section if section is not None else (-1, 0.0, 0)
         # The handle holds addresses of these arrays; they live as long as the engine.
         self._arrays = {
@@ -95,6 +97,10 @@ class Engine:
             owned.linear = sun.SUNLinSol_Dense(vector, owned.matrix, context)
             flag = sun.CVodeSetLinearSolver(memory, owned.linear, owned.matrix)
             _must(flag, "CVodeSetLinearSolver")
+            if self._kernels.jacobian is not None:
+                handle.jacobian = self._kernels.jacobian.address
+                flag = sun.CVodeSetJacFn(memory, self._callbacks.jacobian.address)
+                _must(flag, "CVodeSetJacFn")
         else:
             owned.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)
             _must(sun.CVodeSetNonlinearSolver(memory, owned.nonlinear), "CVodeSetNonlinearSolver")

@@ -113,6 +113,27 @@ def cacheable(*functions: Callable[..., Any]) -> bool:
 
 
 @intrinsic
+def matrix(_typing: Any, address: Any, size: Any) -> Any:
+    """Look at `size` x `size` doubles at `address`, stored by columns, as an array."""
+    kind = types.Array(types.float64, 2, "F")
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        view = make_array(kind)(context, builder)
+        word = context.get_value_type(types.intp)
+        populate_array(
+            view,
+            data=builder.inttoptr(args[0], view.data.type),
+            shape=[args[1], args[1]],
+            strides=[ir.Constant(word, WORD), builder.mul(args[1], ir.Constant(word, WORD))],
+            itemsize=ir.Constant(word, WORD),
+            meminfo=None,
+        )
+        return view._getvalue()
+
+    return kind(types.int64, types.int64), codegen
+
+
+@intrinsic
 def pointer(_typing: Any, address: Any) -> Any:
     """Turn an address into a pointer to double."""
 

@@ -28,7 +28,7 @@ class Engine:
 
     Parameters
     ----------
-    flow, margins, transition : callable
+    flow, margins, transition, jacobian : callable
         The functions of an automaton (see `mems_impact.hybrid.automaton.Automaton`).
     n, m : int
         Number of states and of guards.
@@ -45,6 +45,7 @@ class Engine:
         flow: Callable[..., Any],
         margins: Callable[..., Any],
         transition: Callable[..., Any],
+        jacobian: Callable[..., Any] | None = None,
         *,
         n: int,
         m: int,
@@ -82,6 +83,11 @@ class Engine:
             out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
             out[2 * m] = y[component] - level if component >= 0 else 1.0
 
+        def newton(t: float, y: Any, _dy: Any, entries: Any) -> None:
+            assert jacobian is not None
+            entries[:] = 0.0
+            jacobian(self._mode, min(t, self._last_instant), y, self.parameters, entries)
+
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
         self._roots = roots
@@ -90,6 +96,7 @@ class Engine:
             method=options.method,
             rtol=options.rtol,
             atol=options.atol,
+            jacfn=newton if jacobian is not None else None,
             first_step=contract.first_step(max_step),
             max_step=max_step,
             eventsfn=roots,

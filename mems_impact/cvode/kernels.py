@@ -20,16 +20,19 @@ from mems_impact.cvode.compiling import (
     cacheable,
     fingerprint,
     make_compilable,
+    matrix,
     pointer,
 )
 
 _data = library.symbol("N_VGetArrayPointer")
+_matrix_data = library.symbol("SUNDenseMatrix_Data")
 
 # One signature for all functions of an automaton, arrays being addresses:
 # kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
 _word, _real = types.int64, types.float64
 KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
 CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
+JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
 
 
 # What compiled code needs of an engine: addresses and numbers. A record is one pointer to numba,
@@ -47,6 +50,7 @@ HANDLE = np.dtype(
         ("flow", np.int64),
         ("margins", np.int64),
         ("transition", np.int64),
+        ("jacobian", np.int64),
         ("n", np.int64),
         ("m", np.int64),
         ("parameter_count", np.int64),
@@ -100,6 +104,7 @@ class Kernels(NamedTuple):
     flow: Any
     margins: Any
     transition: Any
+    jacobian: Any
 
 
 @cache
@@ -107,14 +112,16 @@ def kernels(
     flow: Callable[..., Any],
     margins: Callable[..., Any],
     transition: Callable[..., Any],
+    jacobian: Callable[..., Any] | None,
     n: int,
     m: int,
 ) -> Kernels:
     """Compile the functions of an automaton with `n` states and `m` guards to C functions."""
-    for function in (flow, margins, transition):
+    functions = [f for f in (flow, margins, transition, jacobian) if f is not None]
+    for function in functions:
         make_compilable(function)
-    stamp = fingerprint((flow, margins, transition))
-    keep = cacheable(flow, margins, transition)
+    stamp = fingerprint(functions)
+    keep = cacheable(*functions)
 
     @cfunc(KERNEL, cache=keep, **JIT)
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
@@ -137,7 +144,16 @@ def kernels(
         _ = stamp
         return transition(mode, code, t, array(y, n), array(p, size))
 
-    return Kernels(flow_kernel, margins_kernel, transition_kernel)
+    if jacobian is None:
+        return Kernels(flow_kernel, margins_kernel, transition_kernel, None)
+
+    @cfunc(KERNEL, cache=keep, **JIT)
+    def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        _ = stamp
+        jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
+        return mode
+
+    return Kernels(flow_kernel, margins_kernel, transition_kernel, jacobian_kernel)
 
 
 class Callbacks(NamedTuple):
@@ -145,6 +161,7 @@ class Callbacks(NamedTuple):
 
     rhs: Any
     roots: Any
+    jacobian: Any
 
 
 @cache
@@ -185,4 +202,16 @@ def callbacks() -> Callbacks:
             values[2 * m] = pointer(state)[handle.section] - handle.level
         return 0
 
-    return Callbacks(rhs, roots)
+    @cfunc(JACOBIAN_CALLBACK, cache=True, **JIT)
+    def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
+        _ = stamp
+        handle = _handle(user)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        entries = _matrix_data(out)
+        for i in range(handle.n * handle.n):
+            pointer(entries)[i] = 0.0
+        call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
+        return 0
+
+    return Callbacks(rhs, roots, jacobian)

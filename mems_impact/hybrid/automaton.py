@@ -61,6 +61,10 @@ class Automaton:
         ``code`` is the number of the guard; ``m + number`` when a sequence of impacts at that guard
         has accumulated (to be handled as an impact without rebound); ``2 m`` when the drive has
         just switched and the mode is to be settled anew.
+    jacobian : callable, optional
+        ``jacobian(mode, t, y, p, J)`` writes ``J[i, j]``, the derivative of component i of the flow
+        by component j of the state; `J` comes filled with zeros. It serves Newton's method
+        (method "bdf"), for which CVODE otherwise takes differences.
     cyclic : tuple of int
         Components that never enter flow, margins or transitions except by differences. They are
         integrated from zero in every arc and accumulated apart, so that they keep their digits.
@@ -76,6 +80,7 @@ class Automaton:
     flow: Callable[..., Any]
     margins: Callable[..., Any]
     transition: Callable[..., Any]
+    jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:

@@ -79,6 +79,7 @@ def bind(problem: Problem) -> Bound:
         "flow": automaton.flow,
         "margins": automaton.margins,
         "transition": automaton.transition,
+        "jacobian": automaton.jacobian,
         "n": len(automaton.states),
         "m": len(automaton.guards),
         "parameters": problem.parameters,
