@@ -214,7 +214,7 @@ def _state(engine, y):  # type: ignore[no-untyped-def]
 @overload(contract.fired, jit_options={**JIT, **INNER})
 def _fired(engine, i):  # type: ignore[no-untyped-def]
     if _is_handle(engine):
-        return lambda engine, i: int(integers(engine.fired)[i])
+        return lambda engine, i: np.int64(integers(engine.fired)[i])
 
 
 @overload(contract.interpolate, jit_options={**JIT, **INNER})

@@ -55,7 +55,8 @@ class Automaton:
         ``margins(mode, t, y, p, g, r)`` writes the margins ``g`` and their time derivatives ``r``.
         A margin that does not apply in `mode` is a positive constant, its rate too. The rates find
         the margins that dip below zero and come back within one step; a rate that is left at a
-        positive constant gives up that protection.
+        positive constant gives up that protection. An impact needs its true rate: it is the speed
+        of approach, by which a rebound is told from a contact that persists.
     transition : callable
         ``transition(mode, code, t, y, p)`` changes ``y`` in place and returns the new mode.
         ``code`` is the number of the guard; ``m + number`` when a sequence of impacts at that guard
