@@ -216,6 +216,15 @@ class _Walker:
                 continue
             self.branch.special_points += found.special_points
             lost = found.lost
+            if lost is not None and self.reconnecting and lost.monitor.role == "length":
+                moved = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
+                if moved is not None:
+                    # An event has only moved into the next period of the orbit.
+                    self.branch.special_points.remove(lost)
+                    shooting, point, along = moved
+                    length = max(length / 2.0, self.steps.initial)
+                    before = monitors(shooting, point, along)
+                    continue
             if at_bound:
                 yield self.branch.points[-1]
                 self.branch.ended = f"{self.branch.parameter} reached its bound"

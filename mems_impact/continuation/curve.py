@@ -269,8 +269,10 @@ class _Curve:
         share = (bound - u[-1]) / (beyond[-1] - u[-1])
         fixed = np.zeros(u.size)
         fixed[-1] = 1.0
+        guess = u + share * (beyond - u)
         try:
-            self._append(self._correct(u + share * (beyond - u), fixed, gradient)[1])
+            gradient = self._linearize(guess)[1]  # the one from the last point may be too old
+            self._append(self._correct(guess, fixed, gradient)[1])
         except OrbitError:
             return
 

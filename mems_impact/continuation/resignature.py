@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mems_impact.continuation.corrector import tangent
@@ -28,13 +30,16 @@ def reconnect(
     orbit : PeriodicOrbit
         Located at a zero of `monitor`.
     monitor : Monitor
-        With the role "approach" (an event comes in) or "rate" (one drops out).
+        With the role "approach" (an event comes in), "rate" (one drops out) or "length" (one moves
+        into another period).
 
     Returns
     -------
     shooting, point, direction
         Or None where no admissible orbit of another signature joins.
     """
+    if monitor.role == "length":
+        return cross_boundary(orbit, monitor.segment, parameter)
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
     if monitor.role == "approach" and touch is not None and touch.inside:
         guess = with_event(orbit, monitor.guard, touch)
@@ -61,6 +66,79 @@ def reconnect(
     direction = tangent(point)
     gain = _derivative(shooting, point, wanted, direction)
     return shooting, point, direction if gain > 0.0 else -direction
+
+
+def cross_boundary(
+    orbit: PeriodicOrbit, i: int, parameter: str
+) -> tuple[Shooting, Point, Floats] | None:
+    """Let the event at an end of the vanishing segment `i` move into the neighbouring period.
+
+    Nothing happens to the orbit there; it is only cut elsewhere. None if the segment lies between
+    two events, which is where they meet.
+    """
+    moved = move_event(orbit, i)
+    if moved is None:
+        return None
+    guess, grows = moved
+    shooting = Shooting(orbit.family, guess.segments, (parameter,))
+    value = np.array([orbit.family.values[parameter]])
+    unknowns = shooting.pack(guess)
+    try:
+        shooting.pin(shooting.evaluate(unknowns, value))
+        point = shooting.solve(unknowns, value)
+    except OrbitError:
+        return None
+    direction = tangent(point)
+    length = Monitor("simultaneous events", "length", grows)
+    gain = _derivative(shooting, point, length, direction)
+    return shooting, point, direction if gain > 0.0 else -direction
+
+
+def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
+    """Return the orbit with the event next to segment `i` on the other side of the boundary.
+
+    Also returned: which segment of the new signature grows from length zero.
+    """
+    segments, point = list(orbit.segments), orbit.point
+    all_states, _ = orbit.shooting.unpack(point.unknowns)
+    states, times = list(all_states), list(point.ends)
+    count = len(segments)
+    before, after = (i - 1) % count, (i + 1) % count
+    m = orbit.shooting.m
+    if segments[before].code == BOUNDARY and segments[i].code not in (BOUNDARY, 2 * m):
+        # The event at the start of a period moves to the end of the one before.
+        event, mode = segments[i].code, segments[after].mode
+        cycle = segments[before].cycle
+        segments[before] = Segment(segments[before].mode, cycle, event)
+        times[before] = orbit.shooting.period
+        segments[i], states[i] = Segment(mode, cycle, BOUNDARY), states[after].copy()
+        times[i] = orbit.shooting.period
+        if i == 0:
+            segments, states, times = _rotated(segments, 1), _rotated(states, 1), _rotated(times, 1)
+            return Guess(tuple(segments), np.array(states), np.array(times)), count - 1
+        return Guess(tuple(segments), np.array(states), np.array(times)), i
+    if segments[i].code == BOUNDARY and segments[before].code not in (BOUNDARY, 2 * m):
+        # The event at the end of a period moves to the start of the next.
+        event, mode = segments[before].code, segments[before].mode
+        segments[before] = Segment(mode, segments[before].cycle, BOUNDARY)
+        times[before] = orbit.shooting.period
+        segments[i] = Segment(mode, segments[after].cycle, event)
+        states[i] = np.array(point.arcs[before].end)
+        states[i][list(orbit.shooting.automaton.cyclic)] = 0.0
+        times[i] = 0.0
+        if i == count - 1:
+            segments, states, times = (
+                _rotated(segments, -1),
+                _rotated(states, -1),
+                _rotated(times, -1),
+            )
+            return Guess(tuple(segments), np.array(states), np.array(times)), 0
+        return Guess(tuple(segments), np.array(states), np.array(times)), i
+    return None
+
+
+def _rotated(items: list[Any], by: int) -> list[Any]:
+    return items[by:] + items[:by]
 
 
 def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess | None:

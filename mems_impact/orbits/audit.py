@@ -29,7 +29,7 @@ class Audit:
     uncertainty : float array, shape (f,)
         Of the columns of `simulated`, as the extrapolation estimates it.
     entry : tuple of int
-        Row and column of the worst entry.
+        Row and column of the worst entry; -1 where the matrices are empty.
     worst : float
         Its difference, relative to the largest entry of `simulated` (or 1).
     """
@@ -63,6 +63,8 @@ def audit(orbit: PeriodicOrbit) -> Audit:
     components = [orbit.shooting.free[c] for c in kept]
     columns = [_column(problem, orbit.instant, orbit.periods, c, components) for c in components]
     computed = orbit.reduced_monodromy()
+    if not columns:  # nothing is free at the start: the orbit forgets everything
+        return Audit(computed, computed, np.zeros(0), (-1, -1), 0.0)
     simulated = np.stack([column for column, _ in columns], axis=1)
     difference = np.abs(computed - simulated)
     row, column = np.unravel_index(np.argmax(difference), difference.shape)

@@ -179,9 +179,9 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
                 found.append(
                     Defect(i, automaton.guards[own].name, "reversed", float(event.rates[own]))
                 )
-            following = segments[(i + 1) % len(segments)].mode
-            if event.mode != following:
-                found.append(Defect(i, automaton.guards[own].name, "mode", float(event.mode)))
+        if event is not None and event.mode != segments[(i + 1) % len(segments)].mode:
+            name = automaton.guards[own].name if own >= 0 else "switch"
+            found.append(Defect(i, name, "mode", float(event.mode)))
     return tuple(found)
 
 

@@ -92,6 +92,9 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
     for i in chosen:
         kind, guard, time = int(events.kind[i]), int(events.guard[i]), float(events.time[i])
         at_end = kind == loop.SWITCH and time == 0.0  # the switch that closes a period
+        if at_end and events.cycle[i] == 0:  # the one before the first
+            mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
+            continue
         while cycle < events.cycle[i] - at_end:
             close(BOUNDARY, period)
             cycle += 1
@@ -103,16 +106,28 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
             # The loop stops the sequence at the last impact that it saw; here one flight more is
             # taken, and the impact after it is the one without rebound.
             last = impacts[guard][-3:]
-            flight = (last[2] - last[1]) ** 2 / (last[1] - last[0])
-            close(m + guard, last[2] - cycle * period + flight)
+            ratio = (last[2] - last[1]) / (last[1] - last[0])
+            origin, now = last[1] - cycle * period, last[2] - cycle * period
+            # What lay between the last two impacts, the end of a slip say, does so again.
+            before = [j for j in range(len(segments) - 1) if segments[j].code == guard][-1]
+            first = np.copy(y)
+            for j in range(before + 1, len(segments) - 1):
+                close(segments[j].code, now + ratio * (times[j] - origin))
+                mode = segments[j + 1].mode
+                y = first + ratio * (states[j + 1] - states[before + 1])
+            close(m + guard, now + ratio * (last[2] - last[1]))
         else:
             switch = int(np.argmin(np.abs(np.array(switches) - (period if at_end else time))))
             close(2 * m, period if at_end else time, switch)
         mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
         if at_end:
             cycle += 1
+    closing = np.flatnonzero(np.abs(np.array(switches) - period) <= 1e-12 * period)
     while cycle < periods:
-        close(BOUNDARY, period)
+        if closing.size:
+            close(2 * m, period, int(closing[0]))
+        else:
+            close(BOUNDARY, period)
         cycle += 1
         if cycle < periods:
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
