@@ -15,11 +15,40 @@ if TYPE_CHECKING:
         InvalidFile,
         InvalidParameter,
         MemsImpactError,
+        OrbitError,
         RunError,
         SweepInterrupted,
     )
+    from mems_impact.plotting.branch import plot_branch
+    from mems_impact.plotting.chart import plot_chart
+    from mems_impact.studies.branches import (
+        Branch,
+        Curve,
+        GrazingType,
+        SpecialPoint,
+        Steps,
+        continue_curve,
+        continue_orbit,
+        grazing_type,
+        switch_branch,
+    )
+    from mems_impact.studies.chart import Chart, operating_chart
+    from mems_impact.studies.orbits import Orbit, find_orbit
     from mems_impact.plotting.bifurcation import plot_sweep
+    from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.timeseries import plot_run
+    from mems_impact.studies.blows import Blows, blows
+    from mems_impact.studies.design import (
+        Window,
+        period_one_window,
+        pull_in_voltage,
+        resolution,
+        resting_voltage,
+        speed_over_voltage,
+        step_length,
+        step_lengths,
+    )
+    from mems_impact.studies.fit import Fit, Target, fit
     from mems_impact.studies.run import Run
     from mems_impact.studies.simulate import simulate
     from mems_impact.studies.state import State
@@ -28,25 +57,55 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Actuator",
+    "Blows",
+    "Branch",
+    "Chart",
+    "Curve",
     "Drive",
     "EngineFallbackWarning",
     "EngineUnavailable",
+    "Fit",
+    "GrazingType",
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
     "Options",
+    "Orbit",
+    "OrbitError",
     "Run",
     "RunError",
     "Sine",
+    "SpecialPoint",
     "State",
+    "Steps",
     "SweepInterrupted",
+    "Target",
+    "Window",
+    "blows",
+    "continue_curve",
+    "continue_orbit",
+    "find_orbit",
+    "fit",
+    "grazing_type",
     "kicked",
     "load_actuator",
+    "operating_chart",
+    "period_one_window",
+    "plot_branch",
+    "plot_chart",
+    "plot_orbit",
     "plot_run",
     "plot_sweep",
+    "pull_in_voltage",
+    "resolution",
+    "resting_voltage",
     "simulate",
+    "speed_over_voltage",
+    "step_length",
+    "step_lengths",
     "sweep",
     "sweep_summary",
+    "switch_branch",
 ]
 
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
@@ -61,11 +120,40 @@ _HOMES = {
         "InvalidFile",
         "InvalidParameter",
         "MemsImpactError",
+        "OrbitError",
         "RunError",
         "SweepInterrupted",
     ),
+    "plotting.branch": ("plot_branch",),
+    "plotting.chart": ("plot_chart",),
+    "studies.branches": (
+        "Branch",
+        "Curve",
+        "GrazingType",
+        "SpecialPoint",
+        "Steps",
+        "continue_curve",
+        "continue_orbit",
+        "grazing_type",
+        "switch_branch",
+    ),
+    "studies.chart": ("Chart", "operating_chart"),
+    "studies.orbits": ("Orbit", "find_orbit"),
     "plotting.bifurcation": ("plot_sweep",),
+    "plotting.orbit": ("plot_orbit",),
     "plotting.timeseries": ("plot_run",),
+    "studies.blows": ("Blows", "blows"),
+    "studies.design": (
+        "Window",
+        "period_one_window",
+        "pull_in_voltage",
+        "resolution",
+        "resting_voltage",
+        "speed_over_voltage",
+        "step_length",
+        "step_lengths",
+    ),
+    "studies.fit": ("Fit", "Target", "fit"),
     "studies.run": ("Run",),
     "studies.simulate": ("simulate",),
     "studies.state": ("State",),

@@ -23,13 +23,24 @@ from mems_impact.hybrid.trajectory import Events, Floats, Samples
 
 __all__ = [
     "COLUMN_UNITS",
+    "branch",
+    "chart",
+    "chart_points",
+    "chart_types",
+    "codimension_two",
+    "curve",
     "events",
+    "fit_parameters",
+    "fit_residuals",
     "heading",
     "impacts",
     "samples",
     "section",
     "segments",
+    "special_points",
+    "speed",
     "statistics",
+    "step_lengths",
     "sweep",
     "sweep_summary",
     "symbols",
@@ -41,6 +52,7 @@ COLUMN_UNITS = {
     **dict.fromkeys(["v1", "v1 before", "v1 after", "v2", "v2 before", "v2 after"], "m/s"),
     **dict.fromkeys(["v2 min", "v2 max"], "m/s"),
     "energy lost": "J",
+    "impact speed": "m/s",
     # statistics
     **dict.fromkeys(["displacement per period", "displacement per impact", "step std"], "m"),
     **dict.fromkeys(["impact speed min", "impact speed mean", "impact speed max"], "m/s"),
@@ -162,6 +174,111 @@ def segments(
     return _table(columns, scales)
 
 
+ORBIT_COLUMNS = (
+    "stable",
+    "admissible",
+    "piece",
+    "largest multiplier",
+    "impacts",
+    "impact speed",
+    "step",
+    "closest approach",
+)
+
+
+def branch(
+    parameter: str, rows: Sequence[Mapping[str, Any]], scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
+    """Return one row an orbit of a branch.
+
+    Parameters
+    ----------
+    parameter : str
+        Heading of its value.
+    rows : sequence of mapping
+        ``value`` in the units of the device, `ORBIT_COLUMNS` where they apply, and ``v2``, the
+        velocities at the crossings of the section, in descending order.
+    scales : Scales, optional
+    """
+    columns = {parameter: np.array([row["value"] for row in rows], dtype=float)}
+    return _table({**columns, **_orbit_columns(rows)}, scales)
+
+
+def special_points(
+    parameter: str, rows: Sequence[Mapping[str, Any]], scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
+    """Return one row a special point of a branch; `rows` with ``label`` and ``kind`` as well."""
+    columns = {
+        "label": [row["label"] for row in rows],
+        "kind": [row["kind"] for row in rows],
+        parameter: np.array([row["value"] for row in rows], dtype=float),
+    }
+    return _table({**columns, **_orbit_columns(rows)}, scales)
+
+
+def curve(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
+    """Return one row an orbit of a curve; `rows` with ``values`` of the two `parameters`."""
+    return _table({**_values(parameters, rows), **_orbit_columns(rows)}, scales)
+
+
+def codimension_two(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
+    """Return one row a point of codimension two; as `curve`, with ``kind``."""
+    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    return _table({**columns, **_orbit_columns(rows)}, scales)
+
+
+def chart(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return one row a point of a boundary: boundary, the `parameters`, type, kind."""
+    columns = {
+        "boundary": [row["boundary"] for row in rows],
+        **_values(parameters, rows),
+        "type": [row["type"] for row in rows],
+        "kind": [row["kind"] for row in rows],
+    }
+    return pd.DataFrame(columns)
+
+
+def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return one row a type: type, grazing, `parameter` from and to, on, off."""
+    columns = {
+        "type": [row["type"] for row in rows],
+        "grazing": [row["grazing"] for row in rows],
+        **_values((f"{parameter} from", f"{parameter} to"), rows),
+        "on": [row["on"] for row in rows],
+        "off": [row["off"] for row in rows],
+    }
+    return pd.DataFrame(columns)
+
+
+def chart_points(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """Return one row a point of codimension two: kind and the `parameters`."""
+    return pd.DataFrame({"kind": [row["kind"] for row in rows], **_values(parameters, rows)})
+
+
+def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {
+        name: np.array([row["values"][i] for row in rows], dtype=float)
+        for i, name in enumerate(parameters)
+    }
+
+
+def _orbit_columns(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    columns = {
+        name: np.array([row[name] for row in rows])
+        for name in ORBIT_COLUMNS
+        if all(name in row for row in rows)
+    }
+    most = max((len(row["v2"]) for row in rows), default=1)
+    for i in range(max(1, most)):
+        values = [row["v2"][i] if i < len(row["v2"]) else np.nan for row in rows]
+        columns["v2" if i == 0 else f"v2 {i + 1}"] = np.array(values, dtype=float)
+    return columns
+
+
 def statistics(values: Mapping[str, float], scales: Scales = DIMENSIONLESS) -> pd.Series:
     """Return one number a row, in the order given; underscores in the names become spaces."""
     named = {name.replace("_", " "): value for name, value in values.items()}
@@ -256,6 +373,90 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     return summary
 
 
+def fit_parameters(
+    names: Sequence[str],
+    start: Sequence[float],
+    fitted: Sequence[float],
+    limits: Floats,
+    errors: Floats,
+    at_bound: NDArray[np.bool_],
+) -> pd.DataFrame:
+    """Return one row a free parameter of a fit; `errors` are relative."""
+    columns = {
+        "parameter": list(names),
+        "start": list(start),
+        "fitted": list(fitted),
+        "low": limits[:, 0],
+        "high": limits[:, 1],
+        "standard error": np.array(fitted) * errors,
+        "at bound": at_bound,
+    }
+    return pd.DataFrame(columns)
+
+
+def fit_residuals(
+    quantities: Sequence[str],
+    drives: Sequence[str],
+    measured: Floats,
+    computed: Floats,
+    tolerances: Floats,
+) -> pd.DataFrame:
+    """Return one row a target of a fit."""
+    columns = {
+        "quantity": list(quantities),
+        "drive": list(drives),
+        "measured": measured,
+        "computed": computed,
+        "difference": computed - measured,
+        "in tolerances": (computed - measured) / tolerances,
+    }
+    return pd.DataFrame(columns)
+
+
+def step_lengths(
+    period: NDArray[np.int64],
+    phase: Floats,
+    speed: Floats,
+    voltage: Floats,
+    simulated: Floats,
+    formula: Floats,
+    scales: Scales = DIMENSIONLESS,
+) -> pd.DataFrame:
+    """Return one row an impact: the simulated step beside the formula; all in device units."""
+    columns = {
+        "period": period,
+        "phase": phase,
+        scales.label("v2 before", "m/s"): speed,
+        scales.label("voltage", "V"): voltage,
+        scales.label("step", "m"): simulated,
+        scales.label("formula", "m"): formula,
+        "ratio": simulated / formula,
+    }
+    return pd.DataFrame(columns)
+
+
+def speed(
+    amplitude: Floats,
+    impacts_per_period: Floats,
+    displacement_per_period: Floats,
+    period: float,
+    scales: Scales = DIMENSIONLESS,
+) -> pd.DataFrame:
+    """Return one row an amplitude: steps and mean speed; all in device units."""
+    none = np.full(impacts_per_period.size, np.nan)
+    each = np.divide(
+        displacement_per_period, impacts_per_period, out=none, where=impacts_per_period > 0.0
+    )
+    columns = {
+        scales.label("amplitude", "V"): amplitude,
+        "impacts per period": impacts_per_period,
+        scales.label("displacement per period", "m"): displacement_per_period,
+        scales.label("displacement per impact", "m"): each,
+        scales.label("mean speed", "m/s"): displacement_per_period / period,
+    }
+    return pd.DataFrame(columns)
+
+
 def heading(table: pd.DataFrame, symbol: str) -> str:
     """Return the heading of the column `symbol`, with the unit that it may carry."""
     return next(name for name in table.columns if _symbol(name) == symbol)
@@ -274,13 +475,19 @@ def _table(columns: Mapping[str, Any], scales: Scales) -> pd.DataFrame:
     return pd.DataFrame(_in_units(columns, scales))
 
 
+def _unnumbered(name: str) -> str:
+    """Return the heading of the first of several columns alike: v2 for "v2 3"."""
+    first, _, number = name.rpartition(" ")
+    return first if number.isdigit() else name
+
+
 def _in_units(columns: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
     """Return columns as computed in the units of the device, which stand in the headings."""
     if scales is DIMENSIONLESS:
         return dict(columns)
     result = {}
     for name, values in columns.items():
-        unit = COLUMN_UNITS.get(name, "")
+        unit = COLUMN_UNITS.get(_unnumbered(name), "")
         result[scales.label(name, unit)] = scales.out(values, unit) if unit else values
     return result
 

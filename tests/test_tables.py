@@ -60,11 +60,12 @@ def test_statistics():
 
 
 def point(value, direction="up", crossings=2, status="ok"):
-    events = log([loop.SECTION_CROSSING] * crossings, [1] * crossings) if crossings else ()
+    speeds = 3.25 + 4.0 * np.arange(crossings)
+    section = {"period": np.arange(float(crossings)), "v2": speeds, "v1": 0.0 * speeds}
     return {
         "value": value,
         "direction": direction,
-        "section": events,
+        "section": section if crossings else {},
         "impacts per period": 1.0 if status == "ok" else np.nan,
         "displacement per period": 0.5,
         "status": status,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from keyword import iskeyword
 from typing import NoReturn
 
 import click
@@ -17,7 +18,7 @@ from mems_impact.cli.failures import PROGRAM, report
 
 __all__ = ["main"]
 
-COMMANDS = ("devices", "simulate", "sweep")
+COMMANDS = ("chart", "continue", "devices", "orbit", "simulate", "sweep")
 
 
 class _Commands(click.Group):
@@ -29,7 +30,8 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        command: click.Command = import_module(f"mems_impact.cli.{name}").command
+        module = f"{name}_" if iskeyword(name) else name
+        command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return command
 
 

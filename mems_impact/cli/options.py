@@ -59,33 +59,42 @@ state_options = combined(
     click.option("--v1", type=float, default=0.0, help="Initial velocity of the frame.  [0]"),
 )
 
-integrator_options = combined(
+
+def _integrator(rtol: float, atol: float) -> Decorator:
+    return combined(
+        click.option(
+            "--method",
+            type=click.Choice(METHODS),
+            default=Options.method,
+            help=f"CVODE's family of formulas.  [{Options.method}]",
+        ),
+        click.option("--rtol", type=float, default=rtol, help=f"Relative tolerance.  [{rtol:g}]"),
+        click.option("--atol", type=float, default=atol, help=f"Absolute tolerance.  [{atol:g}]"),
+        click.option(
+            "--engine",
+            type=click.Choice(ENGINES),
+            default=Options.engine,
+            help="Compiled, or interpreted (slower).  "
+            f"[{Options.engine}: compiled where it is available]",
+        ),
+    )
+
+
+integrator_options = _integrator(Options.rtol, Options.atol)
+# Those of `mems_impact.studies.orbits.ORBIT_OPTIONS`, which is slow to import.
+orbit_integrator_options = _integrator(1e-11, 1e-13)
+
+guess_options = combined(
+    state_options,
     click.option(
-        "--method",
-        type=click.Choice(METHODS),
-        default=Options.method,
-        help=f"CVODE's family of formulas.  [{Options.method}]",
+        "--transient", type=float, default=300.0,
+        help="Forcing periods to run before the orbit is looked for.  [300]",
     ),
     click.option(
-        "--rtol",
-        type=float,
-        default=Options.rtol,
-        help=f"Relative tolerance.  [{Options.rtol:g}]",
+        "--periods", type=int, default=1,
+        help="Forcing periods after which the orbit closes.  [1]",
     ),
-    click.option(
-        "--atol",
-        type=float,
-        default=Options.atol,
-        help=f"Absolute tolerance.  [{Options.atol:g}]",
-    ),
-    click.option(
-        "--engine",
-        type=click.Choice(ENGINES),
-        default=Options.engine,
-        help="Compiled, or interpreted (slower).  "
-        f"[{Options.engine}: compiled where it is available]",
-    ),
-)
+)  # fmt: skip
 
 output_options = combined(
     click.option(

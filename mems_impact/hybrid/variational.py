@@ -113,7 +113,7 @@ def integrate(
     if end <= start:
         go_back(engine, mode, y, start, end, work)
         return DONE
-    arc.restart(engine, mode, start, y, math.inf)
+    arc.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
     for _ in range(max_steps):
         status = arc.step(engine)
         if status < 0:
@@ -377,7 +377,8 @@ class Variational:
                 mode=self._modes[mode],
                 state={f"y{i}": float(v) for i, v in enumerate(y)},
             )
-        self._call(evaluate_flow, mode, end, state, slope_end)
+        # From the left, where a drive that switches at the end has not done so yet.
+        self._call(evaluate_flow, mode, end - 1e-15 * abs(end), state, slope_end)
         columns = state[n:].reshape(-1, n).T
         return Arc(
             end=state[:n].copy(),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.modes import GUARDS, MODES, STATES, X1, X2
+from mems_impact.actuator.modes import GUARDS, MODES, STATES, V1, X1, X2, direction_of
 from mems_impact.actuator.parameters import PARAMETER_UNITS, Actuator
 from mems_impact.actuator.units import Scales
 from mems_impact.cvode.options import Options
@@ -176,7 +176,8 @@ class Orbit:
     @property
     def state(self) -> State:
         """The state where a forcing period begins; ``initial`` of a run along the orbit."""
-        return _state(self.found.state, self.actuator.scales)
+        y = _at_rest_if_stuck(self.found.segments[0].mode, self.found.state)
+        return _state(y, self.actuator.scales)
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -278,8 +279,7 @@ class Orbit:
                 seen = int(number[-1])
                 y = grid.y[new].copy()
                 y[:, X1] += offset
-                time = grid.time[new] + self._period * grid.cycle[new]
-                parts.append(Samples(np.full(time.size, cycle), time, grid.mode[new], y))
+                parts.append(Samples(grid.cycle[new] + cycle, grid.time[new], grid.mode[new], y))
         columns = (
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("cycle", "time", "mode", "y")
@@ -350,7 +350,8 @@ class Orbit:
         for i, segment in enumerate(found.segments):
             start, end = float(found.point.starts[i]), float(found.point.ends[i])
             if end > start:
-                begin = Instant(0, start, segment.mode, states[i])
+                y = _at_rest_if_stuck(segment.mode, states[i])
+                begin = Instant(0, start, segment.mode, y)
                 yield segment.cycle, offset, run(problem, begin, (end - start) / problem.period)
             offset += float(found.point.arcs[i].end[X1])
 
@@ -479,6 +480,11 @@ def _state(y: Floats, scales: Scales) -> State:
     return State(**{name: scales.out(value, STATE_UNITS[name]) for name, value in values})
 
 
+def _at_rest_if_stuck(mode: int, y: Floats) -> Floats:
+    # Newton's method leaves a rounding there, with which a run would begin to slip.
+    return y if direction_of(mode) != 0 else np.where(np.arange(y.size) == V1, 0.0, y)
+
+
 def _reached(point: Point, scales: Scales) -> State | None:
     """Return the first state of an iteration that did not converge."""
     free = [i for i in range(len(STATES)) if i != X1]
@@ -494,4 +500,3 @@ def _what_ends(code: int) -> str:
     if code == SWITCH:
         return tables.DRIVE_SWITCHES
     return GUARDS[code].name if code < m else tables.CHATTER_ENDS
-

@@ -1,0 +1,87 @@
+"""`mems-impact chart`: where a device switches on and off, over the frequency."""
+
+from __future__ import annotations
+
+import click
+
+from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    orbit_integrator_options,
+    output_options,
+)
+
+
+@click.command(short_help="Chart where a device switches on and off.")
+@device_options
+@click.option("--from", "low", type=float, default=0.44, help="Lowest omega.  [0.44]")
+@click.option("--to", "high", type=float, default=0.51, help="Highest omega.  [0.51]")
+@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@click.option(
+    "--crises", type=int, default=7, help="Frequencies at which type III is simulated.  [7]"
+)
+@click.option(
+    "--periods", type=int, default=2000,
+    help="Forcing periods for which an attractor has to persist there.  [2000]",
+)  # fmt: skip
+@orbit_integrator_options
+@output_options
+def command(
+    *,
+    device: str,
+    changes: dict[str, float],
+    low: float,
+    high: float,
+    bias: float,
+    crises: int,
+    periods: int,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    r"""Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
+
+    Boundaries are followed as curves of grazings and folds; where the device switches off in a
+    crisis (type III), it is simulated. Writes boundaries, types and points as CSV tables and the
+    chart as a figure.
+
+    \b
+    Example:
+      mems-impact chart zhao2004
+    """
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, figure, no_figure, "chart")
+    chart = mi.operating_chart(
+        actuator,
+        drive,
+        omega=(low, high),
+        crises=crises,
+        periods=periods,
+        options=options,
+        progress=say,
+    )
+    click.echo(chart.types.to_string(index=False, float_format="{:.9g}".format) + "\n")
+    if len(chart.special_table):
+        points = chart.special_table.to_string(index=False, float_format="{:.12g}".format)
+        click.echo(points + "\n")
+    for note in chart.notes:
+        say(f"warning: {note}")
+    files.table("boundaries", chart.table)
+    files.table("types", chart.types)
+    files.table("points", chart.special_table)
+
+    from mems_impact.plotting.chart import plot_chart
+
+    files.draw(lambda: plot_chart(chart).figure)
+    click.echo(files.said())

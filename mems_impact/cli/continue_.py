@@ -1,0 +1,145 @@
+"""`mems-impact continue`: a branch of periodic orbits over a parameter."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    guess_options,
+    orbit_integrator_options,
+    output_options,
+)
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+
+@click.command(short_help="Follow a periodic orbit over a parameter.")
+@device_options
+@click.option("--parameter", required=True, help="What to vary: a parameter of drive or device.")
+@click.option("--from", "start", type=float, required=True, help="Where the orbit is found.")
+@click.option("--stop", type=float, required=True, help="Where the branch ends.")
+@click.option("--back", type=float, help="Where it ends if it turns round.  [where it began]")
+@click.option("--amplitude", type=float, help="Amplitude f of the voltage, unless it is varied.")
+@click.option("--omega", type=float, help="Angular frequency of the voltage, unless it is varied.")
+@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@guess_options
+@click.option(
+    "--through-grazing/--past-grazing",
+    default=True,
+    help="Go on with the impact more or less at a grazing, or past it with orbits that the "
+    "device does not have.  [through]",
+)
+@click.option("--doubled", is_flag=True, help="Follow the orbits of twice the period as well.")
+@orbit_integrator_options
+@output_options
+def command(
+    *,
+    device: str,
+    changes: dict[str, float],
+    parameter: str,
+    start: float,
+    stop: float,
+    back: float | None,
+    amplitude: float | None,
+    omega: float | None,
+    bias: float,
+    x2: float,
+    v2: float,
+    v1: float,
+    transient: float,
+    periods: int,
+    through_grazing: bool,
+    doubled: bool,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    r"""Follow the periodic orbit that a run of DEVICE leads to over a parameter, stable or not.
+
+    Shows the grazings (G), cyclic folds (CF) and period doublings (PD) that it meets, and writes
+    branch and special points as CSV tables and a bifurcation diagram.
+
+    \b
+    Example:
+      mems-impact continue zhao2004 --parameter amplitude --from 0.24 --stop 0.16 --omega 0.5
+    """
+    voltage = {"bias": bias}
+    for name, value in {"amplitude": amplitude, "omega": omega}.items():
+        if name == parameter:
+            if value is not None:
+                raise click.UsageError(f"--{name} is what is varied; leave it out")
+            voltage[name] = start
+        elif value is None:
+            raise click.UsageError(f"missing option '--{name}'")
+        else:
+            voltage[name] = value
+    if parameter == "bias":
+        voltage["bias"] = start
+    elif parameter not in ("amplitude", "omega"):
+        changes = {**changes, parameter: start}
+
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = mi.Sine(**voltage)
+    guess = mi.State(x2=x2, v1=v1, v2=v2)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, figure, no_figure, "continue")
+    orbit = mi.find_orbit(
+        actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+    )
+    branch = mi.continue_orbit(
+        orbit, parameter, stop, back=back, through_grazing=through_grazing, progress=True
+    )
+    branches = [branch]
+    if doubled:
+        for special in branch.special_points:
+            if special.label == "PD":
+                try:
+                    branches.append(mi.switch_branch(special, progress=True))
+                except mi.OrbitError as error:
+                    say(f"warning: period doubling at {special.value:.9g}: {error}")
+    for number, part in enumerate(branches):
+        _show(part)
+        end = f"-{number}" if number else ""
+        files.table(f"branch{end}", part.table)
+        files.table(f"points{end}", part.special_table)
+
+    from mems_impact.plotting.branch import plot_branch
+
+    files.draw(lambda: plot_branch(branches).figure)
+    click.echo(files.said())
+
+
+def _show(branch: mi.Branch) -> None:
+    table = branch.table
+    low, high = table.iloc[:, 0].min(), table.iloc[:, 0].max()
+    click.echo(
+        f"{len(branch)} orbits of {branch.orbits[0].periods} forcing periods, {branch.parameter} "
+        f"{low:.9g} to {high:.9g}, {int(table['stable'].sum())} of them stable; {branch.ended}"
+    )
+    for special in branch.special_points:
+        side = ""
+        if special.label == "G":
+            import mems_impact as mi
+
+            try:
+                kind = mi.grazing_type(special)
+                side = f" ({kind}: type {kind.paper})"
+            except mi.InvalidParameter:
+                side = " (of an orbit with impacts)"
+        name = "" if special.label == special.kind else f" {special.kind}"
+        click.echo(f"  {special.label:<3}{special.value:.12g}{name}{side}")
+    click.echo("")

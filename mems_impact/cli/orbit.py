@@ -1,0 +1,102 @@
+"""`mems-impact orbit`: one periodic orbit."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    guess_options,
+    orbit_integrator_options,
+    output_options,
+)
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+
+@click.command(short_help="Find a periodic orbit and its stability.")
+@device_options
+@click.option("--amplitude", type=float, required=True, help="Amplitude f of the voltage.")
+@click.option("--omega", type=float, required=True, help="Angular frequency of the voltage.")
+@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@guess_options
+@orbit_integrator_options
+@output_options
+def command(
+    *,
+    device: str,
+    changes: dict[str, float],
+    amplitude: float,
+    omega: float,
+    bias: float,
+    x2: float,
+    v2: float,
+    v1: float,
+    transient: float,
+    periods: int,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    r"""Find the periodic orbit of DEVICE that a run from the initial state leads to.
+
+    Shows its state, stability, segments and impacts, and writes impacts, segments and one period
+    of samples as CSV tables and the motion as a figure.
+
+    \b
+    Example:
+      mems-impact orbit zhao2004 --amplitude 0.24 --omega 0.5
+    """
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = mi.Sine(amplitude=amplitude, omega=omega, bias=bias)
+    guess = mi.State(x2=x2, v1=v1, v2=v2)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, figure, no_figure, "orbit")
+    orbit = mi.find_orbit(
+        actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+    )
+    _show(orbit)
+    files.table("impacts", orbit.impacts)
+    files.table("segments", orbit.segments)
+    files.table("samples", orbit.samples(400))
+
+    from mems_impact.plotting.orbit import plot_orbit
+
+    files.draw(lambda: plot_orbit(orbit).figure)
+    click.echo(files.said())
+
+
+def _show(orbit: mi.Orbit) -> None:
+    state = orbit.state
+    multipliers = ", ".join(f"{m:.9g}" if m.imag else f"{m.real:.9g}" for m in orbit.multipliers)
+    lines = {
+        "orbit": f"{'stable' if orbit.stable else 'unstable'}, closes after {orbit.periods} "
+        f"forcing period{'s' if orbit.periods > 1 else ''} of {orbit.period:.9g}",
+        "state": f"x2 = {state.x2:.12g}, v2 = {state.v2:.12g}, v1 = {state.v1:.12g}",
+        "multipliers": multipliers,
+        "step": f"{orbit.step:.9g}",
+        "residual": f"{orbit.residual:.2g}",
+    }
+    for name, text in lines.items():
+        click.echo(f"  {name:<12}{text}")
+    for defect in orbit.defects:
+        click.echo(f"  inadmissible: {defect}")
+    click.echo("\n" + orbit.segments.to_string(index=False, float_format="{:.9g}".format))
+    if orbit.impacts.empty:
+        click.echo("\nNo impact.\n")
+    else:
+        shown = orbit.impacts.drop(columns=["phase"])
+        click.echo("\n" + shown.to_string(index=False, float_format="{:.6g}".format) + "\n")

@@ -1,0 +1,497 @@
+"""The chart of Fig. 7: at which voltage the device switches on and off, over the frequency."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact import tables
+from mems_impact.actuator.drive import Drive, Sine
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.continuation import branch as branches
+from mems_impact.continuation import curve as curves
+from mems_impact.continuation import grazing
+from mems_impact.continuation.branch import Steps
+from mems_impact.continuation.curve import CurvePoint, OrbitCurve
+from mems_impact.cvode.options import Options
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.orbits import orbit as orbits
+from mems_impact.orbits.family import Family
+from mems_impact.studies.branches import CodimensionTwo, GrazingType, curve_of
+from mems_impact.studies.orbits import ORBIT_OPTIONS, System, whole
+from mems_impact.studies.simulate import instant_of_state, simulate
+from mems_impact.studies.state import State, is_number
+from mems_impact.studies.sweep import kicked
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Chart", "crisis", "operating_chart"]
+
+AMPLITUDE, OMEGA = "amplitude", "omega"
+ON, OFF = "on", "off"
+CRISIS = "crisis"
+FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+TRIALS = 6  # states of the attractor from which the next amplitude is tried
+SIMULATION = Options()
+ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
+TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Chart:
+    """On- and off-boundaries over the frequency.
+
+    Attributes
+    ----------
+    system : System
+    omega : tuple of float
+        The range of the chart.
+    special_points : tuple of CodimensionTwo
+        Of the grazing curve: the frequencies that separate the types.
+    notes : tuple of str
+        What could not be computed, and why; empty if all was.
+    """
+
+    system: System = field(repr=False)
+    omega: tuple[float, float]
+    special_points: tuple[CodimensionTwo, ...]
+    notes: tuple[str, ...]
+    regions: tuple[tuple[GrazingType, float, float], ...]
+    pieces: tuple[tuple[str, GrazingType, str, tuple[tuple[float, float], ...]], ...] = field(
+        repr=False
+    )
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a point of a boundary, each boundary in ascending omega.
+
+        Columns: boundary ("on", "off"), omega, amplitude, type of the paper (I, II, III), kind
+        (what happens there: grazing, fold, crisis).
+        """
+        rows = [
+            {
+                "boundary": boundary,
+                "values": (self.system.out(OMEGA, omega), self.system.out(AMPLITUDE, amplitude)),
+                "type": region.paper,
+                "kind": kind,
+            }
+            for boundary, region, kind, points in self.pieces
+            for omega, amplitude in points
+        ]
+        names = (self.system.label(OMEGA), self.system.label(AMPLITUDE))
+        return tables.chart(names, rows)
+
+    @cached_property
+    def types(self) -> pd.DataFrame:
+        """One row a type: where it begins and ends, and what its boundaries are."""
+        kinds = {(boundary, region): kind for boundary, region, kind, _ in self.pieces}
+        rows = [
+            {
+                "type": region.paper,
+                "grazing": str(region),
+                "values": (self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+                ON: kinds.get((ON, region), ""),
+                OFF: kinds.get((OFF, region), ""),
+            }
+            for region, low, high in self.regions
+        ]
+        return tables.chart_types(self.system.label(OMEGA), rows)
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two: kind, omega, amplitude."""
+        rows = [
+            {"kind": s.kind, "values": (s.values[OMEGA], s.values[AMPLITUDE])}
+            for s in self.special_points
+        ]
+        return tables.chart_points((self.system.label(OMEGA), self.system.label(AMPLITUDE)), rows)
+
+
+def operating_chart(
+    actuator: Actuator,
+    drive: Drive | None = None,
+    *,
+    omega: tuple[float, float] = (0.44, 0.51),
+    crises: int = 7,
+    periods: int = 2000,
+    options: Options = ORBIT_OPTIONS,
+    steps: Steps = Steps(),  # noqa: B008 - immutable
+    workers: int | None = None,
+    progress: bool | Callable[[str], None] = False,
+) -> Chart:
+    """Compute the voltages at which a device switches on and off, over the frequency.
+
+    The grazing curve of the orbit without impacts is followed over the whole range. Its points of
+    codimension two cut the range; the normal form says of which type each part is. Type I goes on
+    at the grazing and off at the fold of the orbit with impacts; type II goes on and off at the
+    grazing; type III goes on at the fold of the orbit without impacts and off in a crisis of the
+    chaotic attractor, which no curve gives: it is simulated.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive, optional
+        A waveform with ``amplitude`` and ``omega``, whose values here do not matter; a sine by
+        default.
+    omega : tuple of float, optional
+        Range of the frequency; that of Fig. 7 by default.
+    crises : int, optional
+        Frequencies of type III at which the crisis is simulated, >= 0.
+    periods : int, optional
+        Forcing periods for which an attractor has to persist in these simulations.
+    options, steps
+        Of the continuation.
+    workers : int, optional
+        Threads for the simulations; by default one for each, up to 4.
+    progress : bool or callable, optional
+        True: a line on standard error for each part. A function is called with that line.
+
+    Returns
+    -------
+    Chart
+        With what could be computed; ``notes`` says what could not.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    OrbitError
+        If the orbit without impacts does not graze at either end of the range.
+    """
+    drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
+    system = System.of(actuator, drive, options)
+    for name in (AMPLITUDE, OMEGA):
+        if name not in system.parameters:
+            raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
+    low, high = _range(omega)
+    system.changed(omega=low)
+    crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
+    workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
+    tell = _teller(progress)
+    return _Maker(system, steps, tell).make(low, high, crises, periods, workers)
+
+
+def crisis(
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    below: float,
+    begin: float | None = None,
+    width: float | None = None,
+    tolerance: float = 1e-6,
+    periods: int = 2000,
+    options: Options = SIMULATION,
+) -> float:
+    """Find by simulation the amplitude at which an attractor with impacts ceases to exist.
+
+    The amplitude is lowered in ever longer steps, each from states of the attractor before it,
+    until none of them goes on impacting; the last step is then halved.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        Its amplitude does not matter.
+    below : float
+        An amplitude at which there is such an attractor, such as the on-boundary.
+    begin : float, optional
+        The amplitude at which it is looked for first, from a kick; `below` by default. Near a fold
+        a run lingers where the orbit has vanished, so that a little above it is better.
+    width : float, optional
+        How far to look, `below` itself by default.
+    tolerance : float, optional
+        Width of the last step, as a part of `below`.
+    periods : int, optional
+        Forcing periods for which the attractor has to persist. Just below the crisis a transient
+        may last as long, so that the result is a little low; it rises with `periods`.
+    options : Options, optional
+
+    Returns
+    -------
+    float
+        The smallest amplitude at which the attractor was seen.
+
+    Raises
+    ------
+    OrbitError
+        If there is no such attractor at `below`, or it is still there `width` lower.
+    """
+
+    def attractor(amplitude: float, starts: list[State]) -> list[State]:
+        """Return states of the attractor at `amplitude`; none if all `starts` lead off it."""
+        here = drive.replace(amplitude=amplitude)
+        for start in starts:
+            run = simulate(actuator, here, periods, initial=start, keep="statistics",
+                           window=(0.75 * periods, periods), options=options)  # fmt: skip
+            if run.statistics["impacts"] > 0.0:
+                states = [run.final]
+                for _ in range(TRIALS - 1):
+                    more = simulate(actuator, here, 7, initial=states[-1], options=options)
+                    states.append(more.final)
+                return states
+        return []
+
+    top, begin = below, below if begin is None else begin
+    states = attractor(begin, [kicked(actuator)])
+    if not states:
+        raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
+    step, bottom = tolerance * below, 0.0
+    least = below - (below if width is None else width)
+    while True:
+        trial = top - step
+        if trial <= least:
+            reason = f"the attractor with impacts is still there at amplitude {top:.9g}"
+            raise OrbitError(reason, "look further down", top)
+        found = attractor(trial, states)
+        if not found:
+            bottom = trial
+            break
+        top, states, step = trial, found, 2.0 * step
+    while top - bottom > tolerance * below:
+        trial = 0.5 * (top + bottom)
+        found = attractor(trial, states)
+        if found:
+            top, states = trial, found
+        else:
+            bottom = trial
+    return top
+
+
+class _Maker:
+    """The parts of the chart, in the units of the numerics."""
+
+    def __init__(self, system: System, steps: Steps, tell: Callable[[str], None]) -> None:
+        self.system, self.steps, self.tell = system, steps, tell
+        self.family: Family = system.family()
+        self.notes: list[str] = []
+        self.met: dict[float, list[branches.SpecialPoint]] = {}
+        actuator = system.actuator
+        pull_in = math.sqrt(4.0 * actuator.k * actuator.d**3 / (27.0 * actuator.alpha))
+        self.pull_in = system.into(AMPLITUDE, pull_in)
+
+    def make(self, low: float, high: float, crises: int, periods: int, workers: int) -> Chart:
+        low, high = (self.system.into(OMEGA, value) for value in (low, high))
+        curve = self._grazings(low, high)
+        marks = [
+            s for s in curve.special_points if s.kind in ("grazing-fold", "degenerate grazing")
+        ]
+        marks.sort(key=lambda s: s.values[1])
+        self.marks = {s.values[1] for s in marks}
+        edges = [low, *(s.values[1] for s in marks), high]
+        pieces: list[Any] = []
+        regions = []
+        for left, right in zip(edges, edges[1:], strict=False):
+            slack = 1e-9 * right
+            inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
+            inside += [CurvePoint(s.orbit, s.values) for s in marks if s.values[1] in (left, right)]
+            inside.sort(key=lambda p: p.values[1])
+            region = self._type(left, right)
+            self.tell(f"omega {left:.6g} to {right:.6g}: type {region.paper}")
+            regions.append((region, left, right))
+            pieces += self._boundaries(region, left, right, _values(inside), crises, periods,
+                                       workers)  # fmt: skip
+        order = {ON: 0, OFF: 1}
+        pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
+        special = curve_of(self.system, curve).special_points
+        return Chart(
+            system=self.system,
+            omega=(self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+            special_points=tuple(
+                sorted(
+                    (s for s in special if s.kind in ("grazing-fold", "degenerate grazing")),
+                    key=lambda s: s.values[OMEGA],
+                )
+            ),
+            notes=tuple(self.notes),
+            regions=tuple(regions),
+            pieces=tuple(pieces),
+        )
+
+    def _special(self, omega: float) -> list[branches.SpecialPoint]:
+        """Return what the orbit without impacts meets on the way up, at one frequency."""
+        if omega in self.met:
+            return self.met[omega]
+        amplitude = FIRST * self.pull_in
+        family = self.family.at(amplitude=amplitude, omega=omega)
+        here = self.system.changed(
+            amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
+        )
+        rest = instant_of_state(here.actuator, here.drive, State())
+        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
+        branch = branches.follow(
+            orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps
+        )
+        self.met[omega] = branch.special_points
+        return branch.special_points
+
+    def _grazings(self, low: float, high: float) -> OrbitCurve:
+        """Return the grazing curve of the orbit without impacts."""
+        for end, direction in ((high, -1.0), (low, 1.0)):
+            touching = [s for s in self._special(end) if _grazes(s)]
+            if touching:
+                self.tell("the grazing curve of the orbit without impacts")
+                curve = self._curve(touching[0], low, high, direction)
+                reached = curve.points[-1].values[1] if curve.points else end
+                if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
+                    self.notes.append(f"the grazing curve: {curve.ended}")
+                return curve
+        raise OrbitError(
+            f"the orbit without impacts does not graze at omega {low:g} or {high:g} below pull-in",
+            "take another range of omega",
+        )
+
+    def _curve(
+        self, special: branches.SpecialPoint, low: float, high: float, direction: float
+    ) -> OrbitCurve:
+        return curves.follow_curve(
+            special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
+        )
+
+    def _type(self, left: float, right: float) -> GrazingType:
+        """Return the type between two points of codimension two, where they are far."""
+        touching = next(s for s in self._special(0.5 * (left + right)) if _grazes(s))
+        return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
+
+    def _boundaries(
+        self,
+        region: GrazingType,
+        left: float,
+        right: float,
+        grazings: tuple[tuple[float, float], ...],
+        crises: int,
+        periods: int,
+        workers: int,
+    ) -> list[Any]:
+        if region == GrazingType.CONTINUOUS:
+            return [(side, region, "grazing", grazings) for side in (ON, OFF)]
+        if region == GrazingType.JUMP:
+            folds = self._folds(left, right, without_impact=False, ends=grazings)
+            return [(ON, region, "grazing", grazings), (OFF, region, "fold", folds)]
+        folds = self._folds(left, right, without_impact=True, ends=grazings)
+        found = self._crises(left, right, folds, crises, periods, workers) if crises else ()
+        return [(ON, region, "fold", folds), (OFF, region, CRISIS, found)]
+
+    def _folds(
+        self,
+        left: float,
+        right: float,
+        *,
+        without_impact: bool,
+        ends: tuple[tuple[float, float], ...],
+    ) -> tuple[tuple[float, float], ...]:
+        """Return the fold curve of the orbit with or without impacts between two frequencies."""
+        middle = 0.5 * (left + right)
+        what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
+        self.tell(what)
+        folds = [
+            s
+            for s in self._special(middle)
+            if s.kind == "fold" and (not s.orbit.impacts) == without_impact
+        ]
+        if not folds:
+            self.notes.append(f"{what}: none at omega {middle:g}")
+            return ()
+        ending = [end for end in ends if end[0] in self.marks]
+        points: list[CurvePoint] = []
+        for direction, bound in ((-1.0, left), (1.0, right)):
+            # A curve that ends in the grazing curve does so at a point that is known.
+            at_mark = [end for end in ending if end[0] == bound]
+            goal = bound + 0.02 * direction * (right - left) * len(at_mark)
+            curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
+            here = [p for p in curve.points if p.orbit.admissible]
+            points += here
+            reached = here[-1].values[1] if here else middle
+            if not at_mark and abs(reached - bound) > 1e-9:
+                self.notes.append(f"{what} ends at omega {reached:.9g}: {curve.ended}")
+        values = dict(_values(points))
+        touching = [end for end in ending if self._ends_in_grazing(end, values)]
+        return tuple(sorted({**values, **dict(touching)}.items()))
+
+    def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
+        """Return whether a curve comes to the end of the grazing curve."""
+        nearest = min(values, key=lambda omega: abs(omega - end[0]))
+        return abs(values[nearest] - end[1]) < TOUCH * abs(end[1])
+
+    def _crises(
+        self,
+        left: float,
+        right: float,
+        folds: tuple[tuple[float, float], ...],
+        crises: int,
+        periods: int,
+        workers: int,
+    ) -> tuple[tuple[float, float], ...]:
+        """Simulate the crisis at equal distances, each begun just above the fold."""
+        if not folds:
+            return ()
+        # Where the type ends in a point of codimension two, the two boundaries meet.
+        omegas = np.linspace(left, right, crises + 2)
+        omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]][:crises]
+        out = self.system.out
+
+        def one(omega: float) -> tuple[float, float] | str:
+            try:
+                fold = next(s for s in self._special(omega) if s.kind == "fold").value
+                here = self.system.changed(omega=out(OMEGA, omega))
+                value = crisis(
+                    here.actuator,
+                    here.drive,
+                    below=out(AMPLITUDE, fold),
+                    begin=out(AMPLITUDE, fold * (1.0 + ABOVE)),
+                    width=0.2 * out(AMPLITUDE, fold),
+                    periods=periods,
+                )
+                return omega, self.system.into(AMPLITUDE, value)
+            except (OrbitError, StopIteration) as error:
+                return f"crisis at omega {omega:.6g}: {error}"
+
+        found = []
+        self.tell(f"the crisis, simulated at {crises} frequencies")
+        with ThreadPoolExecutor(workers) as threads:
+            for result in threads.map(one, omegas.tolist()):
+                if isinstance(result, str):
+                    self.notes.append(result)
+                else:
+                    found.append(result)
+        meeting = [end for end in folds if end[0] in self.marks]
+        return tuple(sorted([*found, *meeting]))
+
+
+def _grazes(special: branches.SpecialPoint) -> bool:
+    return special.label == "G" and special.monitor.role == "approach"
+
+
+def _values(points: list[CurvePoint]) -> tuple[tuple[float, float], ...]:
+    """Return (omega, amplitude) in ascending omega."""
+    return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
+
+
+def _range(omega: tuple[float, float]) -> tuple[float, float]:
+    allowed = "(lowest, highest) with 0 < lowest < highest"
+    try:
+        low, high = omega
+    except (TypeError, ValueError):
+        raise InvalidParameter("omega", omega, allowed) from None
+    if not (is_number(low) and is_number(high) and 0.0 < low < high):
+        raise InvalidParameter("omega", omega, allowed)
+    return float(low), float(high)
+
+
+def _teller(progress: bool | Callable[[str], None]) -> Callable[[str], None]:
+    if callable(progress):
+        return progress
+    if not progress:
+        return lambda _: None
+    import sys
+
+    def tell(line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+
+    return tell

@@ -1,0 +1,271 @@
+"""Answers to a designer's usual questions: step length, resolution and speed, voltages.
+
+Formulas are in the units of the actuator; what they leave out stands with each of them, and
+`step_lengths` sets the formula beside the simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact import tables
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.cvode.options import Options
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.studies.impacts import frame_steps
+from mems_impact.studies.state import State
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+    from mems_impact.studies.run import Run
+
+__all__ = [
+    "Window",
+    "period_one_window",
+    "pull_in_voltage",
+    "resolution",
+    "resting_voltage",
+    "speed_over_voltage",
+    "step_length",
+    "step_lengths",
+]
+
+
+def pull_in_voltage(actuator: Actuator) -> float:
+    """Return the lowest voltage at which the block, pulled slowly, reaches the right stopper.
+
+    In equilibrium k x2 = alpha v^2 / (d - x2)^2, that is v^2 = k x2 (d - x2)^2 / alpha, which has
+    its largest value at x2 = d/3: beyond ``sqrt(4 k d^3 / (27 alpha))`` no equilibrium is left
+    and the block snaps to the stopper. A stopper nearer than d/3 is reached before that, at
+    `resting_voltage`.
+
+    Parameters
+    ----------
+    actuator : Actuator
+
+    Returns
+    -------
+    float
+        [V]
+    """
+    if actuator.delta <= actuator.d / 3.0:
+        return resting_voltage(actuator)
+    return math.sqrt(4.0 * actuator.k * actuator.d / (27.0 * actuator.alpha)) * actuator.d
+
+
+def resting_voltage(actuator: Actuator) -> float:
+    """Return the voltage above which a block on the right stopper stays there.
+
+    ``sqrt(k delta / alpha) (d - delta)``: attraction against spring, the frame at rest.
+
+    Parameters
+    ----------
+    actuator : Actuator
+
+    Returns
+    -------
+    float
+        [V]
+    """
+    return math.sqrt(actuator.k * actuator.delta / actuator.alpha) * (actuator.d - actuator.delta)
+
+
+def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) -> Any:
+    """Return how far one impact on the right stopper moves the frame, by the momentum argument.
+
+    A frame at rest leaves an impact of the block at `speed` with v1' = (1 + e) m2/(m1 + m2) speed
+    (Equation 5); friction and the load of spring, damper and attraction just after the impact
+    slow it down by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that it comes to rest after
+    v1'^2/(2 a_f). That leaves out how the load changes while the frame slides, and whatever
+    comes before rest: another impact above all.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    speed : array_like
+        Speed v2 of the block before the impact [m/s], >= 0.
+    voltage : array_like, optional
+        At the impact [V].
+
+    Returns
+    -------
+    float or ndarray
+        [m]; infinite where the load overcomes friction.
+    """
+    p = actuator.to_array()
+    speeds, volts = np.broadcast_arrays(np.asarray(speed, float), np.asarray(voltage, float))
+    after = eq.frame_speed_after(0.0, speeds, actuator.e, p)
+    pull = actuator.alpha * volts**2 / (actuator.d - actuator.delta) ** 2
+    load = actuator.k * actuator.delta - actuator.c * actuator.e * speeds - pull
+    slowing = (eq.sliding_friction(1, p) - load) / actuator.m1
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result = np.where(slowing > 0.0, after**2 / (2.0 * slowing), np.inf)
+    return float(result) if result.ndim == 0 else result
+
+
+def step_lengths(run: Run) -> pd.DataFrame:
+    """Return the steps of a run beside the formula.
+
+    Parameters
+    ----------
+    run : Run
+        With its events kept.
+
+    Returns
+    -------
+    DataFrame
+        One row an impact on the right stopper that struck a frame at rest: period, phase, speed
+        v2 before, voltage, step (simulated), formula, and their ratio.
+    """
+    log, period = run.trajectory.events, run.trajectory.period
+    rows, steps = frame_steps(log)
+    struck = np.zeros(len(log), dtype=bool)
+    struck[rows] = True
+    hits = log[struck]
+    chosen = (hits.guard == RIGHT_IMPACT) & (hits.before[:, V1] == 0.0) & (steps > 0.0)
+    hits, steps = hits[chosen], steps[chosen]
+    scales = run.actuator.scales
+    volts = run.drive.value(scales.out(hits.time, "s"))
+    speed = scales.out(hits.before[:, V2], "m/s")
+    formula = step_length(run.actuator, speed, volts)
+    return tables.step_lengths(
+        hits.cycle, hits.time / period, speed, volts, scales.out(steps, "m"), formula, scales
+    )
+
+
+def speed_over_voltage(
+    actuator: Actuator,
+    drive: Drive,
+    amplitudes: ArrayLike,
+    *,
+    transient: int = 300,
+    periods: int = 60,
+    initial: State | None = None,
+    options: Options = Options(),  # noqa: B008 - immutable
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Return steps and speed over the voltage, from the highest down: what is on stays on.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        Whose ``amplitude`` is varied.
+    amplitudes : array_like
+    transient, periods, initial, options, workers
+        As for `mems_impact.sweep`.
+
+    Returns
+    -------
+    DataFrame
+        One row an amplitude, ascending: impacts per period, displacement per period and per
+        impact, mean speed.
+    """
+    from mems_impact.studies.sweep import sweep
+
+    table = sweep(
+        actuator, drive, "amplitude", amplitudes, direction="down", transient=transient,
+        periods=periods, initial=initial, options=options, workers=workers,
+    )  # fmt: skip
+    summary = tables.symbols(tables.sweep_summary(table)).iloc[::-1]
+    return tables.speed(
+        summary["amplitude"].to_numpy(),
+        summary["impacts per period"].to_numpy(),
+        summary["displacement per period"].to_numpy(),
+        drive.period,
+        actuator.scales,
+    )
+
+
+def resolution(speeds: pd.DataFrame) -> float:
+    """Return the smallest forward step in a table of `speed_over_voltage`; NaN if there is none.
+
+    Of periods with one impact: there, each step is the same.
+    """
+    table = tables.symbols(speeds)
+    one = np.isclose(table["impacts per period"], 1.0) & (table["displacement per impact"] > 0.0)
+    return float(table.loc[one, "displacement per impact"].min())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Window:
+    """The voltages between which an orbit lasts.
+
+    Attributes
+    ----------
+    low, high : float
+        Amplitudes [V] at the ends.
+    low_kind, high_kind : str
+        What happens there: "grazing", "fold", "period-doubling", …, or "bound" where the search
+        ended.
+    margin : float
+        Half the width over the middle: how far off, relatively, a voltage in the middle may be.
+    """
+
+    low: float
+    high: float
+    low_kind: str
+    high_kind: str
+
+    @property
+    def margin(self) -> float:  # noqa: D102 - above
+        return (self.high - self.low) / (self.high + self.low)
+
+
+def period_one_window(
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    low: float,
+    high: float,
+    guess: State | None = None,
+    transient: int = 300,
+) -> Window:
+    """Return between which amplitudes the stable orbit of one forcing period at `drive` lasts.
+
+    The orbit is continued both ways until it grazes, folds or loses its stability.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        With an ``amplitude`` at which the orbit is stable.
+    low, high : float
+        Where the search ends.
+    guess : State, optional
+        A state that leads to the orbit; a kick by default.
+    transient : int, optional
+        Forcing periods to run before the orbit is read.
+
+    Raises
+    ------
+    OrbitError
+        If the run from the guess does not lead to a stable orbit with impacts.
+    """
+    from mems_impact.studies.branches import continue_orbit
+    from mems_impact.studies.orbits import find_orbit
+    from mems_impact.studies.sweep import kicked
+
+    amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
+    if not low < amplitude < high:
+        raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
+    start = kicked(actuator) if guess is None else guess
+    orbit = find_orbit(actuator, drive, guess=start, transient=transient)
+    if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
+        reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
+        raise OrbitError(reason, "take an amplitude inside the window", orbit)
+    ends = []
+    for stop in (low, high):
+        branch = continue_orbit(orbit, "amplitude", stop=stop)
+        first = branch.special_points[0] if branch.special_points else None
+        ends.append((first.value, first.kind) if first is not None else (stop, "bound"))
+    return Window(low=ends[0][0], low_kind=ends[0][1], high=ends[1][0], high_kind=ends[1][1])

@@ -1,0 +1,1 @@
+"""The paper against the code: every statement of it, figure by figure, with a verdict."""

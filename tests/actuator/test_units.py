@@ -1,0 +1,94 @@
+"""SI and dimensionless: there and back, and what a drive says of itself."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import mems_impact as mi
+from mems_impact.actuator.parameters import PARAMETER_NAMES
+from mems_impact.actuator.units import DIMENSIONLESS, UNITS, Scales
+
+number = st.floats(1e-25, 1e12)
+
+
+def close(a, b, ulps=4):
+    return abs(a - b) <= ulps * math.ulp(max(abs(a), abs(b)))
+
+
+@given(number, number, st.floats(1e-9, 1e3), number, st.floats(0.1, 10), st.floats(0.01, 0.99))
+def test_device_there_and_back(m2, k, d, alpha, ratio, share):
+    device = mi.Actuator(
+        m1=ratio * m2, m2=m2, k=k, c=0.04 * math.sqrt(k * m2), d=d, delta=share * d, e=0.8,
+        mu_s=0.4, mu_d=0.27, alpha=alpha, g=9.81, units="SI",
+    )  # fmt: skip
+    inner = device.to_dimensionless()
+    assert inner.units == "dimensionless"
+    assert (inner.m2, inner.k, inner.d, inner.alpha) == (1.0, 1.0, 1.0, 1.0)
+    again = inner.to_si(device.scales)
+    for name in PARAMETER_NAMES:
+        assert close(getattr(again, name), getattr(device, name)), name
+    assert again.units == "SI"
+    assert inner.to_dimensionless() is inner
+    assert device.to_si(device.scales) is device
+
+
+def test_the_papers_set_scaled_up_is_the_papers_set_again():
+    paper = mi.load_actuator("zhao2004")
+    scales = Scales.of_device(2e-6, 5.0, 4e-6, 9e-20)
+    again = paper.to_si(scales).to_dimensionless()
+    for name in PARAMETER_NAMES:
+        assert close(getattr(again, name), getattr(paper, name)), name
+
+
+def test_units_are_consistent():
+    # Newton's second law, the pull of the electrodes and the energy, unit by unit.
+    s = Scales.of_device(2e-6, 5.0, 4e-6, 9e-20)
+    force = s.unit("kg") * s.unit("m/s^2")
+    assert math.isclose(force, s.unit("N"), rel_tol=1e-14)
+    assert math.isclose(s.unit("N s/m") * s.unit("m/s"), force, rel_tol=1e-14)
+    assert math.isclose(s.unit("F m") * s.unit("V") ** 2 / s.unit("m") ** 2, force, rel_tol=1e-14)
+    assert math.isclose(s.unit("kg") * s.unit("m/s") ** 2, s.unit("J"), rel_tol=1e-14)
+    assert math.isclose(s.unit("rad/s") * s.unit("s"), 1.0, rel_tol=1e-15)
+    assert {DIMENSIONLESS.unit(name) for name in UNITS} == {1.0}
+    with pytest.raises(ValueError, match="furlong"):
+        s.unit("furlong")
+
+
+@given(st.floats(1e-3, 1e3), st.floats(1e-3, 1e9), st.floats(1e-3, 1e3), number, number)
+def test_drive_there_and_back(amplitude, omega, bias, voltage, time):
+    drive = mi.Sine(amplitude=amplitude, omega=omega, bias=bias)
+    inner = drive.scaled(voltage, time)
+    for name in ("amplitude", "omega", "bias"):
+        back = getattr(inner.scaled(1.0 / voltage, 1.0 / time), name)
+        assert close(back, getattr(drive, name), ulps=8)
+
+
+def test_scaled_drive_is_the_same_waveform():
+    drive = mi.Sine(amplitude=100.0, omega=6.28, bias=3.0)
+    inner = drive.scaled(voltage=82.0, time=1e-3)
+    t = np.linspace(0.0, 2.0, 50)
+    np.testing.assert_allclose(inner.value(t / 1e-3), drive.value(t) / 82.0, rtol=1e-12)
+    assert math.isclose(inner.period, drive.period / 1e-3)
+
+
+@pytest.mark.parametrize("units", ["si", "", None, 1])
+def test_unknown_units_are_refused(units):
+    values = dict(mi.load_actuator("zhao2004"))
+    with pytest.raises(mi.InvalidParameter, match=r"units.*one of dimensionless, SI"):
+        mi.Actuator(**{**values, "units": units})
+
+
+def test_units_in_a_file(tmp_path):
+    body = "".join(f"{n} = {v}\n" for n, v in mi.load_actuator("zhao2004") if n != "units")
+    path = tmp_path / "device.toml"
+    path.write_text(f'units = "SI"\n[parameters]\n{body}')
+    assert mi.load_actuator(path).units == "SI"
+    path.write_text(f'units = "cgs"\n[parameters]\n{body}')
+    with pytest.raises(mi.InvalidParameter, match=r"units = 'cgs': must be one of dimens.*device"):
+        mi.load_actuator(path)
+    path.write_text(f'[parameters]\n{body}units = "SI"\n')
+    with pytest.raises(mi.InvalidParameter, match="above the table"):
+        mi.load_actuator(path)
