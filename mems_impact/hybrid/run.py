@@ -111,7 +111,7 @@ class _Run:
             samples=np.zeros((rows, 3 + n)),
             work=np.zeros((6, max(n, 2 * m))),
         )
-        clock = np.zeros(1, dtype=loop.CLOCK).view(np.recarray)[0]
+        clock = self.bound.record(loop.CLOCK)
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
         clock.period = problem.period
         clock.end_cycle, clock.end_phase = end.cycle, end.time
