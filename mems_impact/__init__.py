@@ -6,7 +6,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.drive import Drive, Sine
+    from mems_impact.actuator.drive import (
+        Burst,
+        Custom,
+        Drive,
+        Pulse,
+        Sampled,
+        Sine,
+        Square,
+        Trapezoid,
+        TwoSided,
+        load_drive,
+    )
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.cvode.options import Options
     from mems_impact.errors import (
@@ -19,8 +30,13 @@ if TYPE_CHECKING:
         RunError,
         SweepInterrupted,
     )
+    from mems_impact.plotting.bifurcation import plot_sweep
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.chart import plot_chart
+    from mems_impact.plotting.drive import plot_drive
+    from mems_impact.plotting.orbit import plot_orbit
+    from mems_impact.plotting.timeseries import plot_run
+    from mems_impact.studies.blows import Blows, blows
     from mems_impact.studies.branches import (
         Branch,
         Curve,
@@ -33,11 +49,6 @@ if TYPE_CHECKING:
         switch_branch,
     )
     from mems_impact.studies.chart import Chart, operating_chart
-    from mems_impact.studies.orbits import Orbit, find_orbit
-    from mems_impact.plotting.bifurcation import plot_sweep
-    from mems_impact.plotting.orbit import plot_orbit
-    from mems_impact.plotting.timeseries import plot_run
-    from mems_impact.studies.blows import Blows, blows
     from mems_impact.studies.design import (
         Window,
         period_one_window,
@@ -49,6 +60,7 @@ if TYPE_CHECKING:
         step_lengths,
     )
     from mems_impact.studies.fit import Fit, Target, fit
+    from mems_impact.studies.orbits import Orbit, find_orbit
     from mems_impact.studies.run import Run
     from mems_impact.studies.simulate import simulate
     from mems_impact.studies.state import State
@@ -59,8 +71,10 @@ __all__ = [
     "Actuator",
     "Blows",
     "Branch",
+    "Burst",
     "Chart",
     "Curve",
+    "Custom",
     "Drive",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -72,14 +86,19 @@ __all__ = [
     "Options",
     "Orbit",
     "OrbitError",
+    "Pulse",
     "Run",
     "RunError",
+    "Sampled",
     "Sine",
     "SpecialPoint",
+    "Square",
     "State",
     "Steps",
     "SweepInterrupted",
     "Target",
+    "Trapezoid",
+    "TwoSided",
     "Window",
     "blows",
     "continue_curve",
@@ -89,10 +108,12 @@ __all__ = [
     "grazing_type",
     "kicked",
     "load_actuator",
+    "load_drive",
     "operating_chart",
     "period_one_window",
     "plot_branch",
     "plot_chart",
+    "plot_drive",
     "plot_orbit",
     "plot_run",
     "plot_sweep",
@@ -111,7 +132,20 @@ __all__ = [
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
-    "actuator.drive": ("Drive", "Sine"),
+    "actuator.drive": (
+        "Burst",
+        "Custom",
+        "Drive",
+        "Pulse",
+        "Sampled",
+        "Sampled",
+        "Sine",
+        "Square",
+        "Trapezoid",
+        "TwoSided",
+        "load_drive",
+    ),
+    "plotting.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "cvode.options": ("Options",),
     "errors": (
@@ -128,6 +162,7 @@ _HOMES = {
     "plotting.chart": ("plot_chart",),
     "studies.branches": (
         "Branch",
+        "Burst",
         "Curve",
         "GrazingType",
         "SpecialPoint",

@@ -27,8 +27,10 @@ __all__ = [
     "chart",
     "chart_points",
     "chart_types",
+    "checks",
     "codimension_two",
     "curve",
+    "displacement",
     "events",
     "fit_parameters",
     "fit_residuals",
@@ -44,6 +46,7 @@ __all__ = [
     "sweep",
     "sweep_summary",
     "symbols",
+    "transitions",
 ]
 
 COLUMN_UNITS = {
@@ -455,6 +458,28 @@ def speed(
         scales.label("mean speed", "m/s"): displacement_per_period / period,
     }
     return pd.DataFrame(columns)
+
+
+def transitions(rows: Sequence[tuple[str, str, str, int]]) -> pd.DataFrame:
+    """Return one row a transition of the automaton: mode, event, mode, and how often seen."""
+    return pd.DataFrame(rows, columns=["mode before", "event", "mode after", "seen"])
+
+
+def displacement(rows: Sequence[tuple[float, float, float, float]]) -> pd.DataFrame:
+    """Return one row a voltage of a device in SI: frequency, amplitude, and what it does."""
+    columns = [
+        "frequency [Hz]",
+        "amplitude [V]",
+        "displacement per impact [m]",
+        "impacts per period",
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def checks(rows: Sequence[tuple[float, str, str, float, float, float]]) -> pd.DataFrame:
+    """Return one row a boundary of a chart that was checked by brute force."""
+    columns = ["omega", "type", "boundary", "chart", "brute force", "steps apart"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def heading(table: pd.DataFrame, symbol: str) -> str:

@@ -1,4 +1,4 @@
-"""Equations (1) to (6) of the paper as scalar functions of state, voltage and parameters.
+"""Equations (1) to (6) of the paper as scalar functions of state, force and parameters.
 
 Everything here is plain arithmetic that numba compiles unchanged. ``p`` is the parameter array
 of `Actuator.to_array`, followed by the parameters of the drive.
@@ -14,10 +14,12 @@ from typing import Any
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 
 # electrode_gap       d - x2, frozen halfway between stopper and electrode
-# attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2)
-# stiffness           derivative of the load by x2
-# attraction_rate     time derivative of the attraction
-# load                k x2 + c v2 - attraction: what the block exerts on the frame, Equation (3)
+# attraction          alpha v^2/(d - x2)^2, right-hand side of Equation (2): the right electrode.
+#                     The left one is its mirror image: attraction(-x2, ...), to the left
+# attraction_slope    its derivative by x2
+# attraction_rate     its time derivative
+# load                k x2 + c v2 - pull: what the block exerts on the frame, Equation (3); `pull`
+#                     is the force of the electrodes, positive to the right
 # load_rate           its time derivative
 # static_limit        mu_s N, Equation (4)
 # sliding_friction    mu_d N sign(v1), Equation (3)
@@ -41,11 +43,11 @@ def attraction(x2: float, voltage: float, p: Any) -> float:
     return p[ALPHA] * voltage * voltage / (gap * gap)
 
 
-def stiffness(x2: float, voltage: float, p: Any) -> float:
+def attraction_slope(x2: float, voltage: float, p: Any) -> float:
     if x2 >= 0.5 * (p[DELTA] + p[D]):
-        return p[K]
+        return 0.0
     gap = electrode_gap(x2, p)
-    return p[K] - 2.0 * p[ALPHA] * voltage * voltage / (gap * gap * gap)
+    return 2.0 * p[ALPHA] * voltage * voltage / (gap * gap * gap)
 
 
 def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p: Any) -> float:
@@ -55,14 +57,12 @@ def attraction_rate(x2: float, v2: float, voltage: float, voltage_rate: float, p
     return p[ALPHA] * (by_drive + by_motion)
 
 
-def load(x2: float, v2: float, voltage: float, p: Any) -> float:
-    return p[K] * x2 + p[C] * v2 - attraction(x2, voltage, p)
+def load(x2: float, v2: float, pull: float, p: Any) -> float:
+    return p[K] * x2 + p[C] * v2 - pull
 
 
-def load_rate(
-    x2: float, v2: float, a2: float, voltage: float, voltage_rate: float, p: Any
-) -> float:
-    return p[K] * v2 + p[C] * a2 - attraction_rate(x2, v2, voltage, voltage_rate, p)
+def load_rate(v2: float, a2: float, pull_rate: float, p: Any) -> float:
+    return p[K] * v2 + p[C] * a2 - pull_rate
 
 
 def static_limit(p: Any) -> float:
@@ -87,14 +87,13 @@ def resting_acceleration(direction: int, p: Any) -> float:
     return -sliding_friction(direction, p) / (p[M1] + p[M2])
 
 
-def contact_force(side: int, direction: int, voltage: float, p: Any) -> float:
+def contact_force(side: int, direction: int, pull: float, p: Any) -> float:
     x2 = side * p[DELTA]
-    push = attraction(x2, voltage, p) - p[K] * x2 - p[M2] * resting_acceleration(direction, p)
-    return side * push
+    return side * (pull - p[K] * x2 - p[M2] * resting_acceleration(direction, p))
 
 
-def contact_force_rate(side: int, voltage: float, voltage_rate: float, p: Any) -> float:
-    return side * attraction_rate(side * p[DELTA], 0.0, voltage, voltage_rate, p)
+def contact_force_rate(side: int, pull_rate: float) -> float:
+    return side * pull_rate
 
 
 def frame_speed_after(v1: float, v2: float, e: float, p: Any) -> float:

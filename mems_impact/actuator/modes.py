@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from mems_impact.actuator import equations as eq
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -66,20 +66,20 @@ def free_mode(load: float, v1: float, p: Any) -> int:
     return mode_of(friction_towards(load), FREE)
 
 
-def settled_mode(y: Any, voltage: float, p: Any) -> int:
-    """Return the mode that the state `y` is in under `voltage`, by Equation (4) and contact force.
+def mode_under(y: Any, pull: float, p: Any) -> int:
+    """Return the mode that the state `y` is in where the electrodes pull with the force `pull`.
 
-    A block at rest on a stopper stays there if it presses against it; a frame at rest stays there
-    if the load on it is within static friction.
+    By Equation (4) and the contact force: a block at rest on a stopper stays there if it presses
+    against it; a frame at rest stays there if the load on it is within static friction.
     """
     friction = friction_towards(y[V1])
     direction = direction_of(friction)
     if y[V2] == 0.0:
-        if y[X2] >= p[eq.DELTA] and eq.contact_force(1, direction, voltage, p) > 0.0:
+        if y[X2] >= p[eq.DELTA] and eq.contact_force(1, direction, pull, p) > 0.0:
             return mode_of(friction, RIGHT)
-        if y[X2] <= -p[eq.DELTA] and eq.contact_force(-1, direction, voltage, p) > 0.0:
+        if y[X2] <= -p[eq.DELTA] and eq.contact_force(-1, direction, pull, p) > 0.0:
             return mode_of(friction, LEFT)
-    return free_mode(eq.load(y[X2], y[V2], voltage, p), y[V1], p)
+    return free_mode(eq.load(y[X2], y[V2], pull, p), y[V1], p)
 
 
 def impact(side: int, e: float, y: Any, p: Any) -> None:
@@ -89,23 +89,86 @@ def impact(side: int, e: float, y: Any, p: Any) -> None:
     y[V2] = eq.block_speed_after(y[V2], e)
 
 
+class Pull(NamedTuple):
+    """The force of the electrodes on the block, positive to the right, as functions for numba.
+
+    Attributes
+    ----------
+    force : callable
+        ``force(t, x2, p)``
+    with_rate : callable
+        ``with_rate(t, x2, v2, p)``: the force and its time derivative.
+    slope : callable
+        ``slope(t, x2, p)``: its derivative by x2.
+    """
+
+    force: Callable[..., float]
+    with_rate: Callable[..., tuple[float, float]]
+    slope: Callable[..., float]
+
+
+def one_sided(voltage: Callable[..., float], voltage_rate: Callable[..., float]) -> Pull:
+    """Return the pull of the right electrode alone."""
+
+    def force(t, x2, p):  # type: ignore[no-untyped-def]
+        return eq.attraction(x2, voltage(t, p[eq.DRIVE :]), p)
+
+    def with_rate(t, x2, v2, p):  # type: ignore[no-untyped-def]
+        v = voltage(t, p[eq.DRIVE :])
+        v_rate = voltage_rate(t, p[eq.DRIVE :])
+        return eq.attraction(x2, v, p), eq.attraction_rate(x2, v2, v, v_rate, p)
+
+    def slope(t, x2, p):  # type: ignore[no-untyped-def]
+        return eq.attraction_slope(x2, voltage(t, p[eq.DRIVE :]), p)
+
+    return Pull(force, with_rate, slope)
+
+
+def two_sided(right: Pull, left: Pull) -> Pull:
+    """Return the pull of both electrodes; `left` is that of the left one in its mirror image."""
+    force_right, with_rate_right, slope_right = right
+    force_left, with_rate_left, slope_left = left
+
+    def force(t, x2, p):  # type: ignore[no-untyped-def]
+        return force_right(t, x2, p) - force_left(t, -x2, p)
+
+    def with_rate(t, x2, v2, p):  # type: ignore[no-untyped-def]
+        right, right_rate = with_rate_right(t, x2, v2, p)
+        left, left_rate = with_rate_left(t, -x2, -v2, p)
+        return right - left, right_rate - left_rate
+
+    def slope(t, x2, p):  # type: ignore[no-untyped-def]
+        return slope_right(t, x2, p) + slope_left(t, -x2, p)
+
+    return Pull(force, with_rate, slope)
+
+
 @cache
 def actuator_automaton(
-    voltage: Callable[..., float], voltage_rate: Callable[..., float]
+    voltage: Callable[..., float],
+    voltage_rate: Callable[..., float],
+    left: Callable[..., float] | None = None,
+    left_rate: Callable[..., float] | None = None,
 ) -> Automaton:
     """Return the automaton of the actuator under the waveform ``voltage(t, q)``.
 
     Parameters
     ----------
     voltage, voltage_rate : callable
-        The waveform and its time derivative as scalar functions of time and the drive's
-        parameters (see `mems_impact.actuator.drive.Drive`).
+        The waveform at the right electrode and its time derivative as scalar functions of time
+        and the drive's parameters (see `mems_impact.actuator.drives.base.Drive`).
+    left, left_rate : callable, optional
+        Those at the left electrode; none by default.
     """
+    pulls = one_sided(voltage, voltage_rate)
+    if left is not None and left_rate is not None:
+        pulls = two_sided(pulls, one_sided(left, left_rate))
+    pull, pull_with_rate, pull_slope = pulls
 
     def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
         if side_of(mode) == 0:
-            load = eq.load(y[X2], y[V2], voltage(t, p[eq.DRIVE :]), p)
+            load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
             dy[X2] = y[V2]
             dy[V1] = eq.frame_acceleration(direction, load, p)
             dy[V2] = eq.block_acceleration(direction, load, p)
@@ -120,7 +183,7 @@ def actuator_automaton(
         if direction != 0:
             entries[X1, V1] = 1.0
         if side_of(mode) == 0:
-            by_x2 = eq.stiffness(y[X2], voltage(t, p[eq.DRIVE :]), p)
+            by_x2 = p[eq.K] - pull_slope(t, y[X2], p)
             by_v2 = p[eq.C]
             entries[X2, V2] = 1.0
             entries[V2, X2] = -by_x2 / p[eq.M2]
@@ -134,9 +197,6 @@ def actuator_automaton(
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
         side = side_of(mode)
-        v = voltage(t, p[eq.DRIVE :])
-        v_rate = voltage_rate(t, p[eq.DRIVE :])
-        load = eq.load(y[X2], y[V2], v, p)
         for i in range(5):
             g[i] = 1.0
             r[i] = 1.0
@@ -146,22 +206,27 @@ def actuator_automaton(
             g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
             r[LEFT_IMPACT] = y[V2]
         else:
-            g[RELEASE] = eq.contact_force(side, direction, v, p)
-            r[RELEASE] = eq.contact_force_rate(side, v, v_rate, p)
+            x2 = side * p[eq.DELTA]
+            force, force_rate = pull_with_rate(t, x2, 0.0, p)
+            g[RELEASE] = eq.contact_force(side, direction, force, p)
+            r[RELEASE] = eq.contact_force_rate(side, force_rate)
         if direction != 0:
-            a1 = eq.frame_acceleration(direction, load, p)
-            if side != 0:
+            if side == 0:
+                load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
+                a1 = eq.frame_acceleration(direction, load, p)
+            else:
                 a1 = eq.resting_acceleration(direction, p)
             g[SLIP_END] = direction * y[V1]
             r[SLIP_END] = direction * a1
         elif side == 0:
+            force, force_rate = pull_with_rate(t, y[X2], y[V2], p)
+            load = eq.load(y[X2], y[V2], force, p)
             a2 = eq.block_acceleration(direction, load, p)
-            rate = eq.load_rate(y[X2], y[V2], a2, v, v_rate, p)
+            rate = eq.load_rate(y[V2], a2, force_rate, p)
             g[BREAK_AWAY] = eq.static_limit(p) - abs(load)
             r[BREAK_AWAY] = -rate if load > 0.0 else rate
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        v = voltage(t, p[eq.DRIVE :])
         guards = 5
         if code in (RIGHT_IMPACT, LEFT_IMPACT):
             impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
@@ -170,14 +235,15 @@ def actuator_automaton(
             impact(1 if code == guards + RIGHT_IMPACT else -1, 0.0, y, p)
         elif code == RELEASE:
             # The contact force is zero to rounding: let go whatever its sign.
-            return free_mode(eq.load(y[X2], y[V2], v, p), y[V1], p)
+            return free_mode(eq.load(y[X2], y[V2], pull(t, y[X2], p), p), y[V1], p)
         elif code == SLIP_END:
             y[V1] = 0.0
         elif code == BREAK_AWAY:
             # The load is at the static limit to rounding: slip whichever side it is on.
             y[V1] = 0.0
-            return mode_of(friction_towards(eq.load(y[X2], y[V2], v, p)), FREE)
-        return settled_mode(y, v, p)
+            load = eq.load(y[X2], y[V2], pull(t, y[X2], p), p)
+            return mode_of(friction_towards(load), FREE)
+        return mode_under(y, pull(t, y[X2], p), p)
 
     return Automaton(
         states=STATES,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields, unscaled_fields
 from mems_impact.actuator.validation import (
     Fraction,
@@ -19,7 +19,7 @@ from mems_impact.actuator.validation import (
     Positive,
     ValidatedModel,
 )
-from mems_impact.errors import InvalidFile, InvalidParameter, shown
+from mems_impact.errors import InvalidParameter, shown
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
 
@@ -150,6 +150,7 @@ class _DeviceFile(ValidatedModel):
     description: str = ""
     units: Literal["dimensionless", "SI"] = "dimensionless"
     parameters: dict[str, Any]
+    drive: dict[str, Any] | None = None  # for `mems_impact.actuator.drives.files.load_drive`
 
     @model_validator(mode="before")
     @classmethod
@@ -197,7 +198,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         raw = (_DEVICES / f"{source}.toml").read_bytes()
     else:
         raw = _read(source)
-    content = _parse(raw, source)
+    content = parse_toml(raw, source, "a table [parameters] of lines like m1 = 5.0")
     try:
         file = _DeviceFile(**content)
         if "units" in file.parameters:
@@ -211,36 +212,6 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
 def _read(source: str) -> bytes:
     presets = ", ".join(preset_names())
     remedy = f"give the name of a preset ({presets}) or the path of a TOML file"
-    try:
-        if source and Path(source).is_dir():
-            raise InvalidFile(source, "is a directory", remedy)
-        with open(source, "rb") as file:
-            raw = file.read(_LARGEST_FILE + 1)
-    except FileNotFoundError:
-        looks_like_path = Path(source).name != source or source.endswith(".toml")
-        reason = "no such file" if looks_like_path else "no such preset or file"
-        raise InvalidFile(source, reason, remedy) from None
-    except OSError as error:
-        raise InvalidFile(source, f"cannot be read ({error.strerror})", remedy) from None
-    except ValueError as error:
-        if isinstance(error, InvalidFile):
-            raise
-        # A null character in the path.
-        raise InvalidFile(source, f"not a path ({error})", remedy) from None
-    if len(raw) > _LARGEST_FILE:
-        raise InvalidFile(source, "too large for a device file", remedy)
-    return raw
-
-
-def _parse(raw: bytes, source: str) -> dict[str, Any]:
-    try:
-        # Editors on Windows put a byte order mark first, which TOML does not know.
-        return tomllib.loads(raw.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        reason = f"not UTF-8 text (byte {error.start})"
-        raise InvalidFile(source, reason, "save it as UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        # Not TOMLDecodeError alone: absurdly long integers and deep nesting raise the others.
-        reason = f"not valid TOML ({str(error).splitlines()[0]})"
-        remedy = "mend it there: a table [parameters] of lines like m1 = 5.0"
-        raise InvalidFile(source, reason, remedy) from None
+    looks_like_path = Path(source).name != source or source.endswith(".toml")
+    missing = "no such file" if looks_like_path else "no such preset or file"
+    return read_bytes(source, remedy, largest=_LARGEST_FILE, kind="device file", missing=missing)

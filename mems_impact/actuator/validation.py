@@ -114,6 +114,8 @@ def _suggestion(name: str, known: list[str]) -> str:
 
 def _allowed(field: FieldInfo) -> str:
     """Describe what a field takes, worded to follow "must be"."""
+    if field.description is not None:
+        return field.description
     if field.annotation is not float:
         kind = get_origin(field.annotation) or field.annotation
         if kind is Literal:

@@ -18,7 +18,7 @@ from mems_impact.cli.failures import PROGRAM, report
 
 __all__ = ["main"]
 
-COMMANDS = ("chart", "continue", "devices", "orbit", "simulate", "sweep")
+COMMANDS = ("chart", "continue", "devices", "drive", "orbit", "simulate", "sweep", "validate")
 
 
 class _Commands(click.Group):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import say, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
 @click.option("--from", "start", type=float, required=True, help="Where the orbit is found.")
 @click.option("--stop", type=float, required=True, help="Where the branch ends.")
 @click.option("--back", type=float, help="Where it ends if it turns round.  [where it began]")
-@click.option("--amplitude", type=float, help="Amplitude f of the voltage, unless it is varied.")
-@click.option("--omega", type=float, help="Angular frequency of the voltage, unless it is varied.")
-@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@drive_options
 @guess_options
 @click.option(
     "--through-grazing/--past-grazing",
@@ -46,9 +45,6 @@ def command(
     start: float,
     stop: float,
     back: float | None,
-    amplitude: float | None,
-    omega: float | None,
-    bias: float,
     x2: float,
     v2: float,
     v1: float,
@@ -73,27 +69,14 @@ def command(
     Example:
       mems-impact continue zhao2004 --parameter amplitude --from 0.24 --stop 0.16 --omega 0.5
     """
-    voltage = {"bias": bias}
-    for name, value in {"amplitude": amplitude, "omega": omega}.items():
-        if name == parameter:
-            if value is not None:
-                raise click.UsageError(f"--{name} is what is varied; leave it out")
-            voltage[name] = start
-        elif value is None:
-            raise click.UsageError(f"missing option '--{name}'")
-        else:
-            voltage[name] = value
-    if parameter == "bias":
-        voltage["bias"] = start
-    elif parameter not in ("amplitude", "omega"):
-        changes = {**changes, parameter: start}
-
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
     show_warnings_briefly()
+    drive = drive_from({parameter: start})
+    if parameter not in drive.names:
+        changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
-    drive = mi.Sine(**voltage)
     guess = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     files = Output(output, figure, no_figure, "continue")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
@@ -21,9 +22,7 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Find a periodic orbit and its stability.")
 @device_options
-@click.option("--amplitude", type=float, required=True, help="Amplitude f of the voltage.")
-@click.option("--omega", type=float, required=True, help="Angular frequency of the voltage.")
-@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@drive_options
 @guess_options
 @orbit_integrator_options
 @output_options
@@ -31,9 +30,6 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    amplitude: float,
-    omega: float,
-    bias: float,
     x2: float,
     v2: float,
     v1: float,
@@ -61,7 +57,7 @@ def command(
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
-    drive = mi.Sine(amplitude=amplitude, omega=omega, bias=bias)
+    drive = drive_from()
     guess = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     files = Output(output, figure, no_figure, "orbit")

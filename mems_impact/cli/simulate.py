@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import FAILED, INTERRUPTED, say, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
@@ -24,9 +25,7 @@ FIRST_ROWS = 6
 
 @click.command(short_help="Run a device under a voltage.")
 @device_options
-@click.option("--amplitude", type=float, required=True, help="Amplitude f of the voltage.")
-@click.option("--omega", type=float, required=True, help="Angular frequency of the voltage.")
-@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@drive_options
 @click.option("--periods", type=float, default=300.0, help="Forcing periods to simulate.  [300]")
 @state_options
 @click.option(
@@ -43,9 +42,6 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    amplitude: float,
-    omega: float,
-    bias: float,
     periods: float,
     x2: float,
     v2: float,
@@ -59,7 +55,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Simulate DEVICE under v(t) = bias + amplitude cos(omega t).
+    r"""Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
 
     Shows the statistics and the first impacts, and writes the tables of impacts, events and
     statistics as CSV and the last periods of the motion as a figure.
@@ -74,7 +70,7 @@ def command(
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
-    drive = mi.Sine(amplitude=amplitude, omega=omega, bias=bias)
+    drive = drive_from()
     initial = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     files = Output(output, figure, no_figure, "simulate")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
+from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import INTERRUPTED, say, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
@@ -31,9 +32,7 @@ SHOWN_FAILURES = 3
 @click.option("--from", "low", type=float, required=True, help="First value.")
 @click.option("--to", "high", type=float, required=True, help="Last value.")
 @click.option("--points", type=click.IntRange(2, 1_000_000), default=101, help="Values.  [101]")
-@click.option("--amplitude", type=float, help="Amplitude f of the voltage, unless it is varied.")
-@click.option("--omega", type=float, help="Angular frequency of the voltage, unless it is varied.")
-@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
+@drive_options
 @click.option(
     "--direction", type=click.Choice(DIRECTIONS), default="both", help="Way to go.  [both]"
 )
@@ -53,9 +52,6 @@ def command(
     low: float,
     high: float,
     points: int,
-    amplitude: float | None,
-    omega: float | None,
-    bias: float,
     direction: Literal["up", "down", "both"],
     transient: int,
     periods: int,
@@ -77,17 +73,6 @@ def command(
     Example:
       mems-impact sweep zhao2004 --parameter amplitude --from 0.16 --to 0.24 --omega 0.5
     """
-    voltage = {"bias": bias}
-    for name, value in {"amplitude": amplitude, "omega": omega}.items():
-        if name == parameter:
-            if value is not None:
-                raise click.UsageError(f"--{name} is what is varied; leave it out")
-            voltage[name] = low
-        elif value is None:
-            raise click.UsageError(f"missing option '--{name}'")
-        else:
-            voltage[name] = value
-
     import numpy as np
 
     import mems_impact as mi
@@ -95,7 +80,7 @@ def command(
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
-    drive = mi.Sine(**voltage)
+    drive = drive_from({parameter: low})
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     files = Output(output, figure, no_figure, "sweep")
     try:

@@ -19,12 +19,13 @@ from mems_impact.continuation.monitors import (
     monitors,
 )
 from mems_impact.continuation.resignature import reconnect
-from mems_impact.errors import OrbitError
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
 ROLES = ("rate", "approach", "length")
+NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
@@ -148,10 +149,13 @@ def follow(
     OrbitBranch
         Whatever ends it, what was found is in it, and `ended` says why it ends.
     """
+    if not low <= orbit.family.value(parameter) <= high:
+        value = orbit.family.value(parameter)
+        raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
     branch = OrbitBranch(parameter)
     shooting = Shooting(orbit.family, orbit.segments, (parameter,))
     shooting.pinned = orbit.shooting.pinned
-    value = orbit.family.values[parameter]
+    value = orbit.family.value(parameter)
     try:
         point = shooting.solve(orbit.point.unknowns, np.array([value]))
     except OrbitError as error:
@@ -165,8 +169,8 @@ def follow(
         for found in walker.walk(shooting, point, along):
             if progress is not None:
                 progress(found.value)
-    except OrbitError as error:
-        branch.ended = error.reason
+    except (OrbitError, InvalidParameter) as error:
+        branch.ended = str(error)
     return branch
 
 
@@ -195,9 +199,13 @@ class _Walker:
         )
         yield self.branch.points[-1]
         length = self.steps.initial
+        budget = self.steps.most  # of events that move into another period
         before = monitors(shooting, point, along)
         while len(self.branch.points) < self.steps.most:
             try:
+                if budget == 0:
+                    raise OrbitError("events go to and fro between periods", "take shorter steps")
+                length = self._within_bounds(point, along, length)
                 following, iterations = step(shooting, point, along, length)
                 ahead = tangent(following, along)
                 if ahead @ along < 0.9:
@@ -208,10 +216,10 @@ class _Walker:
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
                     self._finish(shooting, point, following, piece)
-            except OrbitError as error:
+            except (OrbitError, InvalidParameter) as error:
                 length /= 2.0
-                if length < self.steps.smallest:
-                    self.branch.ended = f"no further step possible: {error.reason}"
+                if budget == 0 or length < self.steps.smallest:
+                    self.branch.ended = f"no further step possible: {error}"
                     return
                 continue
             self.branch.special_points += found.special_points
@@ -224,6 +232,7 @@ class _Walker:
                     shooting, point, along = moved
                     length = max(length / 2.0, self.steps.initial)
                     before = monitors(shooting, point, along)
+                    budget -= 1
                     continue
             if at_bound:
                 yield self.branch.points[-1]
@@ -257,6 +266,14 @@ class _Walker:
                 length /= 1.5
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
 
+    def _within_bounds(self, point: Point, along: Floats, length: float) -> float:
+        """Shorten a step that would go far beyond a bound, where the model may end."""
+        ahead = point.values[0] + length * along[-1]
+        bound = self.high if along[-1] > 0.0 else self.low
+        if self.low <= ahead <= self.high:
+            return length
+        return max(1.001 * (bound - point.values[0]) / along[-1], self.steps.smallest)
+
     def _append(self, shooting: Shooting, point: Point, along: Floats, piece: int) -> None:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
         self.branch.points.append(found)
@@ -276,7 +293,8 @@ class _Walker:
         share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
         unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
         last = shooting.solve(unknowns, np.array([bound]))
-        self._append(shooting, last, tangent(last), piece)
+        onward = np.append(last.unknowns - point.unknowns, bound - point.values[0])
+        self._append(shooting, last, tangent(last, onward), piece)
 
     def _locate(
         self,
@@ -294,6 +312,8 @@ class _Walker:
                 continue
             if monitor.role and value < 0.0:
                 continue  # back to what the automaton has: nothing is lost
+            if monitor.kind == NEIMARK_SACKER and max(abs(value), abs(after[monitor])) < NOISE:
+                continue  # multipliers that stay on the unit circle
             located = locate(shooting, point, along, length, monitor)
             if located is not None:
                 found.append(located)

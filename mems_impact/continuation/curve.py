@@ -10,7 +10,14 @@ from scipy.optimize import brentq
 
 from mems_impact.continuation.branch import SpecialPoint, Steps
 from mems_impact.continuation.grazing import contact_coefficient
-from mems_impact.continuation.monitors import FOLD, GRAZING, PERIOD_DOUBLING, Monitor, monitors
+from mems_impact.continuation.monitors import (
+    FOLD,
+    GRAZING,
+    PERIOD_DOUBLING,
+    Monitor,
+    closest,
+    monitors,
+)
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
@@ -19,7 +26,8 @@ from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
 DIFFERENCE = 1e-6  # step of the differences that give the gradient of the test function
 ITERATIONS = 10
 
-MARGIN = "touched: "  # prefix of the tests on margins
+COINCIDENT = 1e-7  # distance on the curve below which two losses are one
+Tests = dict[str | Monitor, float]  # test functions by their name, or by the margin
 # Codimension two: what else is zero there, by the name of the test.
 CODIMENSION_TWO = {
     "multiplier +1": "grazing-fold",
@@ -140,6 +148,19 @@ class _Curve:
         self.start = np.concatenate([orbit.point.unknowns, values])
         self.curve = OrbitCurve(special.kind, (parameter, second))
         self.border: tuple[Floats, Floats] | None = None
+        self.zero: set[Monitor] = set()
+        # The guard of the impacts that the orbit has, or of the one that it comes closest to.
+        self.guard = self._main_guard(orbit)
+
+    def _main_guard(self, orbit: PeriodicOrbit) -> int:
+        if orbit.impacts:
+            return orbit.impacts[0][0]
+        gaps = []
+        for j, guard in enumerate(self.shooting.automaton.guards):
+            gap = closest(orbit.shooting, orbit.point, j) if guard.impact else None
+            if gap is not None:
+                gaps.append((gap.value, j))
+        return min(gaps, default=(0.0, -1))[1]
 
     def go(self, direction: float, progress: Callable[[float], None] | None) -> OrbitCurve:
         curve, steps = self.curve, self.steps
@@ -154,6 +175,9 @@ class _Curve:
             return curve
         length = steps.initial
         self._append(point)
+        # What a touched guard takes with it is zero all along, and no point of codimension two.
+        touched = monitors(self.shooting, point, np.zeros(1))
+        self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         before = self._tests(point)
         while len(curve.points) < steps.most:
             try:
@@ -163,20 +187,19 @@ class _Curve:
                 if ahead @ along < 0.95:
                     raise OrbitError("the curve turns too sharply", "take a shorter step")
                 after = self._tests(ahead_point)
-                found = self._special(u, along, length, gradient, before, after)
+                special, lost = self._special(u, along, length, gradient, before, after)
             except OrbitError as error:
                 length /= 2.0
                 if length < steps.smallest:
                     curve.ended = f"no further step possible: {error.reason}"
                     return curve
                 continue
-            curve.special_points += [special for special, _ in found]
-            lost = next((special for special, ends in found if ends), None)
+            curve.special_points += special
             if lost is not None:
                 curve.points.append(CurvePoint(lost.orbit, lost.values))
                 curve.ended = f"{lost.kind}: beyond, the automaton has no such orbit"
                 return curve
-            if not self.bounds[0] <= ahead_u[-1] <= self.bounds[1]:
+            if not self._inside(float(ahead_u[-1])):
                 self._finish(u, ahead_u, gradient)
                 curve.ended = f"{curve.parameters[1]} reached its bound"
                 return curve
@@ -276,12 +299,12 @@ class _Curve:
         except OrbitError:
             return
 
-    def _tests(self, point: Point) -> dict[str, float]:
+    def _tests(self, point: Point) -> Tests:
         """Return the test functions for points of codimension two."""
         matrix = reduced(self.shooting, point)
         identity = np.eye(len(matrix))
         scale = max(1.0, float(np.abs(matrix).max()))
-        tests: dict[str, float] = {}
+        tests: Tests = {}
         if self.monitor.kind != FOLD:
             tests["multiplier +1"] = float(np.linalg.det(matrix - identity)) / scale
         else:
@@ -293,24 +316,22 @@ class _Curve:
             if coefficient is not None:
                 tests["contact"] = coefficient
         for other, value in monitors(self.shooting, point, np.zeros(1)).items():
-            if other.role in ("approach", "rate") and not self._same_contact(other):
-                tests[f"{MARGIN}{self._meeting(other)}"] = value
+            if other.role in ("approach", "rate") and other not in self.zero:
+                tests[other] = value
         return tests
 
-    def _meeting(self, other: Monitor) -> str:
-        """Return what it is called where the curve meets the touching of a guard."""
-        if other.kind == GRAZING and self.monitor.kind == FOLD:
+    def _kind(self, test: str | Monitor) -> str:
+        """Return what it is called where `test` is zero on this curve."""
+        if isinstance(test, str):
+            return CODIMENSION_TWO[test]
+        name = self.shooting.automaton.guards[test.guard].name
+        if test.kind == GRAZING and self.monitor.kind == FOLD:
             # Folds of orbits with an impact set in where its speed is zero; those without, where
             # the grazing orbit has a multiplier +1.
-            return "degenerate grazing" if other.role == "rate" else "grazing-fold"
-        name = self.shooting.automaton.guards[other.guard].name
-        where = "" if other.segment < 0 else f" of segment {other.segment}"
-        return f"{name} ({other.role}{where})"
-
-    def _same_contact(self, other: Monitor) -> bool:
-        """Return whether `other` is zero all along the curve."""
-        touching = self.monitor.role in ("approach", "rate")
-        return touching and (other == self.monitor or other.kind != GRAZING)
+            what = "degenerate grazing" if test.role == "rate" else "grazing-fold"
+            return what if test.guard == self.guard else f"{what} ({name})"
+        where = "" if test.segment < 0 else f" of segment {test.segment}"
+        return f"{name} ({test.role}{where})"
 
     def _second_derivative(self, point: Point) -> float:
         """Return the quadratic coefficient of a fold, zero at a cusp."""
@@ -330,46 +351,52 @@ class _Curve:
         along: Floats,
         length: float,
         gradient: Floats,
-        before: dict[str, float],
-        after: dict[str, float],
-    ) -> list[tuple[CodimensionTwo, bool]]:
-        """Return the points of codimension two within a step, and whether the curve ends there."""
-        found = []
-        for name in before.keys() & after.keys():
-            if before[name] * after[name] < 0.0:
-                special = self._locate(name, u, along, length, gradient)
-                if special is not None:
-                    found.append((special, name.startswith(MARGIN) and after[name] < 0.0))
-        # An impact at zero speed takes with it what follows on it.
-        main = [item for item in found if "grazing" in item[0].kind]
-        return [
-            item
-            for item in found
-            if item in main
-            or not any(np.allclose(item[0].values, other[0].values, atol=1e-6) for other in main)
-        ]
+        before: Tests,
+        after: Tests,
+    ) -> tuple[list[CodimensionTwo], CodimensionTwo | None]:
+        """Return the points of codimension two within a step, and the one that ends the curve."""
+        found: list[tuple[float, str | Monitor, CodimensionTwo]] = []
+        for test, value in before.items():
+            if test in after and value * after[test] < 0.0:
+                located = self._locate(test, u, along, length, gradient)
+                if located is not None and self._inside(located[1].values[1]):
+                    found.append((located[0], test, located[1]))
+        found.sort(key=lambda item: item[0])
+        lost = [item for item in found if isinstance(item[1], Monitor) and after[item[1]] < 0.0]
+        if not lost:
+            return [special for _, _, special in found], None
+        # An impact at zero speed takes with it what follows on it; it is the one to name.
+        first = min(
+            (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+            key=lambda item: (isinstance(item[1], Monitor) and item[1].kind != GRAZING, item[0]),
+        )
+        kept = [special for position, _, special in found if position < first[0] - COINCIDENT]
+        return [*kept, first[2]], first[2]
+
+    def _inside(self, value: float) -> bool:
+        return bool(self.bounds[0] <= value <= self.bounds[1])
 
     def _locate(
-        self, name: str, u: Floats, along: Floats, length: float, gradient: Floats
-    ) -> CodimensionTwo | None:
-        """Locate a zero of the test `name` within a step."""
+        self, test: str | Monitor, u: Floats, along: Floats, length: float, gradient: Floats
+    ) -> tuple[float, CodimensionTwo] | None:
+        """Locate a zero of `test` within a step: where in it, and the point."""
 
-        def test(s: float) -> float:
-            return self._tests(self._correct(u + s * along, along, gradient)[1])[name]
+        def value(s: float) -> float:
+            return self._tests(self._correct(u + s * along, along, gradient)[1])[test]
 
+        kind = self._kind(test)
         try:
-            position = brentq(test, 0.0, length, xtol=1e-13, rtol=1e-13)
+            position = brentq(value, 0.0, length, xtol=1e-13, rtol=1e-13)
             point = self._correct(u + position * along, along, gradient)[1]
         except (KeyError, ValueError) as error:
-            raise OrbitError(f"{name} could not be located", "take a shorter step") from error
+            raise OrbitError(f"{kind} could not be located", "take a shorter step") from error
         orbit = make_orbit(self.shooting, point)
-        if name.startswith("multiplier"):
-            target = 1.0 if name.endswith("+1") else -1.0
+        if test in ("multiplier +1", "multiplier -1"):
+            target = 1.0 if test == "multiplier +1" else -1.0
             if np.abs(orbit.multipliers - target).min() > 1e-3:
                 return None  # a sign change through infinity
         values = (float(point.values[0]), float(point.values[1]))
-        kind = CODIMENSION_TWO.get(name, name.removeprefix(MARGIN))
-        return CodimensionTwo(kind, values, orbit)
+        return position, CodimensionTwo(kind, values, orbit)
 
 
 __all__ = ["CodimensionTwo", "CurvePoint", "Monitor", "OrbitCurve", "follow_curve"]

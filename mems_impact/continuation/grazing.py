@@ -16,7 +16,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.loop import TRANSITION
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.orbit import PeriodicOrbit, reduced_components
 from mems_impact.orbits.shooting import Point, Shooting
 
 SPEED = 1e-3  # of the trial impacts that show the kick
@@ -26,7 +26,7 @@ CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
 
 
 def contact_coefficient(shooting: Shooting, point: Point, monitor: Monitor, k: int) -> float | None:
-    """Return xi_k = -grad h . M^k kick: positive if the kick leads away from the stopper.
+    """Return xi_k = grad h . M^k kick: positive if the kick leads away from the stopper.
 
     None if the orbit has other events, for which the formula does not hold.
     """
@@ -55,13 +55,21 @@ def contact_sequence(
         total = point.arcs[(i + j) % others].by_state[free] @ total
     total = to_touch.by_state[free] @ total
     event = shooting.variational.event(segment.mode, monitor.guard, time, to_touch.end)
-    gradient = event.margin_by_state[monitor.guard][free]
-    image = kick(shooting, point.values, segment.mode, monitor.guard, time, to_touch.end)
+    # A component that the mode holds fixed has no part in it, but for rounding, which would grow.
+    keep = reduced_components(shooting, point)
+    total = total[np.ix_(keep, keep)]
+    gradient = event.margin_by_state[monitor.guard][free][keep]
+    image = kick(shooting, point.values, segment.mode, monitor.guard, time, to_touch.end)[keep]
     values = []
     for _ in range(count):
         image = total @ image
         values.append(float(gradient @ image))
     return np.array(values)
+
+
+def stays_positive(sequence: Floats) -> bool:
+    """Return whether all xi_k that are more than rounding of the first ones are positive."""
+    return bool(np.all(sequence > -1e-10 * np.abs(sequence).max()))
 
 
 def kick(
@@ -81,7 +89,7 @@ def kick(
         events = run(problem, Instant(0, time, mode, before), 0.02).events
         last = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))[0]
         elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
-        undisturbed = shooting.variational.arc(mode, y, time, elapsed)
+        undisturbed = shooting.variational.arc(mode, before, time, elapsed)
         difference = events.after[last][free] - undisturbed.end[free]
         return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / speed
 
@@ -127,7 +135,7 @@ def grazing_type(orbit: PeriodicOrbit, monitor: Monitor) -> str:
     sequence = contact_sequence(orbit.shooting, orbit.point, monitor, SEQUENCE)
     if sequence is None:
         raise InvalidParameter(field="orbit", value="with events", allowed="an orbit without")
-    return CONTINUOUS if np.all(sequence > 0.0) else JUMP
+    return CONTINUOUS if stays_positive(sequence) else JUMP
 
 
 __all__ = ["CONTINUOUS", "DEAD", "JUMP", "contact_sequence", "grazing_type"]

@@ -9,18 +9,18 @@ import numpy as np
 
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import reduced
+from mems_impact.orbits.orbit import margins_at_end, reduced
 from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY
 
-GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT = (
+GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER = (
     "grazing",
     "fold",
     "period-doubling",
     "Neimark-Sacker",
-    "branch point",
 )
-LABELS = {GRAZING: "G", FOLD: "CF", PERIOD_DOUBLING: "PD", NEIMARK_SACKER: "NS", BRANCH_POINT: "BP"}
+VANISHING = 1e-6  # length of a segment below which its margins are those of its end
+LABELS = {GRAZING: "G", FOLD: "CF", PERIOD_DOUBLING: "PD", NEIMARK_SACKER: "NS"}
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,10 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
             continue
         own = segment.code % m if segment.code not in (BOUNDARY, 2 * m) else -1
         if own != guard:
-            margin, _ = shooting.variational.margins(segment.mode, end, arc.end)
+            margin, _ = margins_at_end(shooting, point, i)
             found.append(Closest(float(margin[guard]), i, end, False))
+        elif end - start < VANISHING:
+            continue  # the event meets another, or the start of a period: see "length"
         margin, rate = shooting.variational.margins(segment.mode, start, states[i])
         if not (abs(margin[guard]) < 1e-9 and rate[guard] > 0.0):
             found.append(Closest(float(margin[guard]), i, start, False))

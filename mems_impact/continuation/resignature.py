@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
 from mems_impact.continuation.monitors import Closest, Monitor, closest, monitors
-from mems_impact.errors import OrbitError
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.orbit import PeriodicOrbit
@@ -36,7 +37,7 @@ def reconnect(
     Returns
     -------
     shooting, point, direction
-        Or None where no admissible orbit of another signature joins.
+        Or None where no orbit of another signature is found.
     """
     if monitor.role == "length":
         return cross_boundary(orbit, monitor.segment, parameter)
@@ -59,12 +60,12 @@ def reconnect(
     try:
         shooting.pin(shooting.evaluate(unknowns, np.array([value])))
         point = _at_level(shooting, unknowns, value, wanted, level)
-    except OrbitError:
+        if point is None:
+            return None
+        direction = tangent(point)
+        gain = _derivative(shooting, point, wanted, direction)
+    except (OrbitError, InvalidParameter):
         return None
-    if point is None:
-        return None
-    direction = tangent(point)
-    gain = _derivative(shooting, point, wanted, direction)
     return shooting, point, direction if gain > 0.0 else -direction
 
 
@@ -86,11 +87,11 @@ def cross_boundary(
     try:
         shooting.pin(shooting.evaluate(unknowns, value))
         point = shooting.solve(unknowns, value)
+        direction = tangent(point)
+        length = Monitor("simultaneous events", "length", grows)
+        gain = _derivative(shooting, point, length, direction)
     except OrbitError:
         return None
-    direction = tangent(point)
-    length = Monitor("simultaneous events", "length", grows)
-    gain = _derivative(shooting, point, length, direction)
     return shooting, point, direction if gain > 0.0 else -direction
 
 
@@ -156,12 +157,17 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess | None
     problem = orbit.family.problem()
     share = 0.02
     trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
-    piece = guess_from(trajectory, 1 if time + share * problem.period < problem.period else 2)
-    codes = [s for s in piece.segments if s.code != BOUNDARY]
+    whole = 1 if time + share * problem.period < problem.period else 2
+    try:
+        piece = guess_from(trajectory, whole, problem.switches)
+    except OrbitError:
+        return None
+    codes = list(takewhile(lambda s: s.code != BOUNDARY, piece.segments))
     if not codes or codes[0].code != guard:
         return None
     count = len(codes)
-    if piece.segments[count].mode != segment.mode:
+    # Back in the mode that it came from, and in the same period.
+    if count == len(piece.segments) or piece.segments[count].mode != segment.mode:
         return None
     inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in codes)
     segments = orbit.segments[:i] + inserted + orbit.segments[i:]
@@ -236,4 +242,7 @@ def _derivative(shooting: Shooting, point: Point, monitor: Monitor, direction: F
         x = u + sign * h * direction
         there = shooting.evaluate(x[:-1], x[-1:])
         values.append(monitors(shooting, there, direction).get(monitor, np.nan))
-    return float(values[0] - values[1])
+    change = float(values[0] - values[1])
+    if not np.isfinite(change):
+        raise OrbitError("the closest approach is gone", "take another point")
+    return change

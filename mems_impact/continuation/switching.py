@@ -37,8 +37,8 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[Shooting, Point, Floa
     unknowns = np.concatenate([np.tile(states[:, free].ravel(), 2), np.tile(times, 2)])
     value = np.array([orbit.family.values[parameter]])
     point = shooting.evaluate(unknowns, value)
-    _, sizes, vectors = np.linalg.svd(point.jacobian)
-    if sizes[-1] > 1e-4 * sizes[0]:
+    vectors = np.linalg.svd(point.jacobian)[2]
+    if np.abs(orbit.multipliers + 1.0).min() > 1e-4:
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
     # The null vector of the doubled equations: one way in the first pass, the other in the second.
     away = np.append(vectors[-1], 0.0)

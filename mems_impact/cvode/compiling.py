@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
+import secrets
 import sys
 import threading
 from collections.abc import Callable, Iterable
@@ -19,7 +20,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, register_jitable
+from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array, populate_array
 
 # Nothing here owns memory or raises, so that compiled code needs neither reference counts nor
@@ -57,7 +58,45 @@ def make_compilable(function: Callable[..., Any]) -> None:
             return
         _compilable.add(function)
         make_callees_compilable(function)
-        register_jitable(**JIT, **INNER)(function)
+        own = _under_a_name_of_its_own(function)
+        overload(function, jit_options={**JIT, **INNER}, strict=False)(lambda *_, **__: own)
+
+
+# numba numbers the functions of a process to tell their symbols apart. Two processes give the same
+# number to different functions, and a third that loads the compiled code of both from the cache on
+# disk would silently take the one for the other.
+_PROCESS = secrets.token_hex(8)
+
+
+def _under_a_name_of_its_own(function: Callable[..., Any]) -> FunctionType:
+    """Return the same function under a name that no other process gives to anything."""
+    assert isinstance(function, FunctionType), function
+    cells = function.__closure__
+    code, names = function.__code__, function.__globals__
+    own = FunctionType(code, names, function.__name__, function.__defaults__, cells)
+    own.__kwdefaults__ = function.__kwdefaults__
+    own.__module__ = function.__module__
+    own.__qualname__ = f"{function.__qualname__}_{_PROCESS}"
+    return own
+
+
+def identity(functions: Iterable[Callable[..., Any]]) -> str:
+    """Name `functions`, with all that they draw on, the same in every process."""
+    digest = hashlib.sha256()
+    seen: set[Callable[..., Any]] = set()
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        assert isinstance(function, FunctionType), function
+        cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        numbers = [value for value in cells if isinstance(value, int | float | str)]
+        code = function.__code__
+        name = (function.__module__, function.__qualname__, code.co_firstlineno, numbers)
+        digest.update(f"{name};".encode())
+        if function not in seen:
+            seen.add(function)
+            waiting += _callees(function)
+    return digest.hexdigest()[:16]
 
 
 def _callees(function: Callable[..., Any]) -> list[FunctionType]:

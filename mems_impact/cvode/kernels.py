@@ -19,6 +19,7 @@ from mems_impact.cvode.compiling import (
     array,
     cacheable,
     fingerprint,
+    identity,
     make_compilable,
     matrix,
     pointer,
@@ -122,14 +123,20 @@ def kernels(
         make_compilable(function)
     stamp = fingerprint(functions)
     keep = cacheable(*functions)
+    name = identity(functions)
 
-    @cfunc(KERNEL, cache=keep, **JIT)
+    def kernel(function: Callable[..., Any]) -> Any:
+        # Symbols of compiled code carry this name: automata that meet in a process must not share.
+        function.__qualname__ += f"_{name}"
+        return cfunc(KERNEL, cache=keep, **JIT)(function)
+
+    @kernel
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         flow(mode, t, array(y, n), array(p, size), array(out, n))
         return mode
 
-    @cfunc(KERNEL, cache=keep, **JIT)
+    @kernel
     def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         g, r = array(out, m), array(out + WORD * m, m)
@@ -139,7 +146,7 @@ def kernels(
         margins(mode, t, array(y, n), array(p, size), g, r)
         return mode
 
-    @cfunc(KERNEL, cache=keep, **JIT)
+    @kernel
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         return transition(mode, code, t, array(y, n), array(p, size))
@@ -147,7 +154,7 @@ def kernels(
     if jacobian is None:
         return Kernels(flow_kernel, margins_kernel, transition_kernel, None)
 
-    @cfunc(KERNEL, cache=keep, **JIT)
+    @kernel
     def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
         _ = stamp
         jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))

@@ -190,6 +190,11 @@ def advance(
                 return status
         elif status == arc.STOPPED:
             arc.state(engine, y)
+            if t > s.period:
+                # The first switch of the next period, whatever its sum with the period rounds to.
+                s.cycle += 1
+                s.hit_time -= s.period
+                s.t = t = layout.switches[0]
             status = resolve(engine, s, t, y, 2 * layout.order.size, layout, buffers)
             if status != DONE:
                 return status
@@ -213,7 +218,8 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
         if layout.cyclic[i] == 1:
             buffers.offset[i] += y[i]
             y[i] = 0.0
-    s.stop = math.inf
+    # After the last switch of a period comes the first one of the next.
+    s.stop = s.period + layout.switches[0] if layout.switches.size > 0 else math.inf
     for i in range(layout.switches.size - 1, -1, -1):
         if layout.switches[i] > s.t:
             s.stop = layout.switches[i]
@@ -334,7 +340,7 @@ def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buff
             changed = changed or past[i] != y[i]
         if kind == TRANSITION and guard < m and layout.impact[guard] == 1:
             t = complete_chatter(engine, s, t, y, guard, layout, buffers)
-        if not changed:
+        if not changed and kind != SWITCH:
             return DONE  # nothing moved: looking again would find the same
         guard = violated(engine, s.mode, t, y, layout, buffers)
     return CYCLING

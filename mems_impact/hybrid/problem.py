@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from mems_impact.cvode.options import Options
-from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
+from mems_impact.errors import EngineFallbackWarning, EngineUnavailable, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 
-# No internal step is longer than this part of a period, so that no two extrema of a margin fall
-# into one step. At tolerances of any use the steps are several times shorter.
+# No internal step is longer than this part of a period (or time scale), so that no two extrema of a
+# margin fall into one step. At tolerances of any use the steps are several times shorter.
 STEPS_PER_PERIOD = 16.0
 
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
@@ -42,6 +44,9 @@ class Problem:
     section : tuple (component, level, direction) or None
         Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
     options : Options
+    time_scale : float or None
+        Time within which whatever acts on the system shows all that it does; the period by
+        default.
     """
 
     automaton: Automaton
@@ -50,6 +55,18 @@ class Problem:
     switches: tuple[float, ...] = ()
     section: Section | None = None
     options: Options = field(default_factory=Options)
+    time_scale: float | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.period) and self.period > 0.0):
+            raise InvalidParameter(field="period", value=self.period, allowed="finite and above 0")
+        times = (0.0, *self.switches)
+        rising = all(a < b for a, b in itertools.pairwise(times))
+        if not (rising and times[-1] <= self.period):
+            allowed = f"ascending times above 0 and up to the period, {self.period:.6g}"
+            raise InvalidParameter(field="switches", value=self.switches, allowed=allowed)
+        if self.time_scale is not None and not self.time_scale > 0.0:
+            raise InvalidParameter(field="time_scale", value=self.time_scale, allowed="above 0")
 
 
 @dataclass(frozen=True)
@@ -94,7 +111,7 @@ def bind(problem: Problem) -> Bound:
         "m": len(automaton.guards),
         "parameters": problem.parameters,
         "options": options,
-        "max_step": problem.period / STEPS_PER_PERIOD,
+        "max_step": (problem.time_scale or problem.period) / STEPS_PER_PERIOD,
         "section": problem.section,
     }
     if options.engine in ("auto", "compiled"):

@@ -23,10 +23,16 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Floats
 
-STEP = 1e-3
-WEIGHTS = (45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0)
+STEP = 1e-3  # of the differences, along a direction of length one
 
 DONE, FAILED, STEP_BUDGET = 0, 1, 2
+FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
+
+
+def weight_of(s: int) -> float:
+    """Return the weight of the value at `s` steps in a central difference of sixth order."""
+    weight = 45.0 if abs(s) == 1 else (-9.0 if abs(s) == 2 else 1.0)
+    return weight / 60.0 if s > 0 else -weight / 60.0
 
 
 @cache
@@ -36,12 +42,14 @@ def extended_flow(
     """Return the flow of the state and its columns.
 
     The extended state is y (n), then `free` + `directions` columns of length n. The extended
-    parameters are p (count), the `directions` in the space of p, and scratch of 2 n + count.
+    parameters are p (count), the `directions` in the space of p, for each of them the motion of
+    time (two numbers, see `Variational.arc`), and scratch of 2 n + count.
     """
     columns = free + directions
 
     def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
-        scratch = count * (1 + directions)
+        motion = count * (1 + directions)
+        scratch = motion + 2 * directions
         shifted = p[scratch : scratch + n]
         slope = p[scratch + n : scratch + 2 * n]
         shifted_p = p[scratch + 2 * n : scratch + 2 * n + count]
@@ -51,7 +59,10 @@ def extended_flow(
             for i in range(n):
                 length = max(length, abs(y[column + i]))
             direction = count * (1 + c - free)
+            moving, stretching = 0.0, 0.0
             if c >= free:
+                stretching = p[motion + 2 * (c - free) + 1]
+                moving = p[motion + 2 * (c - free)] + stretching * t
                 for i in range(count):
                     length = max(length, abs(p[direction + i]))
             for i in range(n):
@@ -61,17 +72,14 @@ def extended_flow(
             if length > 0.0:
                 for s in range(-3, 4):
                     if s != 0:
-                        h = s * 1e-3 / length
-                        weight = 45.0 if abs(s) == 1 else (-9.0 if abs(s) == 2 else 1.0)
-                        weight = weight * length / (60.0 * 1e-3)
-                        if s < 0:
-                            weight = -weight
+                        h = s * STEP / length
+                        weight = length * weight_of(s) / STEP
                         for i in range(n):
                             shifted[i] = y[i] + h * y[column + i]
                         if c >= free:
                             for i in range(count):
                                 shifted_p[i] = p[i] + h * p[direction + i]
-                        flow(mode, t, shifted, shifted_p, slope)
+                        flow(mode, t + h * moving, shifted, shifted_p, slope)
                         for i in range(n):
                             dy[column + i] += weight * slope[i]
         for i in range(count):
@@ -81,6 +89,9 @@ def extended_flow(
         flow(mode, t, shifted, shifted_p, slope)
         for i in range(n):
             dy[i] = slope[i]
+        for c in range(free, columns):
+            for i in range(n):
+                dy[n * (1 + c) + i] += p[motion + 2 * (c - free) + 1] * slope[i]
 
     # The linker tells compiled functions apart by name, and a number that starts anew in every
     # process: two of one name, one compiled here and one found in the cache, may be confounded.
@@ -110,6 +121,8 @@ def integrate(
         # Only closest approaches are wanted. A margin and its rate that are zero together would
         # stop CVODE ("root found very near t").
         arc.set_bias(engine, i, 1e6)
+    if start - end > FARTHEST_BACK:
+        return FAILED
     if end <= start:
         go_back(engine, mode, y, start, end, work)
         return DONE
@@ -187,6 +200,12 @@ def put_parameters(engine: Any, values: Any) -> None:
         arc.set_parameter(engine, i, values[i])
 
 
+def put_motion(engine: Any, place: int, values: Any) -> None:
+    """Set the parameters from `place` on."""
+    for i in range(values.size):
+        arc.set_parameter(engine, place + i, values[i])
+
+
 def differentiate_event(
     engine: Any,
     mode: int,
@@ -197,6 +216,7 @@ def differentiate_event(
     m: int,
     count: int,
     directions: int,
+    room: float,
     margin: Any,
     jump: Any,
     work: Any,
@@ -205,7 +225,7 @@ def differentiate_event(
 
     `margin` (2 m, 1 + n + 1 + directions) and `jump` (n, ...) get value and derivatives: column 0
     the value, then one for each component of the state, for time, for each direction of the
-    parameters. `work` has three rows. The engine's parameters are moved and put back.
+    parameters. Differences in time stay within `room` of `t`. `work` has three rows. The engine's parameters are moved and put back.
     """
     shifted, g, p = work[0], work[1], work[2]
     for i in range(count):
@@ -215,15 +235,11 @@ def differentiate_event(
             margin[i, c] = 0.0
         for i in range(n):
             jump[i, c] = 0.0
+        step = min(STEP, 0.3 * room) if c == n + 1 else STEP
         for s in range(-3, 4):
             if (c == 0) == (s == 0):
-                h = s * 1e-3
-                weight = 1.0
-                if s != 0:
-                    weight = 45.0 if abs(s) == 1 else (-9.0 if abs(s) == 2 else 1.0)
-                    weight = weight / (60.0 * 1e-3)
-                    if s < 0:
-                        weight = -weight
+                h = s * step
+                weight = weight_of(s) / step if s != 0 else 1.0
                 time = t
                 for i in range(n):
                     shifted[i] = y[i]
@@ -323,12 +339,13 @@ class Variational:
             margins=automaton.margins,
             transition=automaton.transition,
         )
-        scratch = np.zeros(2 * self.n + self.count)
+        scratch = np.zeros(2 * self.k + 2 * self.n + self.count)
         self._problem = Problem(
             automaton=extended,
             parameters=np.concatenate([p, directions.ravel(), scratch]),
             period=problem.period,
             options=problem.options,
+            time_scale=problem.time_scale,
         )
         self._bound = bind(self._problem)
         self._call = self._bound.call
@@ -341,8 +358,20 @@ class Variational:
         """Go on with parameters `p` and directions in their space."""
         self._call(put_parameters, np.concatenate([p, np.ravel(directions)]))
 
-    def arc(self, mode: int, y: Floats, start: float, end: float) -> Arc:
+    def arc(
+        self, mode: int, y: Floats, start: float, end: float, motion: Floats | None = None
+    ) -> Arc:
         """Integrate `mode` from (start, y) to `end`, with all columns.
+
+        Parameters
+        ----------
+        mode : int
+        y : float array, shape (n,)
+        start, end : float
+        motion : float array, shape (directions, 2), optional
+            Where a switch of the drive moves with the parameters, differences at one instant would
+            look across it. So each column of the parameters is carried at instants that move at
+            the rate motion[j, 0] + motion[j, 1] t, and referred to fixed ones at the end.
 
         Raises
         ------
@@ -354,8 +383,14 @@ class Variational:
         state[:n] = y
         for c, i in enumerate(self.free):
             state[n * (1 + c) + i] = 1.0
+        motion = np.zeros((self.k, 2)) if motion is None else motion
+        place = self.count * (1 + self.k)
+        self._call(put_motion, place, np.ravel(motion))
         slope_start, slope_end = np.zeros(state.size), np.zeros(state.size)
         self._call(evaluate_flow, mode, start, state, slope_start)
+        moved = motion @ np.array([[1.0, 1.0], [start, end]])
+        for j in range(self.k):
+            state[n * (1 + f + j) : n * (2 + f + j)] = slope_start[:n] * moved[j, 0]
         options = self._problem.options
         status = self._call(
             integrate,
@@ -383,20 +418,23 @@ class Variational:
         return Arc(
             end=state[:n].copy(),
             by_state=columns[:, :f].copy(),
-            by_parameter=columns[:, f:].copy(),
+            by_parameter=columns[:, f:] - np.outer(slope_end[:n], moved[:, 1]),
             slope_start=slope_start[:n].copy(),
             slope_end=slope_end[:n].copy(),
             minima=self._minima[0, : self.m].copy(),
             minima_time=self._minima[1, : self.m].copy(),
         )
 
-    def event(self, mode: int, code: int, t: float, y: Floats) -> Event:
-        """Carry out the transition `code` at (t, y), with its derivatives."""
+    def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
+        """Carry out the transition `code` at (t, y), with its derivatives.
+
+        `room` is the time to the nearest switch of the drive, which no difference may look across.
+        """
         n, m, k = self.n, self.m, self.k
         margin, jump = np.zeros((2 * m, n + 2 + k)), np.zeros((n, n + 2 + k))
         sizes = (n, m, self.count, k)
         self._call(
-            differentiate_event, mode, code, t, np.array(y), *sizes, margin, jump, self._work
+            differentiate_event, mode, code, t, np.array(y), *sizes, room, margin, jump, self._work
         )
         after = np.array(y, dtype=float)
         new_mode = self._call(carry_out, mode, code, t, after)

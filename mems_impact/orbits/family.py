@@ -42,11 +42,22 @@ class Family:
         InvalidParameter
             If a name is not one of the family's.
         """
-        for name, value in changes.items():
-            if name not in self.values:
-                known = ", ".join(self.values)
-                raise InvalidParameter(field=name, value=value, allowed=f"one of {known}")
+        for name in changes:
+            self.value(name)
         return Family(self.build, {**self.values, **changes})
+
+    def value(self, name: str) -> float:
+        """Return the present value of a parameter.
+
+        Raises
+        ------
+        InvalidParameter
+            If the name is not one of the family's.
+        """
+        if name not in self.values:
+            known = ", ".join(self.values)
+            raise InvalidParameter(field="parameter", value=name, allowed=f"one of {known}")
+        return self.values[name]
 
     def problem(self) -> Problem:
         """Return the problem at the present values."""
@@ -58,7 +69,7 @@ class Family:
         Central differences of sixth order, whose error is below 1e-13 for a period that goes with
         the inverse of a frequency.
         """
-        value = self.values[name]
+        value = self.value(name)
         h = RELATIVE_STEP * (abs(value) if value != 0.0 else 1.0)
         p: Floats | float = 0.0
         period = 0.0

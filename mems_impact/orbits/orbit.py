@@ -107,7 +107,7 @@ class PeriodicOrbit:
     @property
     def impacts(self) -> list[tuple[int, float, Floats]]:
         """Guard, time since the start of the orbit, and state before, of each impact."""
-        period, automaton = self.shooting.period, self.shooting.automaton
+        period, automaton = self.point.period, self.shooting.automaton
         m = len(automaton.guards)
         return [
             (s.code % m, s.cycle * period + float(end), arc.end)
@@ -128,18 +128,24 @@ def reduced(shooting: Shooting, point: Point) -> Floats:
 
 def reduced_components(shooting: Shooting, point: Point) -> list[int]:
     """Return which of the free components the first mode does not hold fixed."""
-    arc = point.arcs[0]
+    arc, monodromy = point.arcs[0], shooting.monodromy(point)
+    still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
+    # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
+    forgotten = [not row.any() for row in monodromy]
     return [
         c
-        for c, i in enumerate(shooting.free)
-        if arc.slope_start[i] != 0.0 or arc.slope_end[i] != 0.0
+        for c in range(len(shooting.free))
+        if c not in shooting.pinned and not (still[c] and forgotten[c])
     ]
 
 
 def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:
     """Return the orbit of a solved point, with stability and admissibility."""
     values = dict(zip(shooting.active, point.values.tolist(), strict=True))
-    multipliers = np.linalg.eigvals(reduced(shooting, point)).astype(complex)
+    matrix = reduced(shooting, point)
+    if not np.isfinite(matrix).all():
+        raise OrbitError("the monodromy matrix is not finite", "take another guess", point)
+    multipliers = np.linalg.eigvals(matrix).astype(complex)
     return PeriodicOrbit(
         family=shooting.family.at(**values),
         periods=shooting.segments[-1].cycle + 1,
@@ -164,7 +170,7 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
             found.append(Defect(i, "", "order", length))
             continue
         at_start, rising = shooting.variational.margins(segment.mode, point.starts[i], states[i])
-        at_end, _ = shooting.variational.margins(segment.mode, point.ends[i], arc.end)
+        at_end, _ = margins_at_end(shooting, point, i)
         own = segment.code % m if event is not None and segment.code != 2 * m else -1
         for j, guard in enumerate(automaton.guards):
             worst = float(arc.minima[j])
@@ -174,15 +180,20 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
                 worst = min(worst, float(at_start[j]))
             if worst < -SLACK:
                 found.append(Defect(i, guard.name, "missed", worst))
-        if own >= 0 and event is not None:
-            if event.rates[own] > 0.0:
-                found.append(
-                    Defect(i, automaton.guards[own].name, "reversed", float(event.rates[own]))
-                )
+        if own >= 0 and event is not None and event.rates[own] > 0.0:
+            found.append(Defect(i, automaton.guards[own].name, "reversed", float(event.rates[own])))
         if event is not None and event.mode != segments[(i + 1) % len(segments)].mode:
             name = automaton.guards[own].name if own >= 0 else "switch"
             found.append(Defect(i, name, "mode", float(event.mode)))
     return tuple(found)
+
+
+def margins_at_end(shooting: Shooting, point: Point, i: int) -> tuple[Floats, Floats]:
+    """Return margins and rates at the end of segment `i`, before the drive switches there."""
+    segment, end = shooting.segments[i], float(point.ends[i])
+    if segment.code == 2 * shooting.m:
+        end = float(np.nextafter(end, 0.0))
+    return shooting.variational.margins(segment.mode, end, point.arcs[i].end)
 
 
 def find_orbit(
@@ -223,7 +234,7 @@ def find_orbit(
         guess = replace(final, cycle=0)
     start = read_guess(problem, guess, periods)
     shooting = Shooting(family, start.segments, active)
-    unknowns, values = shooting.pack(start), np.array([family.values[a] for a in active])
+    unknowns, values = shooting.pack(start), np.array([family.value(a) for a in active])
     shooting.pin(shooting.evaluate(unknowns, values))
     return make_orbit(shooting, shooting.solve(unknowns, values))
 

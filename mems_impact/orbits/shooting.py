@@ -8,6 +8,7 @@ penetrates the guard. Whether an orbit is one of the automaton is a question apa
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
 TOLERANCE = 1e-11  # of a Newton step
 ACCEPTED = 1e-8  # residual at which a Newton iteration that no longer shrinks is taken as done
 ITERATIONS = 20
+NOTHING = 1e-18  # a component of a state smaller than this is zero
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,8 @@ class Point:
         One for each segment; None where it ends with the period.
     starts, ends : float array, shape (N,)
         Times of the segments, each since the start of its period.
+    period : float
+        Of the problem at these values.
     """
 
     unknowns: Floats
@@ -52,6 +56,7 @@ class Point:
     events: tuple[Event | None, ...]
     starts: Floats
     ends: Floats
+    period: float
 
 
 class Shooting:
@@ -90,15 +95,23 @@ class Shooting:
         f, count = len(self.free), len(self.segments)
         states = np.zeros((count, self.n))
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
+        # Where a transition sets a component to zero, its sign must not be one of rounding.
+        states[np.abs(states) < NOTHING] = 0.0
         return states, unknowns[f * count :]
 
     def move_to(self, values: Floats) -> None:
         """Take over values of the active parameters, whichever were looked at last."""
         if self._at == tuple(values):
             return
+        self._at = None  # until all of it has been taken over
         family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
         problem = family.problem()
         count = np.asarray(problem.parameters).size
+        if not 0.5 < problem.period / self.family.problem().period < 2.0:
+            raise OrbitError(
+                reason=f"the period jumps to {problem.period:.6g} here",
+                remedy="stay on this side (a sine without bias has half the period)",
+            )
         self.period, self.switches = problem.period, np.array(problem.switches)
         directions = np.zeros((max(1, len(self.active)), count))
         self.scales = np.ones(len(self.active))
@@ -108,7 +121,7 @@ class Shooting:
             p_rate, self.period_rates[j], rates = family.derivative(name)
             self.switch_rates[j] = rates[: self.switches.size]
             # The differences want a direction of length one.
-            self.scales[j] = max(float(np.abs(p_rate).max()), 1e-300)
+            self.scales[j] = float(np.abs(p_rate).max()) or 1.0
             directions[j] = p_rate / self.scales[j]
         self.variational.set_parameters(np.asarray(problem.parameters), directions)
         self._at = tuple(values)
@@ -145,10 +158,14 @@ class Shooting:
         events: list[Event | None] = []
         try:
             for i, segment in enumerate(segments):
-                arc = self.variational.arc(segment.mode, states[i], starts[i], ends[i])
+                motion = self._motion(starts[i], ends[i])
+                arc = self.variational.arc(segment.mode, states[i], starts[i], ends[i], motion)
                 event = None
                 if segment.code != BOUNDARY:
-                    event = self.variational.event(segment.mode, segment.code, ends[i], arc.end)
+                    room = self._room(ends[i]) if i in event_column else math.inf
+                    event = self.variational.event(
+                        segment.mode, segment.code, ends[i], arc.end, room
+                    )
                 arcs.append(arc)
                 events.append(event)
         except RunError as error:
@@ -161,7 +178,7 @@ class Shooting:
             end = np.zeros((self.n, size))
             end[:, f * i : f * (i + 1)] = arc.by_state
             end_by_parameter = arc.by_parameter[:, :k] * self.scales
-            if i > 0 and starts[i] > 0.0:
+            if i > 0 and segments[i - 1].cycle == segment.cycle:
                 by_start = -(arc.by_state @ arc.slope_start[free])
                 if i - 1 in event_column:
                     end[:, event_column[i - 1]] += by_start
@@ -218,7 +235,33 @@ class Shooting:
             events=tuple(events),
             starts=starts,
             ends=ends,
+            period=self.period,
         )
+
+    def _room(self, time: float) -> float:
+        """Return the time from an event to the nearest switch of the drive."""
+        if not self.switches.size:
+            return math.inf
+        since = np.abs(time - self.switches) % self.period
+        return float(max(np.minimum(since, self.period - since).min(), 1e-9))
+
+    def _motion(self, start: float, end: float) -> Floats | None:
+        """Return how instants between the switches around an arc move with the parameters.
+
+        Linear in time from switch to switch (or the ends of the period); None if there are none.
+        """
+        if not self.switches.size or not self.active:
+            return None
+        times = np.array([0.0, *self.switches, self.period])
+        rates = np.column_stack([np.zeros(len(self.active)), self.switch_rates, self.period_rates])
+        first = int(np.flatnonzero(times[:-1] <= max(start, 0.0))[-1])
+        later = np.flatnonzero((times >= end) & (times > times[first]))
+        last = int(later[0]) if later.size else times.size - 1
+        if times[last] <= times[first]:
+            return None
+        slope = (rates[:, last] - rates[:, first]) / (times[last] - times[first])
+        offset = rates[:, first] - slope * times[first]
+        return np.column_stack([offset, slope]) / self.scales[:, None]
 
     def monodromy(self, point: Point) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
@@ -237,7 +280,9 @@ class Shooting:
                 if segment.code != 2 * self.m:
                     guard = segment.code % self.m
                     gradient = event.margin_by_state[guard]
-                    rate = gradient @ arc.slope_end + event.margin_by_time[guard]
+                    rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
+                    # A guard touched at no speed at all: the matrix is beyond all bounds.
+                    rate = np.copysign(max(abs(rate), 1e-14), rate)
                     after = self._slope_after(i, point)
                     kick = after - jump @ arc.slope_end - event.jump_by_time
                     saltation = jump + np.outer(kick, gradient) / rate
@@ -260,9 +305,23 @@ class Shooting:
         self.pinned = [
             c
             for c in range(len(self.free))
-            if np.allclose(monodromy[c], identity[c], atol=1e-12)
-            and all(arc.slope_start[self.free[c]] == 0.0 for arc in point.arcs)
+            if np.abs(monodromy[c] - identity[c]).max() < 1e-12
+            and all(
+                arc.slope_start[self.free[c]] == 0.0 == arc.slope_end[self.free[c]]
+                for arc in point.arcs
+            )
         ]
+        if self.pinned:
+            last, event = point.arcs[-1], point.events[-1]
+            end = last.end if event is None else event.after
+            states, _ = self.unpack(point.unknowns)
+            for c in self.pinned:
+                i = self.free[c]
+                if abs(end[i] - states[0][i]) > ACCEPTED:
+                    raise OrbitError(
+                        reason=f"{self.automaton.states[i]} does not come back to its start",
+                        remedy="declare it cyclic if nothing depends on it",
+                    )
 
     def solve(self, unknowns: Floats, values: Floats) -> Point:
         """Correct `unknowns` at fixed parameters by Newton's method.
@@ -289,8 +348,8 @@ class Shooting:
             previous = size
             point = self.evaluate(point.unknowns + step, values)
         raise OrbitError(
-            reason=f"no orbit with this signature near the guess (residual "
-            f"{np.abs(point.residual).max():.2g} after {ITERATIONS} iterations)",
+            reason=f"no orbit with this signature near the guess (the "
+            f"residual stays at {np.abs(point.residual).max():.2g})",
             remedy="take a guess nearer to an orbit: let transients die out, or change periods",
             partial=point,
         )

@@ -12,7 +12,7 @@ from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
 
 BOUNDARY = -1  # a segment that ends with the period, not with an event
 
@@ -102,12 +102,16 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
         if kind == loop.TRANSITION:
             close(guard, time)
             impacts.setdefault(guard, []).append(float(events.cycle[i]) * period + time)
+        elif kind == loop.ACCUMULATION and (
+            len(impacts.get(guard, [])) < 2 or not completes(events, int(i))
+        ):
+            close(m + guard, time)
         elif kind == loop.ACCUMULATION:
             # The loop stops the sequence at the last impact that it saw; here one flight more is
             # taken, and the impact after it is the one without rebound.
-            last = impacts[guard][-3:]
-            ratio = (last[2] - last[1]) / (last[1] - last[0])
-            origin, now = last[1] - cycle * period, last[2] - cycle * period
+            origin, now = (impact - cycle * period for impact in impacts[guard][-2:])
+            # Flights that shrink by a constant ratio fill the time that is left.
+            ratio = (time - now) / (time - origin)
             # What lay between the last two impacts, the end of a slip say, does so again.
             before = [j for j in range(len(segments) - 1) if segments[j].code == guard][-1]
             first = np.copy(y)
@@ -115,7 +119,7 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
                 close(segments[j].code, now + ratio * (times[j] - origin))
                 mode = segments[j + 1].mode
                 y = first + ratio * (states[j + 1] - states[before + 1])
-            close(m + guard, now + ratio * (last[2] - last[1]))
+            close(m + guard, now + ratio * (now - origin))
         else:
             switch = int(np.argmin(np.abs(np.array(switches) - (period if at_end else time))))
             close(2 * m, period if at_end else time, switch)
@@ -138,6 +142,15 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
                 remedy="move the parameter a little",
             )
     return Guess(tuple(segments), np.array(states), np.array(times))
+
+
+def completes(events: Events, i: int) -> bool:
+    """Return whether row `i` completes a sequence of impacts, being none itself.
+
+    The loop takes a contact that is not closing for an impact without rebound; where it leaps over
+    the rest of a sequence, the state before is the one after the last impact.
+    """
+    return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
 
 
 def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:

@@ -41,6 +41,7 @@ __all__ = [
     "switch_branch",
 ]
 
+BRANCH_STEPS = Steps(largest=0.02)  # so that a branch is smooth to the eye
 NEAR = 1e-3  # within this part of its parameter, the other side of a grazing is looked for
 
 
@@ -273,7 +274,7 @@ def continue_orbit(
     stop: float,
     *,
     back: float | None = None,
-    steps: Steps = Steps(),  # noqa: B008 - immutable
+    steps: Steps = BRANCH_STEPS,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
@@ -334,7 +335,7 @@ def switch_branch(
     special: SpecialPoint,
     *,
     bounds: tuple[float, float] | None = None,
-    steps: Steps = Steps(),  # noqa: B008 - immutable
+    steps: Steps = BRANCH_STEPS,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:

@@ -53,18 +53,20 @@ class Study:
 
     def case(self, value: float) -> Case:
         """Return the case of one value; InvalidParameter if it is not allowed."""
-        change = {self.parameter: value}
-        if self.parameter in type(self.drive).model_fields:
-            return Case(value, self.actuator, self.drive.replace(**change))
+        if self.parameter in self.drive.names:
+            return Case(value, self.actuator, self.drive.varied(self.parameter, value))
         if self.parameter in PARAMETER_NAMES:
-            return Case(value, self.actuator.replace(**change), self.drive)
-        names = [*type(self.drive).model_fields, *PARAMETER_NAMES]
+            changed = self.actuator.replace(**{self.parameter: value})
+            return Case(value, changed, self.drive)
+        names = [*self.drive.names, *PARAMETER_NAMES]
         raise InvalidParameter("parameter", self.parameter, f"one of {', '.join(names)}")
 
     @property
     def unit(self) -> str:
         """The SI unit of the parameter; empty for a pure number."""
-        return {**PARAMETER_UNITS, **self.drive.units}.get(self.parameter, "")
+        if self.parameter in self.drive.names:
+            return self.drive.unit(self.parameter)
+        return PARAMETER_UNITS.get(self.parameter, "")
 
     def point(
         self, case: Case, name: str, start: State, watch: Callable[[float], None] | None

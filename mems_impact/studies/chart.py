@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +39,7 @@ AMPLITUDE, OMEGA = "amplitude", "omega"
 ON, OFF = "on", "off"
 CRISIS = "crisis"
 FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+RAMP = 21  # amplitudes from where the attractor is first looked for to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
 SIMULATION = Options()
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
@@ -242,6 +244,9 @@ def crisis(
     states = attractor(begin, [kicked(actuator)])
     if not states:
         raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
+    for amplitude in np.linspace(begin, below, RAMP)[1:].tolist() if begin != below else ():
+        here = drive.replace(amplitude=amplitude)
+        states = [simulate(actuator, here, 50, initial=s, options=options).final for s in states]
     step, bottom = tolerance * below, 0.0
     least = below - (below if width is None else width)
     while True:
@@ -287,7 +292,7 @@ class _Maker:
         edges = [low, *(s.values[1] for s in marks), high]
         pieces: list[Any] = []
         regions = []
-        for left, right in zip(edges, edges[1:], strict=False):
+        for left, right in pairwise(edges):
             slack = 1e-9 * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
             inside += [CurvePoint(s.orbit, s.values) for s in marks if s.values[1] in (left, right)]
@@ -432,8 +437,9 @@ class _Maker:
         if not folds:
             return ()
         # Where the type ends in a point of codimension two, the two boundaries meet.
-        omegas = np.linspace(left, right, crises + 2)
-        omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]][:crises]
+        known = len(self.marks & {left, right})
+        omegas = np.linspace(left, right, crises + known)
+        omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
         out = self.system.out
 
         def one(omega: float) -> tuple[float, float] | str:

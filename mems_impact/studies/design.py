@@ -103,7 +103,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     """
     p = actuator.to_array()
     speeds, volts = np.broadcast_arrays(np.asarray(speed, float), np.asarray(voltage, float))
-    after = eq.frame_speed_after(0.0, speeds, actuator.e, p)
+    after = eq.frame_speed_after(0.0, 1.0, actuator.e, p) * speeds
     pull = actuator.alpha * volts**2 / (actuator.d - actuator.delta) ** 2
     load = actuator.k * actuator.delta - actuator.c * actuator.e * speeds - pull
     slowing = (eq.sliding_friction(1, p) - load) / actuator.m1

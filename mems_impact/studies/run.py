@@ -188,13 +188,14 @@ def problem_of(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Pro
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
-    kind = type(drive)
     actuator, drive = inner(actuator, drive)
+    waveforms = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
     return hybrid.Problem(
-        automaton=actuator_automaton(kind.voltage, kind.voltage_rate),
+        automaton=actuator_automaton(*waveforms),
         parameters=np.concatenate([actuator.to_array(), drive.parameters()]),
         period=drive.period,
         switches=drive.switches,
+        time_scale=drive.time_scale,
         section=(X2, 0.0, 0),
         options=options,
     )

@@ -11,9 +11,8 @@ from typing import get_args
 import numpy as np
 
 from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.modes import STATES, settled_mode
+from mems_impact.actuator.modes import STATES
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.actuator.units import inner
 from mems_impact.cvode.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid
@@ -123,11 +122,11 @@ def instant_of_state(actuator: Actuator, drive: Drive, initial: State) -> Instan
     if not initial.time < drive.period:
         raise InvalidParameter("time", initial.time, f"below the forcing period {drive.period:g}")
     initial = initial.inner(actuator.scales)
-    actuator, drive = inner(actuator, drive)
+    problem = problem_of(actuator, drive, Options())
     y = np.array([getattr(initial, name) for name in STATES], dtype=float)
-    time = min(float(initial.time), math.nextafter(drive.period, 0.0))  # scaling may round it up
-    voltage = drive.voltage(time, drive.parameters())
-    mode = settled_mode(y, voltage, actuator.to_array())
+    time = min(float(initial.time), math.nextafter(problem.period, 0.0))  # scaling may round it up
+    automaton = problem.automaton
+    mode = automaton.transition(0, automaton.switch_code, time, y, problem.parameters)
     return Instant(0, time, mode, y)
 
 

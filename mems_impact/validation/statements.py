@@ -111,9 +111,7 @@ def judge(statement: Statement, computed: Value | None) -> Judgement:
             difference = float(computed) - float(statement.value)
             agrees = abs(difference) <= statement.allowed
         verdict = Verdict.AGREES if agrees else Verdict.DIFFERS
-    return Judgement(
-        statement=statement, computed=computed, difference=difference, verdict=verdict
-    )
+    return Judgement(statement=statement, computed=computed, difference=difference, verdict=verdict)
 
 
 def load_statements() -> tuple[Statement, ...]:

@@ -5,7 +5,8 @@ from functools import cache
 import numpy as np
 
 from mems_impact.actuator.drive import Sine
-from mems_impact.actuator.modes import FREE, STUCK, actuator_automaton, mode_of, settled_mode
+from mems_impact.actuator.equations import attraction
+from mems_impact.actuator.modes import FREE, STUCK, actuator_automaton, mode_of, mode_under
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.cvode.options import Options
 from mems_impact.hybrid.run import Problem, run
@@ -37,7 +38,8 @@ def start(actuator, drive, y, time=0.0):
     """The instant at which the state is y, in the mode that it settles to."""
     y = np.array(y, dtype=float)
     p = parameters(actuator, drive)
-    mode = settled_mode(y, drive.voltage(time, drive.parameters()), p)
+    pull = attraction(y[2], drive.voltage(time, drive.parameters()), p)
+    mode = mode_under(y, pull, p)
     return Instant(0, time, mode, y)
 
 

@@ -37,7 +37,7 @@ def test_forcing_period():
 def test_parameters():
     q = BIASED.parameters()
     assert q.dtype == np.float64
-    assert q.tolist() == [0.24, 0.5, 0.1]
+    assert q.tolist() == [0.24, 0.5, 0.1, 0.0]
 
 
 @given(sines, times)

@@ -20,7 +20,7 @@ directions = st.sampled_from([-1, 0, 1])
 @given(positions, speeds, volts, directions)
 def test_the_equations_of_motion_are_those_of_the_paper(x2, v2, v, direction):
     """Equation (2) holds, and the two bodies feel ground friction alone: momentum."""
-    load = eq.load(x2, v2, v, P)
+    load = eq.load(x2, v2, eq.attraction(x2, v, P), P)
     a1 = eq.frame_acceleration(direction, load, P)
     a2 = eq.block_acceleration(direction, load, P)
     force = ZHAO.alpha * v**2 / (ZHAO.d - x2) ** 2
@@ -40,13 +40,18 @@ def test_rates_are_derivatives(x2, v2, a2, v, v_rate):
     def along(s):
         return x2 + v2 * s + a2 * s * s / 2.0, v2 + a2 * s, v + v_rate * s
 
-    loads = [eq.load(*along(s), P) for s in (h, -h)]
-    exact = eq.load_rate(x2, v2, a2, v, v_rate, P)
+    def load(x2, v2, v):
+        return eq.load(x2, v2, eq.attraction(x2, v, P), P)
+
+    loads = [load(*along(s)) for s in (h, -h)]
+    exact = eq.load_rate(v2, a2, eq.attraction_rate(x2, v2, v, v_rate, P), P)
     if max(along(h)[0], along(-h)[0]) < 0.5:
         assert (loads[0] - loads[1]) / (2.0 * h) == pytest.approx(exact, abs=1e-7)
     for side in (1, -1):
-        forces = [eq.contact_force(side, 0, v + v_rate * s, P) for s in (h, -h)]
-        rate = eq.contact_force_rate(side, v, v_rate, P)
+        wall = side * ZHAO.delta
+        pulls = [eq.attraction(wall, v + v_rate * s, P) for s in (h, -h)]
+        forces = [eq.contact_force(side, 0, pull, P) for pull in pulls]
+        rate = eq.contact_force_rate(side, eq.attraction_rate(wall, 0.0, v, v_rate, P))
         assert (forces[0] - forces[1]) / (2.0 * h) == pytest.approx(rate, abs=1e-7)
 
 
@@ -67,8 +72,10 @@ def test_impacts_keep_momentum_and_restitution(v1, v2, e):
 def test_contact_force_holds_the_block_on_the_stopper(v, direction, side):
     """FACTS, Section 2: with the force on both bodies they share one acceleration."""
     x2 = side * ZHAO.delta
-    pressing = side * eq.contact_force(side, direction, v, P)  # on the frame, along the axis
-    load = eq.load(x2, 0.0, v, P)
+    pressing = side * eq.contact_force(
+        side, direction, eq.attraction(x2, v, P), P
+    )  # on the frame, along the axis
+    load = eq.load(x2, 0.0, eq.attraction(x2, v, P), P)
     friction = direction * ZHAO.mu_d * (ZHAO.m1 + ZHAO.m2) * ZHAO.g
     frame = (load + pressing - friction) / ZHAO.m1 if direction else 0.0
     block = (-load - pressing) / ZHAO.m2

@@ -22,7 +22,7 @@ from mems_impact.actuator.modes import (
     STUCK,
     direction_of,
     mode_of,
-    settled_mode,
+    mode_under,
     side_of,
 )
 from mems_impact.hybrid import loop
@@ -72,10 +72,12 @@ def test_modes_are_pairs_of_friction_and_contact():
         (0.001, (0, 0.0, DELTA, 0.0), 0.38, (STUCK, RIGHT)),
     ],
 )
-def test_settled_mode(mu, y, voltage, expected):
+def test_mode_under_a_force(mu, y, voltage, expected):
     actuator = ZHAO.replace(mu_s=mu, mu_d=min(mu, ZHAO.mu_d))
     p = parameters(actuator)
-    assert settled_mode(np.array(y, dtype=float), voltage, p) == mode_of(*expected)
+    assert mode_under(np.array(y, dtype=float), eq.attraction(y[2], voltage, p), p) == mode_of(
+        *expected
+    )
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -147,7 +149,7 @@ def test_ratio_of_successive_impacts_of_a_chatter():
     speeds = hits.before[:, 3]
     ratios = speeds[1:] / speeds[:-1]
     kappa = (1.0 + ZHAO.e) * ZHAO.m2 / (ZHAO.m1 + ZHAO.m2)
-    a = eq.contact_force(1, 0, 0.38, parameters()) / ZHAO.m2
+    a = eq.contact_force(1, 0, eq.attraction(DELTA, 0.38, parameters()), parameters()) / ZHAO.m2
     friction = ZHAO.mu_d * (ZHAO.m1 + ZHAO.m2) * ZHAO.g
     rough = ZHAO.e - kappa
     exact = math.sqrt(rough**2 + kappa**2 * a * ZHAO.m1 / (friction + ZHAO.m2 * a))
@@ -196,7 +198,8 @@ def test_slips_follow_an_independent_integration():
 
         def flow(t, y, mode=mode):
             direction = direction_of(mode)
-            load = eq.load(y[2], y[3], drive.voltage(t, p[eq.DRIVE :]), p)
+            pull = eq.attraction(y[2], drive.voltage(t, p[eq.DRIVE :]), p)
+            load = eq.load(y[2], y[3], pull, p)
             a1 = eq.frame_acceleration(direction, load, p)
             return [y[1], a1, y[3], eq.block_acceleration(direction, load, p)]
 

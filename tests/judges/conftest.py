@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mems_impact.actuator.drive import Sine
-from mems_impact.actuator.modes import STATES, actuator_automaton, settled_mode
+from mems_impact.actuator.equations import attraction
+from mems_impact.actuator.modes import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.cvode.options import Options
 from mems_impact.hybrid import loop
@@ -64,7 +65,7 @@ def by_package(case: Case, periods: float, rtol: float = 1e-11) -> Result:
     options = Options(engine="compiled", rtol=rtol, atol=0.1 * rtol)
     problem = Problem(automaton=automaton, parameters=p, period=sine.period, options=options)
     y = np.array(case.start)
-    mode = settled_mode(y, sine.voltage(0.0, sine.parameters()), p)
+    mode = mode_under(y, attraction(y[2], sine.voltage(0.0, sine.parameters()), p), p)
     assert automaton.states == STATES
     trajectory = run(problem, Instant(0, 0.0, mode, y), periods)
     events = trajectory.events

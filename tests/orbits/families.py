@@ -6,10 +6,11 @@ from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.cvode.options import Options
+from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import find_orbit
-from tests.hybrid.systems import BALL, SQUARE, STOP, TAU, at, ball, problem, stop
+from tests.hybrid.systems import BALL, STOP, TAU, at, ball, problem, stop
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 DEVICE = load_actuator("zhao2004")
@@ -44,14 +45,52 @@ def silent_orbit(amplitude, omega, **settings):
     return actuator_orbit(amplitude, omega, (0.0, 0.0, 0.0, 0.0), **settings)
 
 
+# A square wave +A, -A that switches at numbers it is told, so that no rounding moves its jumps:
+# p = (c, k, A, half, whole, d, e).
+
+
+def _square_pull(t, x, v, p):
+    force = p[2] if t < p[3] or t >= p[4] else -p[2]
+    return force - p[0] * v - p[1] * x
+
+
+def _square_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = _square_pull(t, y[0], y[1], p)
+
+
+def _square_margins(mode, t, y, p, g, r):
+    g[0], r[0] = p[5] - y[0], -y[1]
+
+
+def _square_transition(mode, code, t, y, p):
+    if code == 0 or code == 1:
+        y[0] = p[5]
+        y[1] *= -p[6] if code == 0 else 0.0
+    return 0
+
+
+SQUARE_STOP = Automaton(
+    states=("x", "v"),
+    modes=("free",),
+    guards=STOP.guards[:1],
+    flow=_square_flow,
+    margins=_square_margins,
+    transition=_square_transition,
+)
+
+
 def _stop_problem(values):
-    p = stop(**{name: value for name, value in values.items()})
-    switches = SQUARE if values["square"] else ()
-    return problem(STOP, p, period=TAU / values["omega"], switches=switches, **TIGHT)
+    period = TAU / values["omega"]
+    if not values["square"]:
+        return problem(STOP, stop(**values), period=period, **TIGHT)
+    c, k, amplitude, d, e = (values[name] for name in ("c", "k", "amplitude", "d", "e"))
+    p = (c, k, amplitude, 0.5 * period, period, d, e)
+    return problem(SQUARE_STOP, p, period=period, switches=(0.5, 1.0), **TIGHT)
 
 
 def oscillator(**values):
-    """x'' + c x' + k x = A cos(omega t) (or its square wave), a stop at d."""
+    """x'' + c x' + k x = A cos(omega t) (or a square wave of that period), a stop at d."""
     coco = {"c": 0.1, "k": 1.0, "amplitude": 0.0, "omega": 1.0, "square": 0.0, "d": 1.0, "e": 0.8}
     return Family(_stop_problem, {**coco, **values})
 

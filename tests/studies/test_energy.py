@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, settled_mode
+from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, mode_under
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant
@@ -51,7 +51,7 @@ def imbalance(actuator, drive, y, periods, rtol):
     start = np.zeros(7)
     start[:4] = y
     p = np.concatenate([actuator.to_array(), drive.parameters()])
-    mode = settled_mode(start, drive.voltage(0.0, drive.parameters()), p)
+    mode = mode_under(start, eq.attraction(start[X2], drive.voltage(0.0, drive.parameters()), p), p)
     problem = Problem(
         automaton=with_works(drive),
         parameters=p,

@@ -227,5 +227,5 @@ def test_refused(arguments, field):
 
 
 def test_unknown_parameter_lists_the_known():
-    with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, m1"):
+    with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, phase, m1"):
         swept(parameter="volts")

@@ -1,0 +1,1 @@
+"""Voltage waveforms, one a file, behind the contract of `drives.base.Drive`."""

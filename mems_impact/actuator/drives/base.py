@@ -1,0 +1,187 @@
+"""The contract that every waveform keeps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mems_impact.actuator.units import Scales, scaled_fields
+from mems_impact.actuator.validation import ValidatedModel
+
+__all__ = ["Drive", "Waveform"]
+
+Waveform = Callable[[float, NDArray[np.float64]], float]
+
+
+class Drive(ValidatedModel, ABC):
+    """Base of voltage waveforms v(t).
+
+    A new waveform is a subclass that declares its parameters as pydantic fields (with the number
+    types of `mems_impact.actuator.validation`) and gives the five things below. Nothing else in
+    the package needs to know of it.
+
+    The waveform itself is a pair of module-level functions of plain Python that the equations
+    call, interpreted or compiled by numba unchanged. They take floats and one float64 array, use
+    `math` alone, carry no decorator, and become part of the class by `staticmethod`::
+
+        def _ramp_voltage(t, q):
+            return q[0] * t
+
+        class Ramp(Drive):
+            voltage = staticmethod(_ramp_voltage)
+
+    Attributes
+    ----------
+    period : float
+        The forcing period, > 0: the period of v(t)^2, with which the electrostatic force goes.
+        The drive owns it because it may be shorter than the period of v(t).
+    switches : tuple of float
+        The times in (0, period], ascending, at which v or its rate jumps; empty where v is
+        smooth. Integration stops and restarts there.
+    time_scale : float
+        The time within which the voltage shows all that it does, `period` by default: no step of
+        the integration is longer than 1/16 of it. A waveform with features that are short against
+        its period, and are not bounded by switches, says so here.
+    left_voltage, left_rate : callable or None
+        Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
+    units : mapping of str to str
+        The SI unit of every field that is not a pure number: "V", "s", "rad/s" or "Hz" (see
+        `mems_impact.actuator.units.UNITS`). From it `scaled` follows, and what a table calls the
+        field of a device in SI. A field may hold a tuple (of tuples) of numbers in that unit.
+
+    Methods
+    -------
+    parameters()
+        The array q, shape (n,), float64, that `voltage` and `voltage_rate` read.
+    voltage(t, q)
+        v at time t. For every t, v(t + period)^2 = v(t)^2 must hold, since a long run asks only
+        for times within the current forcing period. At a switching time, the value after it.
+    voltage_rate(t, q)
+        The time derivative of `voltage`; at a switching time, from the right.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+    """
+
+    units: ClassVar[Mapping[str, str]] = {}
+
+    if TYPE_CHECKING:
+        # Not at run time: where they are fields, a property of this name would hide them.
+        @property
+        def period(self) -> float:
+            """Forcing period, in the unit of time of the actuator."""
+
+        @property
+        def switches(self) -> tuple[float, ...]:
+            """Times in (0, period] at which the voltage or its rate jumps."""
+
+        @property
+        def left_voltage(self) -> Waveform | None:
+            """The voltage at the left electrode, if there is one."""
+
+        @property
+        def left_rate(self) -> Waveform | None:
+            """Its time derivative."""
+    else:
+        left_voltage: ClassVar = None
+        left_rate: ClassVar = None
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the voltage shows all that it does."""
+        return self.period
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers that can be varied; those of a drive within as ``wave.omega``."""
+        own = []
+        for name in type(self).model_fields:
+            value = getattr(self, name)
+            if isinstance(value, float):
+                own.append(name)
+            elif isinstance(value, Drive):
+                own += [f"{name}.{inner}" for inner in value.names]
+        return tuple(own)
+
+    def number(self, name: str) -> float:
+        """Return the number of that name, one of `names`."""
+        owner, _, inner = name.partition(".")
+        value = getattr(self, owner)
+        return value.number(inner) if inner else value
+
+    def varied(self, name: str, value: float) -> Self:
+        """Return a copy with one number changed; `name` is one of `names`.
+
+        Raises
+        ------
+        InvalidParameter
+            If the value is not allowed.
+        """
+        owner, _, inner = name.partition(".")
+        if not inner:
+            return self.replace(**{name: value})
+        return self.replace(**{owner: getattr(self, owner).varied(inner, value)})
+
+    def unit(self, name: str) -> str:
+        """Return the SI unit of the number of that name, empty for a pure number."""
+        owner, _, inner = name.partition(".")
+        return getattr(self, owner).unit(inner) if inner else self.units.get(name, "")
+
+    @abstractmethod
+    def parameters(self) -> NDArray[np.float64]:
+        """Return the array q that `voltage` and `voltage_rate` read."""
+
+    @staticmethod
+    @abstractmethod
+    def voltage(t: float, q: NDArray[np.float64]) -> float:
+        """Return v(t)."""
+
+    @staticmethod
+    @abstractmethod
+    def voltage_rate(t: float, q: NDArray[np.float64]) -> float:
+        """Return the time derivative of v at t."""
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same waveform in other units of voltage and time.
+
+        Parameters
+        ----------
+        voltage, time : float
+            The new units in the old ones, > 0: voltages are divided by the one and times by the
+            other, so that v_new(t) = v(time t) / voltage.
+
+        Notes
+        -----
+        Works from `units`. Override it only if a field is not simply a voltage, a time, a
+        frequency or a pure number.
+        """
+        return self.replace(**scaled_fields(self, self.units, Scales.of_drive(voltage, time)))
+
+    def value(self, t: ArrayLike, *, left: bool = False) -> NDArray[np.float64]:
+        """Return the voltage at many times, for plots.
+
+        Parameters
+        ----------
+        t : array_like
+            Times.
+        left : bool, optional
+            The voltage at the left electrode instead, 0 if there is none.
+
+        Returns
+        -------
+        ndarray
+            Voltages, in the shape of `t`.
+        """
+        q = self.parameters()
+        times = np.asarray(t, dtype=np.float64)
+        waveform = self.left_voltage if left else self.voltage
+        if waveform is None:
+            return np.zeros_like(times)
+        voltages = [waveform(time, q) for time in times.ravel().tolist()]
+        return np.array(voltages, dtype=np.float64).reshape(times.shape)

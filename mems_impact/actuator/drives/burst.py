@@ -1,0 +1,118 @@
+"""Bursts of another waveform."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+import numpy as np
+from annotated_types import Gt, Le
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.retimed import SILENT, Stretch, array_of, repeated, retimed
+from mems_impact.actuator.validation import Number, Positive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Burst"]
+
+LONGEST = 10_000
+
+
+class Burst(Drive):
+    """Another waveform for some of its forcing periods, then no voltage for a while.
+
+    Parameters
+    ----------
+    wave : Drive
+        What is switched on and off; each burst begins at its t = 0, which its phase can choose.
+    on : float
+        Length of the burst in forcing periods of `wave`, > 0; need not be whole. A period of a
+        sine without bias counts two of them.
+    off : float, optional
+        Length of the pause in forcing periods of `wave`, > 0.
+    pause : float, optional
+        Length of the pause as a time [s], > 0, in place of `off`.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+
+    Notes
+    -----
+    The forcing period is burst and pause together. Beginning and end of the burst are switches, as
+    are those of `wave` within it.
+    """
+
+    wave: Drive = Field(description="a drive")
+    on: Annotated[Number, Gt(0), Le(LONGEST)]
+    off: Positive | None = Field(default=None, description="a finite number > 0")
+    pause: Positive | None = Field(default=None, description="a finite number > 0")
+
+    units = {"pause": "s"}  # noqa: RUF012 - ClassVar in Drive
+
+    @model_validator(mode="after")
+    def _check_pause(self) -> Self:
+        if (self.off is None) == (self.pause is None):
+            problem = "give the pause either as off (forcing periods) or as pause (a time)"
+            raise InvalidParameter("off", self.off, "", problem=problem)
+        return self
+
+    @property
+    def length(self) -> float:
+        """Length of the burst as a time."""
+        return self.on * self.wave.period
+
+    @property
+    def period(self) -> float:
+        """Forcing period: burst and pause."""
+        pause = self.pause if self.off is None else self.off * self.wave.period
+        assert pause is not None
+        return self.length + pause
+
+    @property
+    def time_scale(self) -> float:
+        """That of the waveform within."""
+        return self.wave.time_scale
+
+    @property
+    def stretches(self) -> list[Stretch]:
+        """The timeline of one period."""
+        return [*repeated(self.wave, self.length), Stretch(self.length, 0.0, SILENT)]
+
+    @property
+    def switches(self) -> tuple[float, ...]:
+        """Those of the burst, its end and the beginning of the next."""
+        return (*(stretch.start for stretch in self.stretches[1:]), self.period)
+
+    def parameters(self) -> NDArray[np.float64]:
+        """Return the timeline, then the array of the waveform within."""
+        return array_of(self.period, self.stretches, self.wave.parameters())
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same waveform in other units of voltage and time."""
+        pause = None if self.pause is None else self.pause / time
+        return self.replace(wave=self.wave.scaled(voltage, time), pause=pause)
+
+    @property
+    def voltage(self) -> Waveform:  # type: ignore[override]
+        """The waveform as a function of t and q."""
+        return retimed(self.wave.voltage)
+
+    @property
+    def voltage_rate(self) -> Waveform:  # type: ignore[override]
+        """Its rate."""
+        return retimed(self.wave.voltage_rate)
+
+    @property
+    def left_voltage(self) -> Waveform | None:
+        """The waveform at the left electrode, if that within has one."""
+        left = self.wave.left_voltage
+        return None if left is None else retimed(left)
+
+    @property
+    def left_rate(self) -> Waveform | None:
+        """Its rate."""
+        left = self.wave.left_rate
+        return None if left is None else retimed(left)

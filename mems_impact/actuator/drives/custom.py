@@ -1,0 +1,257 @@
+"""A waveform that the user writes as a function."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from types import FunctionType
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, model_validator
+
+from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.validation import Positive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Custom"]
+
+PLAIN = "a plain Python function of t and q"
+NAMED = "a table of finite numbers by name"
+TIMES = "ascending times in (0, period]"
+PROBES = 24  # times at which rate and period are checked
+CLOSE = 1e-6  # of the largest value
+
+
+def _function(value: Any) -> Any:
+    value = getattr(value, "py_func", value)  # of a function that numba compiled
+    if not isinstance(value, FunctionType):
+        raise ValueError(PLAIN)
+    return value
+
+
+def _pairs(value: Any) -> tuple[tuple[str, float], ...]:
+    try:
+        pairs = tuple((name, float(number)) for name, number in dict(value).items())
+    except (TypeError, ValueError):
+        raise ValueError(NAMED) from None
+    if not all(isinstance(name, str) and math.isfinite(number) for name, number in pairs):
+        raise ValueError(NAMED)
+    return pairs
+
+
+def _times(value: Any) -> tuple[float, ...]:
+    try:
+        return tuple(float(time) for time in value)
+    except (TypeError, ValueError):
+        raise ValueError(TIMES) from None
+
+
+Function = Annotated[Any, BeforeValidator(_function), Field(description=PLAIN)]
+
+
+class Custom(Drive):
+    """A voltage given by functions of your own.
+
+    Parameters
+    ----------
+    function : callable
+        ``function(t, q)`` returns the voltage. Plain Python over floats that numba compiles:
+        `math`, arithmetic, branches, and functions of the same kind. For every t, its square must
+        be that at t + period; at a switch it has the value after it.
+    rate : callable
+        ``rate(t, q)`` returns its time derivative.
+    period : float
+        Forcing period [s], > 0.
+    values : mapping of str to float, optional
+        Parameters of the functions by name, which a sweep may vary: ``q[0]``, ``q[1]``, … in this
+        order.
+    switches : sequence of float, optional
+        Times in (0, period], ascending, at which the voltage or its rate jumps. The functions must
+        compare t (less its whole periods) with the very same numbers.
+    fastest : float, optional
+        The time within which the voltage shows all that it does, `period` by default: no step of
+        the integration is longer than 1/16 of it.
+    time_unit, voltage_unit : float, optional
+        Units of the functions; 1 by default.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown; if numba cannot compile a function, or
+        it raises; if the rate is not the derivative, or the period not that of the square.
+
+    Notes
+    -----
+    Rate and period are checked at a few times, to find mistakes rather than to prove anything. For
+    a waveform whose period depends on its parameters write a subclass of `Drive`.
+    """
+
+    function: Function
+    rate: Function
+    period: Positive
+    values: Annotated[
+        tuple[tuple[str, float], ...], BeforeValidator(_pairs), Field(description=NAMED)
+    ] = ()
+    switches: Annotated[tuple[float, ...], BeforeValidator(_times), Field(description=TIMES)] = ()
+    fastest: Positive | None = Field(default=None, description="a finite number > 0")
+    time_unit: Positive = 1.0
+    voltage_unit: Positive = 1.0
+
+    units = {"period": "s", "fastest": "s"}  # noqa: RUF012 - ClassVar in Drive
+
+    @model_validator(mode="after")
+    def _check_functions(self) -> Self:
+        times = (0.0, *self.switches, math.nextafter(self.period, math.inf))
+        if not all(before < after for before, after in pairwise(times)):
+            raise InvalidParameter("switches", self.switches, TIMES)
+        for name in ("function", "rate"):
+            problem = _compiling_problem(getattr(self, name))
+            if problem:
+                raise InvalidParameter(name, getattr(self, name).__name__, "", problem=problem)
+        self._check_values()
+        return self
+
+    def _check_values(self) -> None:
+        borders = np.array([0.0, *self.switches, self.period])
+        probes = (np.arange(PROBES) + 0.5) / PROBES * self.period
+        distance = np.abs(probes[:, None] - borders).min(axis=1)
+        h = 1e-5 * (self.fastest or self.period)
+        probes = probes[distance > 2.0 * h]
+        now, rates = self._probed("function", probes), self._probed("rate", probes)
+        later = self._probed("function", probes + self.period)
+        largest = float(np.max(np.abs(now), initial=0.0))
+        wrong = np.abs(later**2 - now**2) > CLOSE * largest**2
+        if wrong.any():
+            at = float(probes[np.argmax(wrong)])
+            problem = f"the square of the voltage at t = {at:.6g} differs from that a period later"
+            raise InvalidParameter("period", self.period, "", problem=problem)
+        slopes = self._probed("function", probes + h) - self._probed("function", probes - h)
+        slopes /= 2.0 * h
+        scale = max(float(np.max(np.abs(slopes), initial=0.0)), largest / self.period)
+        wrong = ~(np.abs(slopes - rates) <= 1e-3 * scale)
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            problem = (
+                f"at t = {probes[i]:.6g} it is {rates[i]:.6g}, but the voltage changes at "
+                f"{slopes[i]:.6g}"
+            )
+            raise InvalidParameter("rate", self.rate.__name__, "", problem=problem)
+
+    def _probed(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        waveform = self.voltage if name == "function" else self.voltage_rate
+        q = self.parameters()
+        what = getattr(self, name).__name__
+        try:
+            values = np.array([float(waveform(t, q)) for t in times.tolist()])
+        except Exception as error:
+            problem = f"raises {type(error).__name__}: {error}"
+            raise InvalidParameter(name, what, "", problem=problem) from None
+        if not np.isfinite(values).all():
+            at = times[np.argmin(np.isfinite(values))]
+            raise InvalidParameter(name, what, "", problem=f"is not finite at t = {at:.6g}")
+        return values
+
+    @property
+    def time_scale(self) -> float:
+        """Time within which the voltage shows all that it does."""
+        return self.fastest or self.period
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the values."""
+        return tuple(name for name, _ in self.values)
+
+    def number(self, name: str) -> float:
+        """Return the value of that name."""
+        return dict(self.values)[name]
+
+    def varied(self, name: str, value: float) -> Self:
+        """Return a copy with one value changed."""
+        return self.replace(values={**dict(self.values), name: value})
+
+    def parameters(self) -> NDArray[np.float64]:
+        """Return the units of time and voltage, then the values."""
+        values = [value for _, value in self.values]
+        return np.array([self.time_unit, self.voltage_unit, *values], dtype=np.float64)
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same waveform in other units of voltage and time."""
+        unit = self.time_unit * time
+        period = self.period / time
+        return self.replace(
+            period=period,
+            switches=[_first_from(s * self.time_unit, unit) for s in self.switches],
+            fastest=None if self.fastest is None else self.fastest / time,
+            time_unit=unit,
+            voltage_unit=self.voltage_unit * voltage,
+        )
+
+    @property
+    def voltage(self) -> Waveform:  # type: ignore[override]
+        """The function, in its units."""
+        return _in_units(self.function)
+
+    @property
+    def voltage_rate(self) -> Waveform:  # type: ignore[override]
+        """The rate, in its units."""
+        return _rate_in_units(self.rate)
+
+
+@cache
+def _in_units(function: Waveform) -> Waveform:
+    def voltage(t, q):  # type: ignore[no-untyped-def]
+        return function(t * q[0], q[2:]) / q[1]
+
+    return voltage
+
+
+@cache
+def _rate_in_units(rate: Waveform) -> Waveform:
+    def voltage_rate(t, q):  # type: ignore[no-untyped-def]
+        return rate(t * q[0], q[2:]) * q[0] / q[1]
+
+    return voltage_rate
+
+
+def _first_from(time: float, unit: float) -> float:
+    """Return the smallest number that is `time` or more once it is multiplied by `unit`."""
+    scaled = time / unit
+    while scaled * unit < time:
+        scaled = math.nextafter(scaled, math.inf)
+    while math.nextafter(scaled, 0.0) * unit >= time:
+        scaled = math.nextafter(scaled, 0.0)
+    return scaled
+
+
+@cache
+def _compiling_problem(function: Callable[..., Any]) -> str:
+    """Return why numba cannot compile `function`, or nothing."""
+    from numba import njit, types
+    from numba.core.errors import NumbaError
+
+    from mems_impact.cvode.compiling import make_callees_compilable
+
+    arguments = (types.float64, types.Array(types.float64, 1, "C"))
+    try:
+        make_callees_compilable(function)
+        compiled = njit(function)
+        compiled.compile(arguments)
+        returned = compiled.overloads[arguments].signature.return_type
+    except NumbaError as error:
+        return f"numba cannot compile it ({_told(str(error))})"
+    except Exception as error:
+        return f"numba cannot compile it ({type(error).__name__}: {_told(str(error))})"
+    if not isinstance(returned, types.Float | types.Integer):
+        return f"must return a number on every path, not {returned}"
+    return ""
+
+
+def _told(message: str) -> str:
+    """Return the lines of numba's message that say what is wrong, without its pages of context."""
+    lines = [line.strip() for line in message.splitlines() if line.strip()]
+    telling = [line for line in lines if not line.startswith(("Failed in", "File ", "During"))]
+    return " ".join((telling or lines or ["no reason given"])[:2])[:200]

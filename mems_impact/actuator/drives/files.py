@@ -1,0 +1,152 @@
+"""Drives from files: a table ``[drive]`` in TOML, or a measured waveform as CSV."""
+
+from __future__ import annotations
+
+import importlib.util
+from os import PathLike, fspath
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.burst import Burst
+from mems_impact.actuator.drives.custom import Custom
+from mems_impact.actuator.drives.pulse import Pulse
+from mems_impact.actuator.drives.sampled import Sampled
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.drives.square import Square
+from mems_impact.actuator.drives.trapezoid import Trapezoid
+from mems_impact.actuator.drives.two_sided import TwoSided
+from mems_impact.actuator.reading import parse_toml, read_bytes
+from mems_impact.errors import InvalidFile, InvalidParameter
+
+__all__ = ["KINDS", "TABLES", "drive_of_kind", "load_drive"]
+
+KINDS: dict[str, type[Drive]] = {
+    "sine": Sine,
+    "square": Square,
+    "pulse": Pulse,
+    "trapezoid": Trapezoid,
+    "sampled": Sampled,
+    "burst": Burst,
+    "two-sided": TwoSided,
+    "custom": Custom,
+}
+"""The waveforms by the name that files and the command line know them by."""
+
+TABLES = (".csv", ".txt", ".dat", ".tsv")
+"""Endings of the files that hold a measured waveform."""
+
+REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
+_BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
+_LARGEST_FILE = 10_000_000  # bytes
+
+
+def load_drive(path: str | PathLike[str]) -> Drive:
+    """Load a drive from a file.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A TOML file with a table ``[drive]``: its ``kind`` and the parameters of that waveform,
+        those of a waveform within as a table in it (``[drive.wave]`` of a burst, ``[drive.right]``
+        and ``[drive.left]``). A sampled one takes ``file``, a custom one ``source``, relative to
+        the TOML file. The file may be that of a device. Or a CSV file for `Sampled.from_csv`.
+
+    Returns
+    -------
+    Drive
+
+    Raises
+    ------
+    InvalidFile
+        If the file cannot be read, or is no such file.
+    InvalidParameter
+        If it holds a wrong, missing or unknown entry.
+
+    Notes
+    -----
+    The file named by ``source`` is Python code, which is run.
+    """
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
+        raise InvalidParameter("path", path, "the path of a TOML or CSV file")
+    source = fspath(path)
+    if source.lower().endswith(TABLES):
+        return Sampled.from_csv(source)
+    raw = read_bytes(source, REMEDY, largest=_LARGEST_FILE, kind="drive file")
+    content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
+    try:
+        for name, value in content.items():
+            if name not in ("drive", *_BESIDE):
+                raise InvalidParameter(name, value, "in the table [drive]")
+        if not isinstance(content.get("drive"), dict):
+            raise InvalidFile(source, "holds no table [drive]", REMEDY)
+        return _drive(content["drive"], Path(source).parent)
+    except InvalidParameter as error:
+        raise error if error.source else error.located(source) from None
+
+
+def drive_of_kind(kind: str) -> type[Drive]:
+    """Return the waveform of that name; InvalidParameter if there is none."""
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+def _drive(table: dict[str, Any], folder: Path) -> Drive:
+    values = dict(table)
+    if "kind" not in values:
+        allowed = f"one of {', '.join(KINDS)}"
+        raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
+    kind = drive_of_kind(values.pop("kind"))
+    if kind is Sampled and "file" in values:
+        return _measured(values, folder)
+    if kind is Custom:
+        values.update(_functions(values.pop("source", None), folder))
+    for name, field in kind.model_fields.items():
+        if field.annotation is Drive and isinstance(values.get(name), dict):
+            try:
+                values[name] = _drive(values[name], folder)
+            except InvalidParameter as error:
+                field_name = f"{name}.{error.field}"
+                raise InvalidParameter(
+                    field_name, error.value, error.allowed, error.source, problem=error.problem
+                ) from None
+    return kind(**values)
+
+
+def _measured(values: dict[str, Any], folder: Path) -> Sampled:
+    file = values.pop("file")
+    if not isinstance(file, str):
+        raise InvalidParameter("file", file, "the path of a CSV file")
+    for name in values:
+        if name not in ("period", "phase"):
+            allowed = "file, period or phase"
+            raise InvalidParameter(name, values[name], allowed, problem=f"must be {allowed}")
+    return Sampled.from_csv(folder / file, **values)
+
+
+def _functions(source: Any, folder: Path) -> dict[str, FunctionType]:
+    """Run the Python file `source` and return its functions."""
+    if not isinstance(source, str) or not source.endswith(".py"):
+        allowed = "a Python file with functions voltage(t, q) and voltage_rate(t, q)"
+        raise InvalidParameter("source", source, allowed)
+    path = folder / source
+    remedy = "give a Python file with functions voltage(t, q) and voltage_rate(t, q)"
+    if not path.is_file():
+        raise InvalidFile(path, "no such file", remedy)
+    # Not among the importable modules: two files may have the same name.
+    spec = importlib.util.spec_from_file_location(f"mems_impact_drive_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise InvalidFile(path, f"fails ({type(error).__name__}: {error})", remedy) from None
+    found = {}
+    for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
+        if not isinstance(getattr(module, name, None), FunctionType):
+            raise InvalidFile(path, f"holds no function {name}", remedy)
+        found[field] = getattr(module, name)
+    return found

@@ -1,0 +1,147 @@
+"""Waveforms that are cubic polynomials between given times: most others are made of it."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.actuator.drives.base import Drive
+
+__all__ = ["Piece", "PiecewiseDrive", "assembled", "fold"]
+
+PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 5  # places in q; a piece is its start and 4 coefficients
+
+
+class Piece(NamedTuple):
+    """A polynomial c0 + c1 x + c2 x^2 + c3 x^3 of the time x since `start`.
+
+    It reaches to the start of the next piece. `switch`: whether integration restarts at its start.
+    """
+
+    start: float
+    c0: float
+    c1: float = 0.0
+    c2: float = 0.0
+    c3: float = 0.0
+    switch: bool = True
+
+
+def fold(t: float, period: float) -> float:
+    """Return `t` within [0, period).
+
+    The time just before a switch of the next period must not be folded beyond that switch: the
+    difference below is exact for t < 2 period, which is as far as a drive with switches is asked.
+    """
+    u = t - period * math.floor(t / period)
+    return u - period if u >= period else max(u, 0.0)
+
+
+def piece_at(u: float, q: NDArray[np.float64]) -> int:
+    """Return the place in q of the piece that holds at `u`: the last that starts at or before."""
+    low, high = 0, int(q[COUNT])
+    while high - low > 1:
+        middle = (low + high) // 2
+        if q[FIRST + WIDTH * middle] <= u:
+            low = middle
+        else:
+            high = middle
+    return FIRST + WIDTH * low
+
+
+def piecewise_voltage(t: float, q: NDArray[np.float64]) -> float:
+    """Return v(t)."""
+    u = fold(t, q[PERIOD])
+    i = piece_at(u, q)
+    x = u - q[i]
+    return q[i + 1] + x * (q[i + 2] + x * (q[i + 3] + x * q[i + 4]))
+
+
+def piecewise_rate(t: float, q: NDArray[np.float64]) -> float:
+    """Return dv/dt at t, from the right."""
+    u = fold(t, q[PERIOD])
+    i = piece_at(u, q)
+    x = u - q[i]
+    return q[i + 2] + x * (2.0 * q[i + 3] + x * 3.0 * q[i + 4])
+
+
+class Assembled(NamedTuple):
+    """What the equations and the event loop read of a piecewise waveform."""
+
+    q: NDArray[np.float64]
+    switches: tuple[float, ...]
+
+
+def assembled(pieces: Sequence[Piece], period: float, lead: float) -> Assembled:
+    """Return the waveform of `pieces` (ascending, the first at 0), ahead by the time `lead`.
+
+    The switching times are, to the last bit, the starts of the pieces: the value at one is that
+    after it, the value at the number before it that before.
+    """
+    lead = math.fmod(lead, period)
+    lead = lead + period if lead < 0.0 else lead
+    ends = [piece.start for piece in pieces[1:]] + [period]
+    turned: list[Piece] = []
+    for piece, end in zip(pieces, ends, strict=True):
+        if piece.start < lead < end:  # cut in two: it holds where the period begins
+            turned.append(_later(piece, lead - piece.start))
+        start = piece.start - lead if piece.start >= lead else piece.start - lead + period
+        if start < period:
+            turned.append(piece._replace(start=start))
+        else:
+            turned.append(piece._replace(start=0.0))
+    turned.sort(key=lambda piece: piece.start)
+    switches = [piece.start for piece in turned if piece.switch and piece.start > 0.0]
+    if turned[0].switch:
+        switches.append(period)
+    rows = [piece[:WIDTH] for piece in turned]
+    q = np.concatenate([[period, len(rows)], np.ravel(rows)]).astype(np.float64)
+    return Assembled(q, tuple(switches))
+
+
+def _later(piece: Piece, x: float) -> Piece:
+    """Return the same polynomial by powers of the time since `x` after its start, as start 0."""
+    _, c0, c1, c2, c3, _ = piece
+    return Piece(
+        0.0,
+        c0 + x * (c1 + x * (c2 + x * c3)),
+        c1 + x * (2.0 * c2 + x * 3.0 * c3),
+        c2 + 3.0 * x * c3,
+        c3,
+        switch=False,
+    )
+
+
+class PiecewiseDrive(Drive):
+    """Base of waveforms made of pieces; a subclass gives `period`, `lead` and `pieces`."""
+
+    voltage = staticmethod(piecewise_voltage)
+    voltage_rate = staticmethod(piecewise_rate)
+
+    @property
+    @abstractmethod
+    def lead(self) -> float:
+        """How far the waveform is ahead, as a time."""
+
+    @abstractmethod
+    def pieces(self) -> list[Piece]:
+        """Return the pieces of one period, the first at 0, without the lead."""
+
+    @property
+    def switches(self) -> tuple[float, ...]:
+        """Times in (0, period] at which the voltage or its rate jumps."""
+        return _of(self).switches
+
+    def parameters(self) -> NDArray[np.float64]:
+        """Return the array (period, n, then start and four coefficients of each of n pieces)."""
+        return _of(self).q.copy()
+
+
+@lru_cache(maxsize=16)
+def _of(drive: PiecewiseDrive) -> Assembled:
+    return assembled(drive.pieces(), drive.period, drive.lead)

@@ -1,0 +1,100 @@
+"""Trains of pulses."""
+
+from __future__ import annotations
+
+import math
+from typing import Self
+
+from pydantic import model_validator
+
+from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.validation import NonNegative, Number, Positive
+from mems_impact.errors import InvalidParameter, shown
+
+__all__ = ["Pulse"]
+
+
+class Pulse(PiecewiseDrive):
+    """A train of pulses: up from `low` to `amplitude`, flat, and down again, once a period.
+
+    Without a phase the pulse begins to rise at t = 0. An infinitely steep flank jumps; at a finite
+    one the rate jumps. Both are switches.
+
+    Parameters
+    ----------
+    amplitude : float
+        Voltage at the top [V], >= 0.
+    period : float
+        Time from one pulse to the next [s], > 0; the forcing period.
+    width : float
+        Time from the beginning of the rise to the beginning of the fall [s], > 0. With equal
+        flanks it is the width at half height.
+    rise, fall : float, optional
+        Duration of the flanks [s], >= 0; rise <= width and width + fall <= period.
+    low : float, optional
+        Voltage between the pulses [V].
+    phase : float, optional
+        How far the train is ahead [rad]; 2 pi is a period.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+    """
+
+    amplitude: NonNegative
+    period: Positive
+    width: Positive
+    rise: NonNegative = 0.0
+    fall: NonNegative = 0.0
+    low: Number = 0.0
+    phase: Number = 0.0
+
+    units = {  # noqa: RUF012 - ClassVar in Drive
+        "amplitude": "V",
+        "period": "s",
+        "width": "s",
+        "rise": "s",
+        "fall": "s",
+        "low": "V",
+    }
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        if not self.width < self.period:
+            allowed = f"> 0 and below the period = {shown(self.period)}"
+            raise InvalidParameter("width", self.width, allowed)
+        if not self.rise <= self.width:
+            allowed = f"between 0 and the width = {shown(self.width)}"
+            raise InvalidParameter("rise", self.rise, allowed)
+        if not self.width + self.fall <= self.period:
+            rest = shown(self.period - self.width)
+            raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {rest}")
+        return self
+
+    @property
+    def lead(self) -> float:
+        """How far the train is ahead, as a time."""
+        return self.phase / (2.0 * math.pi) * self.period
+
+    def pieces(self) -> list[Piece]:
+        """Return rise, top, fall and what is between the pulses."""
+        return pulse(
+            self.low, self.amplitude, self.period, width=self.width, rise=self.rise, fall=self.fall
+        )
+
+
+def pulse(
+    low: float, top: float, period: float, *, width: float, rise: float, fall: float
+) -> list[Piece]:
+    """Return the pieces of one pulse; a flank or a flat part that takes no time is left out."""
+    pieces = []
+    if rise > 0.0:
+        pieces.append(Piece(0.0, low, (top - low) / rise))
+    if rise < width:
+        pieces.append(Piece(rise, top))
+    if fall > 0.0:
+        pieces.append(Piece(width, top, (low - top) / fall))
+    if width + fall < period:
+        pieces.append(Piece(width + fall, low))
+    return pieces

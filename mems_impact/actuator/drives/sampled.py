@@ -1,0 +1,195 @@
+"""Measured waveforms."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from os import PathLike
+from typing import Annotated, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BeforeValidator, Field, model_validator
+
+from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.reading import read_columns
+from mems_impact.actuator.validation import Number, Positive
+from mems_impact.errors import InvalidParameter, shown
+
+__all__ = ["Sampled"]
+
+LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
+BEND = 0.25  # of the range of the voltage
+LIST = "a list of 3 or more finite numbers"
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError(LIST) from None
+    if numbers.ndim != 1 or numbers.size < 3 or not np.isfinite(numbers).all():
+        raise ValueError(LIST)
+    return tuple(numbers.tolist())
+
+
+Numbers = Annotated[tuple[float, ...], BeforeValidator(_numbers), Field(description=LIST)]
+
+
+class Sampled(PiecewiseDrive):
+    """A measured voltage, repeated with its period and interpolated between its samples.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Times of the samples [s], ascending; the first is t = 0 of the waveform.
+    voltages : sequence of float
+        Voltages [V], as many.
+    period : float, optional
+        Forcing period [s]. By default the record is one period: up to its last sample if that
+        repeats the voltage of the first one, else, if the samples are equally spaced, one
+        spacing further.
+    phase : float, optional
+        How far the waveform is ahead [rad]; 2 pi is a period.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+
+    Notes
+    -----
+    The interpolant is the monotone cubic of Fritsch and Butland (SciPy's "pchip"), closed over the
+    period. It has a continuous rate, so that the integration need not stop at every sample, and no
+    overshoot: it never leaves the range between two neighbouring samples. Where the record bends
+    so sharply that a step of the integration might pass over it, there is a switch: after every
+    stretch over which the slope changes, in sum, by a quarter of the range in 1/16 of a period. A
+    smooth record has a few of them, a noisy one at every sample: smooth it first.
+
+    If the square of the voltage repeats sooner than the voltage, give half the record.
+    """
+
+    times: Numbers
+    voltages: Numbers
+    period: Positive
+    phase: Number = 0.0
+
+    units = {"times": "s", "voltages": "V", "period": "s"}  # noqa: RUF012 - ClassVar in Drive
+
+    @classmethod
+    def from_csv(
+        cls, path: str | PathLike[str], *, period: float | None = None, phase: float = 0.0
+    ) -> Self:
+        """Read a record from a file of two columns, time and voltage.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            Columns separated by comma, semicolon, tab or blanks; one line of headings is allowed,
+            and lines that begin with # are left out.
+        period, phase : float, optional
+            As for the class.
+
+        Raises
+        ------
+        InvalidFile
+            If the file cannot be read or is not such a table.
+        InvalidParameter
+            If its numbers are not allowed.
+        """
+        times, voltages = read_columns(path, 2)
+        values: dict[str, Any] = {"times": times, "voltages": voltages, "period": period}
+        try:
+            return cls(**values, phase=phase)
+        except InvalidParameter as error:
+            raise error.located(path) from None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _close(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """Find the period of the record and leave out a last sample that repeats the first."""
+        try:
+            times, voltages = _numbers(values["times"]), _numbers(values["voltages"])
+        except (KeyError, ValueError):
+            return values  # the fields themselves will say so
+        if len(times) != len(voltages):
+            allowed = f"as many as times, {len(times)}"
+            raise InvalidParameter("number of voltages", len(voltages), allowed)
+        for before, after in pairwise(times):
+            if not before < after:
+                allowed = f"ascending, above the time before, {shown(before)}"
+                raise InvalidParameter("times", after, allowed)
+        period, length = values.get("period"), times[-1] - times[0]
+        spread = max(voltages) - min(voltages)
+        repeats = abs(voltages[-1] - voltages[0]) <= 1e-9 * spread
+        if period is None:
+            gaps = np.diff(times)
+            if repeats:
+                period = length
+            elif np.ptp(gaps) <= 1e-6 * gaps.max():
+                period = length * len(times) / (len(times) - 1)
+            else:
+                problem = (
+                    "give it: the last voltage does not repeat the first, and the times are not "
+                    "equally spaced"
+                )
+                raise InvalidParameter("period", None, "", problem=problem)
+        elif isinstance(period, int | float) and math.isfinite(period):
+            if period < length * (1.0 - 1e-12):
+                allowed = f"no shorter than the record, {shown(length)}"
+                raise InvalidParameter("period", period, allowed)
+            closes = period <= length * (1.0 + 1e-12)
+            if closes and not repeats:
+                allowed = f"the first, {shown(voltages[0])}, at the end of the period"
+                raise InvalidParameter("last voltage", voltages[-1], allowed)
+            repeats = closes
+        else:
+            return values
+        if repeats:
+            times, voltages = times[:-1], voltages[:-1]
+        return {**values, "times": times, "voltages": voltages, "period": period}
+
+    @property
+    def lead(self) -> float:
+        """How far the waveform is ahead, as a time."""
+        return self.phase / (2.0 * math.pi) * self.period
+
+    def pieces(self) -> list[Piece]:
+        """Return one cubic a sample."""
+        times = np.array(self.times) - self.times[0]
+        voltages = np.array(self.voltages)
+        gaps = np.diff(np.append(times, self.period))
+        secants = np.diff(np.append(voltages, voltages[0])) / gaps
+        slopes = _monotone_slopes(gaps, secants)
+        after = np.roll(slopes, -1)
+        second = (3.0 * secants - 2.0 * slopes - after) / gaps
+        third = (slopes + after - 2.0 * secants) / gaps**2
+        columns = (times, voltages, slopes, second, third, self._bends(secants))
+        return [Piece(*row) for row in zip(*(c.tolist() for c in columns), strict=True)]
+
+    def _bends(self, secants: NDArray[np.float64]) -> NDArray[np.bool_]:
+        spread = max(self.voltages) - min(self.voltages)
+        if spread == 0.0:
+            return np.zeros(secants.size, dtype=bool)
+        turns = np.abs(secants - np.roll(secants, 1)) * LONGEST_STEP * self.period
+        stretches = np.floor(np.cumsum(turns) / (BEND * spread))
+        bends: NDArray[np.bool_] = np.diff(stretches, prepend=0.0) > 0.0
+        return bends
+
+
+def _monotone_slopes(
+    gaps: NDArray[np.float64], secants: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the slopes of Fritsch and Butland at the samples of a closed record.
+
+    SIAM J. Sci. Stat. Comput. 5, 300 (1984): a weighted harmonic mean of the secants on both sides,
+    zero where they differ in sign.
+    """
+    gap, secant = np.roll(gaps, 1), np.roll(secants, 1)
+    same = secants * secant > 0.0
+    first, second = 2.0 * gaps + gap, gaps + 2.0 * gap
+    slopes = np.zeros(secants.size)
+    slopes[same] = (first[same] + second[same]) / (
+        first[same] / secant[same] + second[same] / secants[same]
+    )
+    return slopes

@@ -1,0 +1,100 @@
+"""Square waves."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from annotated_types import Gt, Lt
+from pydantic import model_validator
+
+from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.drives.pulse import pulse
+from mems_impact.actuator.validation import NonNegative, Number, Positive
+from mems_impact.errors import InvalidParameter, shown
+
+__all__ = ["Square"]
+
+
+class Square(PiecewiseDrive):
+    """A square wave: `amplitude` for a share of the period, then `low`.
+
+    Without a phase it begins to rise at t = 0.
+
+    Parameters
+    ----------
+    amplitude : float
+        Upper voltage [V], >= 0.
+    omega : float
+        Angular frequency [rad/s], > 0.
+    duty : float, optional
+        Share of the period from the beginning of the rise to the beginning of the fall [-],
+        0 < duty < 1; the share at half height or above.
+    rise : float, optional
+        Duration of both flanks [s], >= 0 and no longer than the upper or the lower part.
+    low : float, optional
+        Lower voltage [V], 0 by default.
+    phase : float, optional
+        How far the wave is ahead [rad].
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+
+    Notes
+    -----
+    The forcing period is 2 pi/omega, and pi/omega where the lower half mirrors the upper one
+    (low = -amplitude and duty = 1/2): the force cannot tell them apart. Without a rise time that
+    wave is a constant force.
+    """
+
+    amplitude: NonNegative
+    omega: Positive
+    duty: Annotated[Number, Gt(0), Lt(1)] = 0.5
+    rise: NonNegative = 0.0
+    low: Number = 0.0
+    phase: Number = 0.0
+
+    units = {  # noqa: RUF012 - ClassVar in Drive
+        "amplitude": "V",
+        "omega": "rad/s",
+        "rise": "s",
+        "low": "V",
+    }
+
+    @model_validator(mode="after")
+    def _check_times(self) -> Self:
+        turn = 2.0 * math.pi / self.omega
+        if not math.isfinite(turn):
+            raise InvalidParameter("omega", self.omega, "large enough for a finite period")
+        longest = min(self.duty, 1.0 - self.duty) * turn
+        if not self.rise <= longest:
+            allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
+            raise InvalidParameter("rise", self.rise, allowed)
+        return self
+
+    @property
+    def period(self) -> float:
+        """Forcing period: 2 pi/omega, or half of it where v^2 repeats in the second half."""
+        return (1.0 if self._mirrored else 2.0) * math.pi / self.omega
+
+    @property
+    def lead(self) -> float:
+        """How far the wave is ahead, as a time."""
+        return self.phase / self.omega
+
+    @property
+    def _mirrored(self) -> bool:
+        return self.duty == 0.5 and self.low == -self.amplitude
+
+    def pieces(self) -> list[Piece]:
+        """Return rise, top, fall and bottom; the first half of them if v^2 repeats in the other."""
+        low, top, rise, period = self.low, self.amplitude, self.rise, self.period
+        if not self._mirrored:
+            width = self.duty * period
+            # Rounding must not push the end of the fall beyond the period.
+            fall = min(rise, period - width)
+            return pulse(low, top, period, width=width, rise=min(rise, width), fall=fall)
+        pieces = [Piece(0.0, low, (top - low) / rise)] if rise > 0.0 else []
+        return pieces + ([Piece(rise, top)] if rise < period else [])

@@ -1,0 +1,79 @@
+"""Trapezoidal waves, triangles among them."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Self
+
+from annotated_types import Ge, Lt
+from pydantic import model_validator
+
+from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.validation import NonNegative, Number, Positive
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Trapezoid"]
+
+
+class Trapezoid(PiecewiseDrive):
+    """A sine with straight flanks and flat crests, between bias + amplitude and bias - amplitude.
+
+    Without a phase the middle of the upper crest is at t = 0, as that of `Sine`.
+
+    Parameters
+    ----------
+    amplitude : float
+        Amplitude [V], >= 0.
+    omega : float
+        Angular frequency [rad/s], > 0.
+    flat : float, optional
+        Share of the period that is flat, both crests together [-], 0 <= flat < 1; 0 is a triangle.
+    bias : float, optional
+        Constant part [V].
+    phase : float, optional
+        How far the wave is ahead [rad].
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is out of range, missing or unknown.
+    """
+
+    amplitude: NonNegative
+    omega: Positive
+    flat: Annotated[Number, Ge(0), Lt(1)] = 0.5
+    bias: Number = 0.0
+    phase: Number = 0.0
+
+    units = {"amplitude": "V", "omega": "rad/s", "bias": "V"}  # noqa: RUF012 - ClassVar in Drive
+
+    @model_validator(mode="after")
+    def _check_period(self) -> Self:
+        if not math.isfinite(2.0 * math.pi / self.omega):
+            raise InvalidParameter("omega", self.omega, "large enough for a finite period")
+        return self
+
+    @property
+    def period(self) -> float:
+        """Forcing period: pi/omega without bias, 2 pi/omega with."""
+        return (math.pi if self.bias == 0.0 else 2.0 * math.pi) / self.omega
+
+    @property
+    def lead(self) -> float:
+        """How far the wave is ahead, as a time."""
+        # The pieces begin with the upper crest.
+        return self.phase / self.omega + 0.25 * self.flat * 2.0 * math.pi / self.omega
+
+    def pieces(self) -> list[Piece]:
+        """Return crest and fall, and their mirror images if there is a bias."""
+        turn = 2.0 * math.pi / self.omega
+        crest, flank = 0.5 * self.flat * turn, 0.5 * (1.0 - self.flat) * turn
+        top, bottom = self.bias + self.amplitude, self.bias - self.amplitude
+        slope = (top - bottom) / flank
+        pieces = [Piece(0.0, top)] if crest > 0.0 else []
+        pieces.append(Piece(crest, top, -slope))
+        if self.bias != 0.0:
+            half = 0.5 * turn
+            pieces += [Piece(half, bottom)] if crest > 0.0 else []
+            pieces.append(Piece(half + crest, bottom, slope))
+        return pieces

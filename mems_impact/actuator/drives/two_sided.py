@@ -1,0 +1,136 @@
+"""Two electrodes: each stopper side pulls with a voltage of its own."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.retimed import Stretch, array_of, behind, repeated, retimed
+from mems_impact.errors import InvalidParameter, shown
+
+__all__ = ["TwoSided"]
+
+MOST_PERIODS = 64
+SAME = 1e-12
+
+
+class TwoSided(Drive):
+    """A voltage on the electrode at the right and another one on that at the left.
+
+    The force on the block is alpha right^2/(d - x2)^2 - alpha left^2/(d + x2)^2.
+
+    Parameters
+    ----------
+    right, left : Drive
+        The two voltages, each one-sided. One side's voltage may have been given a phase against
+        the other's. Their forcing periods must be as two whole numbers up to 64.
+
+    Raises
+    ------
+    InvalidParameter
+        If a parameter is missing or unknown, or the periods have no common multiple.
+
+    Notes
+    -----
+    The forcing period is the least common multiple of both. It is not halved where the left side
+    repeats the right one half a period later: mirrored, not repeated, is what the block then does.
+    """
+
+    right: Drive = Field(description="a drive")
+    left: Drive = Field(description="a drive")
+
+    @model_validator(mode="after")
+    def _check_sides(self) -> Self:
+        for name in ("right", "left"):
+            side = getattr(self, name)
+            if side.left_voltage is not None:
+                problem = "must be a drive for one side"
+                raise InvalidParameter(name, type(side).__name__, "", problem=problem)
+        if self._counts is None:
+            allowed = (
+                f"in a ratio of whole numbers up to {MOST_PERIODS} to the forcing period of the "
+                f"right side, {shown(self.right.period)}"
+            )
+            raise InvalidParameter("forcing period of the left side", self.left.period, allowed)
+        return self
+
+    @property
+    def _counts(self) -> tuple[int, int] | None:
+        """Forcing periods of right and left side in a common one."""
+        right, left = self.right.period, self.left.period
+        for count in range(1, MOST_PERIODS + 1):
+            other = round(count * right / left)
+            if 1 <= other <= MOST_PERIODS and abs(other * left - count * right) <= SAME * left:
+                return count, other
+        return None
+
+    @property
+    def period(self) -> float:
+        """Forcing period: the least common multiple of both sides'."""
+        count = self._counts
+        assert count is not None
+        return count[0] * self.right.period
+
+    @property
+    def time_scale(self) -> float:
+        """The shorter of both sides'."""
+        return min(self.right.time_scale, self.left.time_scale)
+
+    @property
+    def stretches(self) -> tuple[list[Stretch], list[Stretch]]:
+        """The timelines of right and left side."""
+        right, left = repeated(self.right, self.period), repeated(self.left, self.period)
+        # What switches at the same time, but for rounding, shall be one switch.
+        times = np.array([stretch.start for stretch in right])
+        joined = []
+        for stretch in left:
+            nearest = float(times[np.argmin(np.abs(times - stretch.start))])
+            same = abs(nearest - stretch.start) <= 10.0 * SAME * self.period
+            joined.append(stretch._replace(start=nearest) if same else stretch)
+        return right, joined
+
+    @property
+    def switches(self) -> tuple[float, ...]:
+        """Those of both sides."""
+        starts = {stretch.start for side in self.stretches for stretch in side}
+        closes = any(
+            side.switches and side.switches[-1] == side.period for side in (self.right, self.left)
+        )
+        return (*sorted(starts - {0.0}), *([self.period] if closes else []))
+
+    def parameters(self) -> NDArray[np.float64]:
+        """Return, for each side, the length of its block, its timeline and its own array."""
+        blocks = []
+        for side, stretches in zip((self.right, self.left), self.stretches, strict=True):
+            block = array_of(self.period, stretches, side.parameters())
+            blocks += [np.array([block.size], dtype=np.float64), block]
+        return np.concatenate(blocks)
+
+    def scaled(self, voltage: float, time: float) -> Self:
+        """Return the same waveforms in other units of voltage and time."""
+        sides = {name: getattr(self, name).scaled(voltage, time) for name in ("right", "left")}
+        return self.replace(**sides)
+
+    @property
+    def voltage(self) -> Waveform:  # type: ignore[override]
+        """The waveform at the right electrode as a function of t and q."""
+        return behind(retimed(self.right.voltage), 0)
+
+    @property
+    def voltage_rate(self) -> Waveform:  # type: ignore[override]
+        """Its rate."""
+        return behind(retimed(self.right.voltage_rate), 0)
+
+    @property
+    def left_voltage(self) -> Waveform | None:
+        """The waveform at the left electrode."""
+        return behind(retimed(self.left.voltage), 1)
+
+    @property
+    def left_rate(self) -> Waveform | None:
+        """Its rate."""
+        return behind(retimed(self.left.voltage_rate), 1)

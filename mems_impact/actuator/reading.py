@@ -1,0 +1,102 @@
+"""Reading of the files that users write: every failure is one `InvalidFile` with a remedy."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+from mems_impact.errors import InvalidFile, InvalidParameter, shown
+
+__all__ = ["parse_toml", "read_bytes", "read_columns", "read_text"]
+
+_SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
+_LARGEST_TABLE = 50_000_000  # bytes
+
+
+def read_bytes(
+    source: str, remedy: str, *, largest: int, kind: str, missing: str = "no such file"
+) -> bytes:
+    """Return the content of the file `source`, a `kind` of at most `largest` bytes."""
+    try:
+        if source and Path(source).is_dir():
+            raise InvalidFile(source, "is a directory", remedy)
+        with open(source, "rb") as file:
+            raw = file.read(largest + 1)
+    except FileNotFoundError:
+        raise InvalidFile(source, missing, remedy) from None
+    except OSError as error:
+        raise InvalidFile(source, f"cannot be read ({error.strerror})", remedy) from None
+    except ValueError as error:
+        if isinstance(error, InvalidFile):
+            raise
+        # A null character in the path.
+        raise InvalidFile(source, f"not a path ({error})", remedy) from None
+    if len(raw) > largest:
+        raise InvalidFile(source, f"too large for a {kind}", remedy)
+    return raw
+
+
+def read_text(raw: bytes, source: str) -> str:
+    """Return `raw` as text."""
+    try:
+        # Editors on Windows put a byte order mark first, which TOML does not know.
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        reason = f"not UTF-8 text (byte {error.start})"
+        raise InvalidFile(source, reason, "save it as UTF-8") from None
+
+
+def parse_toml(raw: bytes, source: str, remedy: str) -> dict[str, Any]:
+    """Return the tables of a TOML file."""
+    text = read_text(raw, source)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        # Not TOMLDecodeError alone: absurdly long integers and deep nesting raise the others.
+        reason = f"not valid TOML ({str(error).splitlines()[0]})"
+        raise InvalidFile(source, reason, f"mend it there: {remedy}") from None
+
+
+def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
+    """Return the `count` columns of numbers in a text file.
+
+    Columns are separated by comma, semicolon, tab or blanks; the first line may be headings, and
+    lines that begin with # are left out.
+    """
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
+        raise InvalidParameter("path", path, "the path of a file of numbers")
+    source = fspath(path)
+    remedy = f"give a text file of {count} columns of numbers"
+    raw = read_bytes(source, remedy, largest=_LARGEST_TABLE, kind="table")
+    columns: list[list[float]] = [[] for _ in range(count)]
+    first = True
+    for number, line in enumerate(read_text(raw, source).splitlines(), start=1):
+        line = line.strip()
+        if not line or line.startswith("#"):
+            continue
+        cells = [cell for cell in _SEPARATOR.split(line) if cell]
+        values = [_number(cell) for cell in cells]
+        headings = first and all(value is None for value in values)
+        first = False
+        if headings:
+            continue
+        if len(cells) != count:
+            reason = f"line {number} holds {len(cells)} columns, not {count}"
+            raise InvalidFile(source, reason, remedy)
+        for column, cell, value in zip(columns, cells, values, strict=True):
+            if value is None or not math.isfinite(value):
+                reason = f"line {number} holds {shown(cell)}, which is not a finite number"
+                raise InvalidFile(source, reason, remedy)
+            column.append(value)
+    return columns
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None

@@ -1,0 +1,127 @@
+"""The options that describe a voltage, and the drive that is made of them.
+
+They are collected in click's context, so that a command need not name each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.options import Decorator, combined
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.drive import Drive
+
+KEY = "mems_impact.drive"
+
+# Waveforms that options describe, and their parameters; a test holds them to the classes, which
+# are slow to import. All other waveforms come from files.
+KINDS = {
+    "sine": ("amplitude", "omega", "bias", "phase"),
+    "square": ("amplitude", "omega", "duty", "rise", "low", "phase"),
+    "pulse": ("amplitude", "period", "width", "rise", "fall", "low", "phase"),
+    "trapezoid": ("amplitude", "omega", "flat", "bias", "phase"),
+}
+
+NUMBERS = {
+    "amplitude": "Amplitude f of the voltage; top of a square wave or pulse.",
+    "omega": "Angular frequency of the voltage.",
+    "bias": "Constant part of a sine or trapezoid.  [0]",
+    "phase": "How far the voltage is ahead, in radians.  [0]",
+    "duty": "Share of the period that a square wave is high.  [0.5]",
+    "rise": "Rise time of a square wave (both flanks) or pulse.  [0]",
+    "fall": "Fall time of a pulse.  [0]",
+    "low": "Voltage between the pulses.  [0]",
+    "flat": "Share of the period that a trapezoid is flat.  [0.5]",
+    "width": "Width of a pulse.",
+    "period": "Period of pulses, or of a measured voltage.",
+}
+
+
+def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
+    if value is not None:
+        assert parameter.name is not None
+        ctx.meta.setdefault(KEY, {})[parameter.name] = value
+
+
+def _number(name: str, text: str) -> Decorator:
+    return click.option(
+        f"--{name}", name, type=float, callback=_collect, expose_value=False, help=text
+    )
+
+
+drive_options = combined(
+    click.option(
+        "--drive",
+        metavar="KIND|FILE",
+        callback=_collect,
+        expose_value=False,
+        help=f"Waveform of the voltage: {', '.join(KINDS)}, or a file: TOML with a table [drive], "
+        "or a measured voltage as CSV.  [sine]",
+    ),
+    *(_number(name, text) for name, text in NUMBERS.items()),
+)
+
+
+def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
+    """Return the drive that the options of the running command describe.
+
+    Parameters
+    ----------
+    varied : mapping of str to float, optional
+        What the command itself varies, and the value to begin with. A parameter that is not one of
+        the drive's is left alone.
+    """
+    given = dict(click.get_current_context().meta.get(KEY, {}))
+    choice = given.pop("drive", "sine")
+    for name in varied or {}:
+        if name in given:
+            raise click.UsageError(f"--{name} is what is varied; leave it out")
+    if choice in KINDS:
+        return _of_kind(choice, given, varied or {})
+    return _of_file(choice, given, varied or {})
+
+
+def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
+    from mems_impact.actuator.drives.files import drive_of_kind
+    from mems_impact.errors import InvalidParameter
+
+    for name in given:
+        if name not in KINDS[kind]:
+            takes = ", ".join(f"--{known}" for known in KINDS[kind])
+            raise click.UsageError(f"--{name} does not belong to a {kind}, which takes {takes}")
+    values = {**given, **{name: v for name, v in varied.items() if name in KINDS[kind]}}
+    try:
+        return drive_of_kind(kind)(**values)
+    except InvalidParameter as error:
+        if error.field in KINDS[kind] and error.field not in values:
+            raise click.UsageError(f"missing option '--{error.field}'") from None
+        raise
+
+
+def _of_file(path: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
+    from pathlib import Path
+
+    from mems_impact.actuator.drive import Sampled, load_drive
+    from mems_impact.actuator.drives.files import KINDS as ALL
+    from mems_impact.actuator.drives.files import TABLES
+
+    if path in ALL and not Path(path).exists():
+        raise click.UsageError(f"--drive {path}: describe it in a TOML file and give that")
+    if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
+        raise click.UsageError(f"--drive {path}: neither a file nor one of {', '.join(KINDS)}")
+    if path.lower().endswith(TABLES):
+        measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
+        drive: Drive = Sampled.from_csv(path, **measured)
+    else:
+        drive = load_drive(path)
+    for name, value in {**given, **varied}.items():
+        if name in drive.names:
+            drive = drive.varied(name, value)
+        elif name in given:
+            known = ", ".join(drive.names)
+            raise click.UsageError(f"--{name} is no parameter of the drive in {path}: {known}")
+    return drive

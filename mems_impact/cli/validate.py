@@ -1,0 +1,79 @@
+"""`mems-impact validate`: the paper against the code."""
+
+from __future__ import annotations
+
+import click
+
+from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+
+
+@click.command(short_help="Reproduce the paper, figure by figure, with verdicts.")
+@click.option(
+    "--figure",
+    "figures",
+    type=int,
+    multiple=True,
+    help="Number of a figure of the paper, 2 to 7. May be repeated.  [all]",
+)
+@click.option("--quick", is_flag=True, help="Coarse: under a minute for all.")
+@click.option(
+    "--output",
+    type=click.Path(),
+    default="out/validation",
+    metavar="DIR",
+    help="Where figures, tables and the report go; created if need be.  [./out/validation]",
+)
+@click.option(
+    "--expect",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Fail if a verdict is not the one in this table (verdicts.csv of an earlier run).",
+)
+@click.option("--workers", type=click.IntRange(1, 64), default=2, help="Threads.  [2]")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    figures: tuple[int, ...],
+    quick: bool,
+    output: str,
+    expect: str | None,
+    workers: int,
+) -> None:
+    r"""Compute the figures of Zhao et al. (2004) and judge what the paper states about them.
+
+    Writes the figures (PNG and SVG), tables (CSV) and one report (HTML and Markdown) in which each
+    statement of the paper stands beside the computed value and a verdict, by rules that were
+    written before the run. Differences are no failure: they are what the report is for.
+
+    \b
+    Example:
+      mems-impact validate --figure 4 --quick
+    """
+    from mems_impact.cli.output import Output
+    from mems_impact.validation.outcome import Effort
+    from mems_impact.validation.suite import (
+        FIGURES,
+        changed_verdicts,
+        expected_verdicts,
+        run_suite,
+    )
+
+    show_warnings_briefly()
+    wanted = sorted(set(figures)) or list(FIGURES)
+    expected = None if expect is None else expected_verdicts(expect)
+    Output(output, None, True, "validate")  # whether it can be written to, before the work
+    report = run_suite(
+        wanted,
+        effort=Effort(quick=quick, workers=workers),
+        progress=lambda number: say(f"figure {number}"),
+    )
+    written = report.write(output)
+    click.echo(str(report))
+    click.echo(f"written: {len(written)} files in {output}; read {output}/report.md first")
+    if expected is not None:
+        changes = changed_verdicts(report, expected)
+        if changes:
+            say(f"verdicts changed: {'; '.join(changes)}")
+            ctx.exit(FAILED)
+        click.echo(f"no verdict differs from {expect}")

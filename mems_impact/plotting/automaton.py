@@ -1,0 +1,151 @@
+"""The automaton as a diagram: modes in a grid, transitions between them (Fig. 2 of the paper)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from mems_impact.actuator.modes import CONTACT, FRICTION
+from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure
+
+__all__ = ["plot_automaton"]
+
+# Kinds of transitions: colour, line and how far the arrow bends, also over two rows.
+KINDS: dict[str, dict[str, Any]] = {
+    "impact": {"color": ORANGE, "linestyle": "-", "bend": 0.12, "long": 0.42},
+    "chatter ends": {"color": ORANGE, "linestyle": (0, (4, 2)), "bend": 0.22, "long": 0.5},
+    "release": {"color": GREEN, "linestyle": "-", "bend": 0.14, "long": 0.5},
+    "slip end": {"color": BLUE, "linestyle": "-", "bend": 0.12, "long": 0.6},
+    "break-away": {"color": GREY, "linestyle": (0, (4, 2)), "bend": 0.24, "long": 0.5},
+}
+COLUMNS = ("left", "free", "right")  # where the block is, as seen
+ROWS = ("forward", "stuck", "backward")
+WIDTH, HEIGHT = 3.4, 2.2  # between the middles of two modes
+BOX = (0.62, 0.3)  # half width and half height of a mode
+
+
+def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
+    """Draw the modes as boxes and the transitions as arrows.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One row a transition: mode before, event, mode after (see `tables.transitions`).
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+    """
+    from matplotlib.lines import Line2D
+
+    if ax is None:
+        ax = new_figure(9.0, 6.4).subplots()
+    places = {
+        f"{friction}-{contact}": (COLUMNS.index(contact) * WIDTH, -ROWS.index(friction) * HEIGHT)
+        for contact in CONTACT
+        for friction in FRICTION
+    }
+    reached = set(table["mode before"]) | set(table["mode after"])
+    boxes = {name: _box(ax, name, x, y, name in reached) for name, (x, y) in places.items()}
+    arrows = {
+        (_kind(row["event"]), row["mode before"], row["mode after"]) for _, row in table.iterrows()
+    }
+    loops: dict[str, int] = {}
+    for kind, before, after in sorted(arrows):
+        if before == after:
+            loops[before] = loops.get(before, 0) + 1
+            _loop(ax, *places[before], loops[before] - 1, KINDS[kind])
+        else:
+            _arrow(ax, places, boxes, before, after, KINDS[kind])
+    drawn = {kind for kind, _, _ in arrows}
+    handles = [
+        Line2D([], [], color=style["color"], linestyle=style["linestyle"], label=kind)
+        for kind, style in KINDS.items()
+        if kind in drawn
+    ]
+    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5,
+              frameon=False)  # fmt: skip
+    texts = ("block on the left stopper", "block free", "block on the right stopper")
+    for i, text in enumerate(texts):
+        ax.text(i * WIDTH, -2.35 * HEIGHT, text, ha="center", va="top", color="0.3")
+    for i, text in enumerate(("frame slides\nforward", "frame stuck", "frame slides\nbackward")):
+        ax.text(-0.37 * WIDTH, -i * HEIGHT, text, ha="right", va="center", color="0.3")
+    ax.set_xlim(-0.75 * WIDTH, 2.4 * WIDTH)
+    ax.set_ylim(-2.5 * HEIGHT, 0.4 * HEIGHT)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+    return ax
+
+
+def _kind(event: str) -> str:
+    return next(kind for kind in KINDS if kind in event)
+
+
+def _box(ax: Any, name: str, x: float, y: float, reached: bool) -> Any:
+    from matplotlib.patches import FancyBboxPatch
+
+    # The two phases of the paper's flow chart stand out; a mode that never occurs is faint.
+    paper = name in ("stuck-free", "forward-free", "backward-free")
+    patch = FancyBboxPatch(
+        (x - BOX[0], y - BOX[1]), 2 * BOX[0], 2 * BOX[1], boxstyle="round,pad=0.06",
+        facecolor="0.93" if paper else "white", edgecolor="black" if reached else "0.7",
+        linewidth=1.4 if paper else 0.9, linestyle="-" if reached else (0, (3, 3)), zorder=3,
+    )  # fmt: skip
+    ax.add_patch(patch)
+    text = name if reached else f"{name}\nnever occurs"
+    color = "black" if reached else "0.55"
+    ax.text(x, y, text, ha="center", va="center", fontsize="small", color=color, zorder=4)
+    return patch
+
+
+def _arrow(
+    ax: Any, places: Any, boxes: Any, before: str, after: str, style: dict[str, Any]
+) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    # From top to bottom of a column the arrow goes round the box in the middle.
+    rows = abs(places[before][1] - places[after][1]) / HEIGHT
+    bend = style["long"] if rows > 1.5 else style["bend"]
+    ax.add_patch(
+        FancyArrowPatch(
+            places[before],
+            places[after],
+            connectionstyle=f"arc3,rad={bend}",
+            arrowstyle="-|>",
+            mutation_scale=11,
+            color=style["color"],
+            linestyle=style["linestyle"],
+            linewidth=1.3,
+            patchA=boxes[before],
+            patchB=boxes[after],
+            shrinkA=1,
+            shrinkB=2,
+            zorder=2,
+        )
+    )
+
+
+def _loop(ax: Any, x: float, y: float, number: int, style: dict[str, Any]) -> None:
+    from matplotlib.patches import FancyArrowPatch
+
+    # At the upper corners of the box, where no other arrow begins or ends.
+    side = -1.0 if number % 2 == 0 else 1.0
+    start = (x + side * (BOX[0] - 0.28), y + BOX[1] + 0.08)
+    end = (x + side * (BOX[0] + 0.08), y + BOX[1] - 0.16)
+    ax.add_patch(
+        FancyArrowPatch(
+            start,
+            end,
+            connectionstyle=f"arc3,rad={-side * 1.6}",
+            arrowstyle="-|>",
+            mutation_scale=10,
+            color=style["color"],
+            linestyle=style["linestyle"],
+            linewidth=1.3,
+            zorder=2,
+        )
+    )

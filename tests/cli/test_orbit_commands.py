@@ -1,0 +1,69 @@
+import pandas as pd
+import pytest
+
+ORBIT = ["orbit", "zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
+CONTINUE = ["continue", "zhao2004", "--parameter", "amplitude", "--from", "0.24"]
+CONTINUE += ["--stop", "0.16", "--omega", "0.5"]
+CHART = ["chart", "zhao2004"]
+
+
+def test_orbit(cli, tmp_path):
+    done = cli(*ORBIT)
+    assert done.status == 0
+    assert "stable, closes after 1 forcing period" in done.out
+    assert "right impact" in done.out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    tables = {f"orbit-{name}.csv" for name in ("impacts", "segments", "samples")}
+    assert names == tables | {"orbit.png"}
+
+
+def test_continue(cli, tmp_path):
+    done = cli(*CONTINUE)
+    assert done.status == 0
+    assert "CF 0.17651544" in done.out
+    assert "G  0.227177583" in done.out
+    assert "jump: type I" in done.out
+    points = pd.read_csv(tmp_path / "out" / "continue-points.csv")
+    assert list(points["label"]) == ["CF", "G"]
+    assert (tmp_path / "out" / "continue.png").exists()
+
+
+def test_chart(cli, tmp_path):
+    done = cli(*CHART, "--from", "0.486", "--to", "0.49", "--no-figure")
+    assert done.status == 0
+    assert "degenerate grazing" in done.out
+    types = pd.read_csv(tmp_path / "out" / "chart-types.csv")
+    assert list(types["type"]) == ["II", "I"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["orbit", "zhao2004", "--omega", "0.5"], ["--amplitude"]),
+        ([*ORBIT, "--x2", "0.7"], ["x2 = 0.7", "0.5"]),
+        ([*ORBIT, "--periods", "0"], ["periods = 0"]),
+        ([*ORBIT, "--transient", "-1"], ["transient = -1"]),
+        ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "leave it out"]),
+        ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
+        ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
+        (["continue", "zhao2004", "--parameter", "bias", "--from", "0", "--stop", "0.1",
+          "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
+        ([*CHART, "--from", "0.6"], ["omega", "lowest"]),
+        ([*CHART, "--crises", "-1"], ["crises = -1"]),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_line(cli, arguments, named):
+    done = cli(*arguments)
+    assert done.status == 2
+    assert done.out == ""
+    assert done.err.startswith("mems-impact: ")
+    assert done.err.count("\n") == 1
+    for word in named:
+        assert word in done.err
+
+
+def test_no_orbit_is_one_line(cli):
+    done = cli("orbit", "zhao2004", "--amplitude", "0.2357", "--omega", "0.45", "--transient", "0")
+    assert done.status == 1
+    assert "no orbit" in done.err
+    assert done.err.count("\n") == 1

@@ -1,0 +1,147 @@
+"""Branches of the actuator: bounds, ends, special points from either side, parameters."""
+
+import numpy as np
+import pytest
+
+from mems_impact.continuation.branch import Steps, follow
+from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.orbit import check_closed, find_orbit
+from tests.continuation import free_block
+from tests.orbits.families import actuator, actuator_orbit, at, silent_orbit, table
+
+# f of the special points at omega = 0.5 and 0.45, as computed from either side.
+GRAZING_5, FOLD_5 = 0.2271775831, 0.176515440628
+FOLD_45, DOUBLING_45 = 0.235565433578, 0.28738949077
+
+
+def values(branch, kind):
+    return [special.value for special in branch.special_points if special.kind == kind]
+
+
+@pytest.mark.parametrize("name", ["from rest", "from impacts"])
+def test_special_points_at_half_from_either_side(name):
+    if name == "from rest":
+        branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3)
+        kinds = ["grazing", "fold"]
+    else:
+        branch = follow(actuator_orbit(0.24, 0.5), "amplitude", low=0.1, high=0.3, direction=-1)
+        kinds = ["fold", "grazing"]
+    assert [s.kind for s in branch.special_points] == kinds
+    assert values(branch, "grazing")[0] == pytest.approx(GRAZING_5, abs=1e-10)
+    assert values(branch, "fold")[0] == pytest.approx(FOLD_5, abs=1e-10)
+    assert branch.ended == "amplitude reached its bound"
+    assert all(0.1 <= point.value <= 0.3 for point in branch.points)
+    last = 0.3 if name == "from rest" else 0.1
+    assert branch.points[-1].value == pytest.approx(last, abs=1e-14)
+    assert all(point.orbit.admissible for point in branch.points)
+    assert {point.piece for point in branch.points} == {0, 1}
+
+
+@pytest.mark.parametrize("name", ["from rest", "from impacts"])
+def test_special_points_at_nine_twentieths_from_either_side(name):
+    if name == "from rest":
+        branch = follow(silent_orbit(0.16, 0.45), "amplitude", low=0.1, high=0.3)
+    else:
+        branch = follow(actuator_orbit(0.29, 0.45), "amplitude", low=0.1, high=0.3, direction=-1)
+    assert values(branch, "fold")[0] == pytest.approx(FOLD_45, abs=1e-10)
+    assert values(branch, "period-doubling")[0] == pytest.approx(DOUBLING_45, abs=1e-10)
+    fold = next(s for s in branch.special_points if s.kind == "fold")
+    x, v, f = free_block.fold(0.45, (*fold.orbit.state[2:], fold.value))
+    assert fold.value == pytest.approx(f, abs=1e-10)
+    np.testing.assert_allclose(fold.orbit.state[2:], [x, v], atol=1e-6)
+
+
+def test_orbits_of_a_branch_are_ones_that_a_run_follows():
+    branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
+    for point in branch.points[::5]:
+        growth = max(1.0, float(np.abs(point.orbit.multipliers).max()))
+        assert check_closed(point.orbit) < 3e-9 * growth
+
+
+@pytest.mark.parametrize(
+    ("parameter", "low", "high"),
+    [("omega", 0.47, 0.52), ("e", 0.5, 0.95), ("c", 0.01, 0.06), ("delta", 0.4, 0.6)],
+)
+def test_branches_in_other_parameters(parameter, low, high):
+    start = actuator_orbit(0.24, 0.5)
+    for direction, bound in ((-1.0, low), (1.0, high)):
+        branch = follow(start, parameter, low=low, high=high, direction=direction)
+        assert branch.ended == f"{parameter} reached its bound"
+        last = branch.points[-1].orbit
+        assert last.family.values[parameter] == pytest.approx(bound, abs=1e-14)
+        assert last.stable
+        again = find_orbit(start.family.at(**{parameter: bound}), start.instant, transient=300)
+        np.testing.assert_allclose(last.state[2:], again.state[2:], atol=1e-9)
+
+
+def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
+    branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
+    fold = next(s for s in branch.special_points if s.kind == "fold")
+    beside = actuator(0.245, fold.value)
+    orbit = find_orbit(beside, fold.orbit.instant, transient=300)
+    assert orbit.impacts
+    back = follow(orbit, "amplitude", low=0.2, high=0.26, direction=-1)
+    assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
+
+
+def test_branch_of_orbits_with_rest_and_chatter():
+    orbit = find_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
+    branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=Steps(most=6))
+    assert len(branch.points) > 2
+    assert branch.ended
+    for point in branch.points:
+        if point.orbit.admissible:
+            assert check_closed(point.orbit) < 1e-8
+
+
+def test_without_reconnection_the_branch_goes_on_beyond_the_stopper():
+    branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25, reconnecting=False)
+    assert values(branch, "grazing")[0] == pytest.approx(GRAZING_5, abs=1e-10)
+    assert branch.ended == "amplitude reached its bound"
+    for point in branch.points:
+        assert point.orbit.admissible == (point.value < GRAZING_5 + 1e-9)
+
+
+# Ends and refusals.
+
+
+def test_budget_of_points():
+    branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=Steps(most=5))
+    assert len(branch.points) == 5
+    assert "budget" in branch.ended
+
+
+@pytest.mark.parametrize("direction", [-1.0, 1.0])
+def test_start_at_a_bound(direction):
+    branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16, direction=direction)
+    assert branch.ended == "amplitude reached its bound"
+    assert all(point.value == pytest.approx(0.16, abs=1e-14) for point in branch.points)
+
+
+def test_progress_hears_every_value():
+    heard = []
+    branch = follow(
+        silent_orbit(0.16, 0.5), "amplitude", low=0.15, high=0.17, progress=heard.append
+    )
+    assert heard == [point.value for point in branch.points]
+
+
+def test_unknown_parameter_is_named():
+    with pytest.raises(InvalidParameter, match="voltage"):
+        follow(silent_orbit(0.16, 0.5), "voltage", low=0.1, high=0.3)
+
+
+def test_a_bound_far_beyond_the_orbits_ends_by_name():
+    """Towards pull-in the free block has no orbit; whatever happens, it is said."""
+    start, steps = silent_orbit(0.16, 0.485), Steps(most=40, largest=0.2)
+    branch = follow(start, "amplitude", low=0.1, high=0.9, reconnecting=False, steps=steps)
+    assert branch.ended
+    assert len(branch.points) > 5
+
+
+def test_no_parameter_moves_the_orbit():
+    """A still ball: the equations do not depend on the parameter."""
+    orbit = find_orbit(table(), at((0.0, 0.0), mode=1))
+    branch = follow(orbit, "e", low=0.4, high=0.6)
+    assert branch.points[0].orbit.admissible
+    assert branch.ended  # not even the ball's rest is determined: it has no tangent

@@ -1,0 +1,99 @@
+"""Orbits of period two and four, by branch switching and by simulation."""
+
+import numpy as np
+import pytest
+
+from mems_impact.continuation.branch import follow
+from mems_impact.continuation.switching import doubled
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.run import run
+from mems_impact.orbits.orbit import check_closed, find_orbit, make_orbit
+from tests.orbits.exact import Exact
+from tests.orbits.families import actuator_orbit, at, oscillator
+
+DOUBLING = 0.176318773  # at omega = 0.485
+ACROSS = pytest.mark.xfail(strict=True, reason="one of two impacts crosses the start of a period")
+
+
+def special(branch, kind):
+    return [s for s in branch.special_points if s.kind == kind]
+
+
+@pytest.fixture(scope="module")
+def doubling():
+    branch = follow(actuator_orbit(0.177, 0.485), "amplitude", low=0.172, high=0.18, direction=-1)
+    (found,) = special(branch, "period-doubling")
+    assert found.value == pytest.approx(DOUBLING, abs=1e-9)
+    return found
+
+
+@pytest.fixture(scope="module")
+def period_two(doubling):
+    orbit = make_orbit(*doubled(doubling.orbit, "amplitude")[:2])
+    return follow(orbit, "amplitude", low=0.1755, high=0.177)
+
+
+def test_the_period_doubles(doubling):
+    shooting, point, along = doubled(doubling.orbit, "amplitude")
+    orbit = make_orbit(shooting, point)
+    assert orbit.periods == 2
+    assert orbit.admissible
+    assert check_closed(orbit) < 1e-8
+    speeds = [before[3] for _, _, before in orbit.impacts]
+    assert len(speeds) == 2
+    assert abs(speeds[0] - speeds[1]) > 1e-5
+    assert np.abs(orbit.multipliers - 1.0).min() < 1e-3  # (-1)^2, hardly moved
+    assert np.linalg.norm(along) == pytest.approx(1.0)
+
+
+def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
+    """Period two leaves towards larger f, unstable, and turns stable where an impact is lost."""
+    first = period_two.points[0]
+    assert first.value > doubling.value
+    assert not first.orbit.stable
+    grazing = special(period_two, "grazing")[0]
+    assert grazing.value > doubling.value
+    stable = [p.orbit for p in period_two.points if p.piece == 1 and p.orbit.stable]
+    assert stable
+    for orbit in stable[:: max(1, len(stable) // 4)]:
+        assert len(orbit.impacts) == 1
+        assert orbit.admissible
+        simulated = run(orbit.family.problem(), orbit.instant, 400).final.y
+        np.testing.assert_allclose(simulated[1:], orbit.state[1:], atol=1e-8)
+
+
+def test_period_four(period_two):
+    second = special(period_two, "period-doubling")[0]
+    orbit = make_orbit(*doubled(second.orbit, "amplitude")[:2])
+    assert orbit.periods == 4
+    assert check_closed(orbit) < 1e-7
+
+
+@pytest.mark.parametrize("omega", [0.7, pytest.param(0.8, marks=ACROSS), 2.1])
+def test_supercritical_doublings_of_the_linear_oscillator(omega):
+    exact = Exact(omega=omega)
+    start = exact.orbit(1.1 * exact.doubling_speed())
+    family = oscillator(amplitude=start.amplitude, omega=omega)
+    guess = at((1.0, -0.8 * start.speed), time=start.time)
+    far = 0.9 * exact.doubling(), 1.1 * exact.doubling()
+    branch = follow(find_orbit(family, guess), "amplitude", low=far[0], high=far[1], direction=-1)
+    (found,) = special(branch, "period-doubling")
+    orbit = make_orbit(*doubled(found.orbit, "amplitude")[:2])
+    towards = orbit.family.values["amplitude"] - found.value
+    near = found.value * (1.0 - 1e-2), found.value * (1.0 + 1e-2)
+    beyond = follow(orbit, "amplitude", low=near[0], high=near[1], direction=towards)
+    stable = [
+        p.orbit
+        for p in beyond.points
+        if p.orbit.admissible and np.abs(p.orbit.multipliers).max() < 0.9
+    ]
+    assert stable
+    assert beyond.ended == "amplitude reached its bound"
+    for last in stable[1 :: max(1, len(stable) // 4)]:
+        simulated = run(last.family.problem(), last.instant, 200).final.y
+        np.testing.assert_allclose(simulated, last.state, atol=1e-8)
+
+
+def test_an_orbit_that_does_not_double_is_refused():
+    with pytest.raises(OrbitError, match="no multiplier -1"):
+        doubled(actuator_orbit(0.24, 0.5), "amplitude")

@@ -1,0 +1,73 @@
+"""What leaves a grazing: the paper's types, and the sequence that decides, by DOP853."""
+
+import numpy as np
+import pytest
+
+from mems_impact.continuation.branch import follow
+from mems_impact.continuation.grazing import contact_sequence, grazing_type
+from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.orbit import find_orbit
+from tests.continuation import free_block
+from tests.orbits.families import at, oscillator, silent_orbit
+
+
+def grazing(omega, **changes):
+    orbit = silent_orbit(0.14, omega, changes=changes)
+    branch = follow(orbit, "amplitude", low=0.1, high=0.35)
+    return next(s for s in branch.special_points if s.kind == "grazing")
+
+
+# Types I, II, III of the paper.
+@pytest.mark.parametrize(
+    ("omega", "expected"), [(0.5, "jump"), (0.485, "continuous"), (0.45, "died earlier")]
+)
+def test_types_of_the_paper(omega, expected):
+    found = grazing(omega)
+    assert grazing_type(found.orbit, found.monitor) == expected
+
+
+@pytest.mark.parametrize("e", [0.8, 0.2, 0.05])
+def test_sequence_is_that_of_the_monodromy_matrix(e):
+    """xi_k is proportional to (M^k)_12, and positive multiples of it, whatever the rebound.
+
+    The block leaves the stopper with e_eff = e - (1 + e) m2/(m1 + m2) of its speed, once the slip
+    is over; below e = 0.2 that is none or less, and the kick is -(1 + e_eff) all the same.
+    """
+    found = grazing(0.5, e=e)
+    orbit = found.orbit
+    xi = contact_sequence(orbit.shooting, orbit.point, found.monitor, 12)
+    f = orbit.family.values["amplitude"]
+
+    def touching(u):
+        end, _ = free_block.over_period(np.array([0.5, 0.0]), u[0], u[1], 0.5)
+        return end - [0.5, 0.0]
+
+    t, f = free_block.root(touching, [2.546, f], tol=1e-13).x
+    assert f == pytest.approx(found.value, abs=1e-10)
+    _, monodromy = free_block.over_period(np.array([0.5, 0.0]), t, f, 0.5)
+    powers = [np.linalg.matrix_power(monodromy, k)[0, 1] for k in range(1, 13)]
+    np.testing.assert_allclose(xi / xi[0], np.array(powers) / powers[0], atol=1e-4)
+    assert xi[0] * powers[0] > 0.0
+
+
+def test_linear_oscillator_grazes_continuously_at_real_multipliers():
+    """c = 2.5 > 2: multipliers real and positive, (M^k)_12 all of one sign."""
+    orbit = find_orbit(oscillator(amplitude=0.5, c=2.5, omega=1.0), at((0.0, 0.0)), transient=50)
+    branch = follow(orbit, "amplitude", low=0.4, high=4.0)
+    found = next(s for s in branch.special_points if s.kind == "grazing")
+    assert grazing_type(found.orbit, found.monitor) == "continuous"
+
+
+def test_linear_oscillator_jumps():
+    """c = 0.1, omega = 1.3: exp(-c T/2) sin(T) < 0 is the sign of M_12."""
+    orbit = find_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
+    branch = follow(orbit, "amplitude", low=0.2, high=0.72)
+    found = next(s for s in branch.special_points if s.kind == "grazing")
+    assert grazing_type(found.orbit, found.monitor) == "jump"
+
+
+def test_only_grazings_have_a_type():
+    branch = follow(silent_orbit(0.16, 0.45), "amplitude", low=0.1, high=0.26)
+    fold = next(s for s in branch.special_points if s.kind == "fold")
+    with pytest.raises(InvalidParameter, match="monitor"):
+        grazing_type(fold.orbit, fold.monitor)

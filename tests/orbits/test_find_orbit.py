@@ -1,0 +1,181 @@
+"""Finding orbits: of the actuator, with rest and chatter, and from hopeless input."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.run import run
+from mems_impact.orbits.orbit import check_closed, find_orbit
+from tests.continuation import free_block
+from tests.orbits.families import (
+    actuator,
+    actuator_orbit,
+    at,
+    oscillator,
+    silent_orbit,
+    table,
+)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "omega"), [(0.24, 0.5), (0.177, 0.485), (0.29, 0.45)], ids=str
+)
+def test_period_one_orbits_of_the_paper(amplitude, omega):
+    orbit = actuator_orbit(amplitude, omega)
+    assert orbit.stable
+    assert orbit.admissible
+    assert orbit.residual < 1e-9
+    assert check_closed(orbit) < 2e-9
+    assert [segment.code for segment in orbit.segments] == [0, 3, -1]
+    before = orbit.family.problem()
+    step = run(before, orbit.instant, 1).final.y[0]
+    assert orbit.advance == pytest.approx([step], abs=1e-11)
+
+
+def test_orbit_without_impacts_agrees_with_dop853():
+    orbit = silent_orbit(0.16, 0.5)
+    state, monodromy = free_block.orbit(0.16, 0.5, orbit.state[2:])
+    np.testing.assert_allclose(orbit.state[2:], state, atol=1e-10)
+    np.testing.assert_allclose(orbit.reduced_monodromy(), monodromy, atol=1e-9)
+
+
+def test_unstable_orbit_without_impacts_is_found_from_a_near_guess():
+    # Beyond the fold at 0.1045, the middle one of three orbits.
+    state, _ = free_block.orbit(0.23, 0.45, np.array([0.20, 0.05]))
+    orbit = find_orbit(actuator(0.23, 0.45), at((0.0, 0.0, *state)))
+    np.testing.assert_allclose(orbit.state[2:], state, atol=1e-9)
+
+
+@pytest.mark.parametrize("periods", [2, 3])
+def test_an_orbit_is_one_of_more_periods_too(periods):
+    once = actuator_orbit(0.24, 0.5)
+    often = actuator_orbit(0.24, 0.5, periods=periods)
+    assert often.periods == periods
+    assert len(often.segments) == periods * len(once.segments)
+    expected = once.multipliers**periods
+    np.testing.assert_allclose(
+        np.sort_complex(often.multipliers), np.sort_complex(expected), atol=1e-8
+    )
+    assert often.advance == pytest.approx(periods * once.advance, abs=1e-10)
+
+
+def test_unstable_orbit_inside_a_chaotic_attractor():
+    orbit = actuator_orbit(0.25, 0.45)
+    assert not orbit.stable
+    assert orbit.admissible
+    assert check_closed(orbit) < 1e-9
+
+
+# Rest and chatter.
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "omega", "e"), [(1.5, 1.0, 0.5), (1.5, 1.0, 0.3), (1.5, 2.0, 0.5)], ids=str
+)
+def test_ball_that_bounces_itself_to_rest(amplitude, omega, e):
+    family = table(amplitude=amplitude, omega=omega, e=e)
+    orbit = find_orbit(family, at((0.0, 0.0), mode=1), transient=50)
+    codes = [segment.code for segment in orbit.segments]
+    assert 2 in codes  # the last of a sequence of impacts
+    assert 1 in codes  # release
+    release = orbit.point.ends[codes.index(1)]
+    assert -math.cos(omega * release) * amplitude == pytest.approx(1.0, abs=1e-9)
+    assert orbit.admissible
+    assert np.abs(orbit.multipliers).max() < 1e-12
+    assert check_closed(orbit) < 1e-9
+
+
+def test_oscillator_that_is_pressed_against_its_stop():
+    orbit = find_orbit(oscillator(amplitude=1.3, omega=0.2, e=0.5), at((0.0, 0.0)), transient=50)
+    assert {segment.mode for segment in orbit.segments} == {0, 1}
+    assert orbit.admissible
+    assert check_closed(orbit) < 1e-9
+
+
+@pytest.mark.parametrize(("amplitude", "omega"), [(0.4, 0.1), (0.4, 0.05), (0.45, 0.1)], ids=str)
+def test_actuator_whose_block_rests_on_the_stopper(amplitude, omega):
+    # Between two of the last impacts the frame slips and stops: both are in the signature.
+    orbit = actuator_orbit(amplitude, omega, transient=50)
+    codes = [segment.code for segment in orbit.segments]
+    assert 5 in codes
+    assert {segment.mode for segment in orbit.segments} == {0, 1, 3, 4}
+    assert orbit.admissible, orbit.defects
+    assert orbit.residual < 1e-9
+    assert check_closed(orbit) < 1e-9
+    assert np.all(np.abs(orbit.multipliers) < 1e-9)
+
+
+def test_derivative_through_chatter_and_rest():
+    start = actuator_orbit(0.4, 0.05, transient=50, active=("amplitude",))
+    point = start.point
+    derivative = -np.linalg.solve(point.jacobian, point.by_parameter)[:, 0]
+
+    def unknowns(shift):
+        family = start.family.at(amplitude=0.4 + shift)
+        return find_orbit(family, start.instant, transient=3).point.unknowns
+
+    h = 2e-6
+    difference = (unknowns(h) - unknowns(-h)) / (2.0 * h)
+    assert difference.shape == derivative.shape
+    # States at the start of a period and after the rest; the time of release.
+    places = [1, 2, -1]
+    np.testing.assert_allclose(derivative[places], difference[places], rtol=3e-6, atol=1e-6)
+
+
+# Systems without drive.
+
+
+def test_equilibrium_of_a_system_without_drive():
+    orbit = find_orbit(oscillator(amplitude=0.0), at((0.3, 0.0)))
+    np.testing.assert_allclose(orbit.state, [0.0, 0.0], atol=1e-12)
+    decay = math.exp(-0.05 * 2.0 * math.pi)
+    np.testing.assert_allclose(np.abs(orbit.multipliers), decay, atol=1e-9)
+
+
+def test_centre_has_multipliers_one():
+    orbit = find_orbit(oscillator(amplitude=0.0, c=0.0), at((0.3, 0.0)))
+    np.testing.assert_allclose(orbit.multipliers, [1.0, 1.0], atol=1e-9)
+
+
+def test_ball_that_lies_still():
+    orbit = find_orbit(table(), at((0.0, 0.0), mode=1))
+    assert orbit.multipliers.size == 0
+    assert orbit.stable
+    assert orbit.admissible
+
+
+# Hopeless input.
+
+
+def test_guess_far_from_any_orbit_keeps_what_was_computed():
+    with pytest.raises(OrbitError, match="no orbit with this signature") as caught:
+        find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.0, 3.0)))
+    assert caught.value.partial is not None
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize("e", [0.5, 0.8])
+def test_fall_without_drive_is_no_orbit(e):
+    with pytest.raises(OrbitError):
+        find_orbit(table(e=e), at((1.0, 0.0)))
+
+
+@pytest.mark.parametrize("periods", [0, -1])
+def test_periods_are_one_or_more(periods):
+    with pytest.raises(InvalidParameter, match="periods"):
+        find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.0, 0.3)), periods=periods)
+
+
+def test_unknown_parameter_is_named():
+    with pytest.raises(InvalidParameter, match="voltage"):
+        find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.0, 0.3)), active=("voltage",))
+
+
+def test_guess_beyond_a_stopper_is_put_back_or_refused():
+    try:
+        orbit = find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.7, 0.1)))
+    except OrbitError:
+        return
+    assert orbit.defects or orbit.admissible

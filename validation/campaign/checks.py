@@ -1,0 +1,321 @@
+"""One case, run and looked at from all sides."""
+
+from __future__ import annotations
+
+import math
+import time as clock
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mems_impact.actuator.modes import V1, V2, X2
+from mems_impact.errors import MemsImpactError, RunError
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.trajectory import Events
+from validation.campaign import judge as judges
+from validation.campaign.balance import imbalance
+from validation.campaign.cases import Case
+
+PENETRATION = 1e-9  # of the gap, at most
+CLOSE = 3e-4  # events nearer than this to another are matched or left out
+NOISY = 3
+ALLOWED = 1e4  # imbalance of energy and momentum, times the tolerance
+GAIN = 30.0
+MOST_SAMPLES = 4000
+GRID = 8  # times a period at which motions are compared
+PART = 1e-3  # of its size by which two motions part
+
+
+class Timeout(Exception):
+    """A run took longer than its budget."""
+
+
+@dataclass
+class Outcome:
+    """What one case gave."""
+
+    name: str
+    kind: str  # of the drive
+    status: str = "result"
+    findings: list[str] = field(default_factory=list)
+    periods: float = 0.0
+    impacts: int = 0
+    rests: int = 0
+    slips: int = 0
+    penetration: float = 0.0
+    momentum: float = 0.0
+    restitution: float = 0.0
+    horizon: float = 0.0  # share of the run over which the judge could speak
+    matched: int = 0
+    engines: int = 0  # 1: also on the interpreted engine
+    energy: float = 0.0
+    impulse: float = 0.0
+    seconds: float = 0.0
+    other: list[judges.Row] = field(default_factory=list, repr=False)
+
+
+def check(
+    case: Case, interpreted: bool = False, energy: bool = False, budget: float = 20.0
+) -> Outcome:
+    """Run `case` and put it before the judge.
+
+    Parameters
+    ----------
+    case : Case
+    interpreted : bool
+        Run it on the interpreted engine as well, if it is short.
+    energy : bool
+        Run it once more with works and impulses as further states.
+    budget : float
+        Seconds that the run may take.
+    """
+    outcome = Outcome(case.name, case.drive.kind)
+    began = clock.perf_counter()
+    trajectory = None
+    try:
+        trajectory = case.run().trajectory
+    except RunError as error:
+        outcome.status = f"RunError: {error.reason}"
+        trajectory = getattr(error.trajectory, "trajectory", error.trajectory)
+    except MemsImpactError as error:
+        outcome.status = type(error).__name__
+        outcome.findings.append(f"refused: {error}")
+    except Exception as error:
+        outcome.status = type(error).__name__
+        outcome.findings.append(f"untyped error {type(error).__name__}: {error}")
+    outcome.seconds = clock.perf_counter() - began
+    if outcome.seconds > budget:
+        outcome.findings.append(f"took {outcome.seconds:.1f} s")
+    if trajectory is not None:
+        outcome.periods = trajectory.final.cycle + trajectory.final.time / trajectory.period
+        look_at_events(case, trajectory, outcome)
+        if outcome.status == "result":
+            look_at_motion(case, trajectory, outcome)
+            if interpreted and trajectory.steps < 20_000:
+                look_at_engines(case, trajectory, outcome)
+            if energy:
+                look_at_balance(case, outcome)
+        look_at_judge(case, trajectory, outcome)
+    return outcome
+
+
+def struck(events: Events) -> np.ndarray:
+    return (events.kind == loop.TRANSITION) & (events.guard < 2)
+
+
+def look_at_events(case: Case, trajectory: Any, outcome: Outcome) -> None:
+    """What every event must satisfy by itself."""
+    p, events = case.device, trajectory.events
+    hits = events[struck(events)]
+    rests = events[events.kind == loop.ACCUMULATION]
+    outcome.impacts, outcome.rests = len(hits), len(rests)
+    outcome.slips = int(((events.kind == loop.TRANSITION) & (events.guard == 3)).sum())
+    t = events.cycle * trajectory.period + events.time
+    if len(t) > 1 and np.diff(t).min() < -1e-12 * t[-1]:
+        outcome.findings.append("events go back in time")
+    if not (np.isfinite(events.before).all() and np.isfinite(events.after).all()):
+        outcome.findings.append("an event is not finite")
+    for log in (hits, rests):
+        if len(log) == 0:
+            continue
+        before = (p["m1"] + p["m2"]) * log.before[:, V1] + p["m2"] * log.before[:, V2]
+        after = (p["m1"] + p["m2"]) * log.after[:, V1] + p["m2"] * log.after[:, V2]
+        size = p["m2"] * np.abs(log.before[:, V2]) + np.abs(before)
+        if log is hits:
+            error = np.abs(after - before) / np.maximum(size, 1e-300)
+            outcome.momentum = max(outcome.momentum, float(error.max()))
+    if len(hits):
+        side = np.where(hits.guard == 0, 1.0, -1.0)
+        closing = side * hits.before[:, V2]
+        if closing.min() <= 0.0:
+            outcome.findings.append(f"an impact that does not close in ({closing.min():.2e})")
+        wrong = np.abs(hits.after[:, V2] + p["e"] * hits.before[:, V2])
+        outcome.restitution = float((wrong / np.abs(closing)).max())
+        where = np.abs(hits.after[:, X2] - side * p["delta"]).max()
+        if where > 0.0:
+            outcome.findings.append(f"an impact beside the stopper ({where:.2e})")
+        missed = np.abs(hits.before[:, X2] - side * p["delta"]) / p["delta"]
+        if np.any(t[struck(events)] > 0.0) and missed.max() > PENETRATION:
+            outcome.findings.append(f"an impact away from the stopper ({missed.max():.2e})")
+    if outcome.momentum > 1e-13:
+        outcome.findings.append(f"momentum {outcome.momentum:.1e}")
+    if outcome.restitution > 1e-13:
+        outcome.findings.append(f"restitution {outcome.restitution:.1e}")
+    beyond = np.abs(np.concatenate([events.before[:, X2], events.after[:, X2], [0.0]]))
+    outcome.penetration = max(outcome.penetration, float(beyond.max() / p["delta"]) - 1.0)
+
+
+def look_at_motion(case: Case, trajectory: Any, outcome: Outcome) -> None:
+    """Samples between the events: no penetration, and the same whoever looks."""
+    p = case.device
+    density = max(2, min(96, int(MOST_SAMPLES / max(trajectory.final.cycle, 1))))
+    samples = trajectory.samples(density)
+    beyond = float(np.abs(samples.y[:, X2]).max(initial=0.0)) / p["delta"] - 1.0
+    outcome.penetration = max(outcome.penetration, beyond)
+    if outcome.penetration > PENETRATION:
+        outcome.findings.append(f"penetration {outcome.penetration:.1e} of the gap")
+    if not np.isfinite(trajectory.final.y).all():
+        outcome.findings.append("the last state is not finite")
+    stuck = samples.mode % 3 == 0
+    if np.any(samples.y[stuck, V1] != 0.0):
+        outcome.findings.append("a stuck frame that moves")
+
+
+def look_at_engines(case: Case, trajectory: Any, outcome: Outcome) -> None:
+    """The interpreted engine gives the same run, as far as the judge can tell two runs apart."""
+    outcome.engines = 1
+    try:
+        other = case.run(engine="interpreted").trajectory
+    except RunError as error:
+        outcome.findings.append(f"interpreted alone: {error.reason}")
+        return
+    outcome.other = rows_of(other)
+
+
+def look_at_balance(case: Case, outcome: Outcome) -> None:
+    """No energy and no momentum comes from nowhere."""
+    try:
+        outcome.energy, outcome.impulse = imbalance(case, case.options["engine"])
+    except RunError as error:
+        outcome.findings.append(f"with works alone: {error.reason}")
+        return
+    allowed = ALLOWED * (case.options["rtol"] + case.options["atol"] / case.device["delta"])
+    for name, value in (("energy", outcome.energy), ("impulse", outcome.impulse)):
+        if value > max(allowed, 1e-11):
+            outcome.findings.append(f"{name} off by {value:.1e}")
+
+
+# Before the judge
+
+
+def rows_of(trajectory: Any) -> list[judges.Row]:
+    """The package's events as the judge writes them."""
+    rows = []
+    events, period = trajectory.events, trajectory.period
+    for i in np.flatnonzero((events.kind <= loop.ACCUMULATION)):
+        kind = int(events.guard[i]) if events.kind[i] == loop.TRANSITION else judges.REST
+        t = float(events.cycle[i] * period + events.time[i])
+        rows.append(judges.Row(kind, t, events.before[i], events.after[i]))
+    return rows
+
+
+def verdict(
+    case: Case, t_end: float, grid: np.ndarray, noise: float = 0.0, seed: int = 0
+) -> judges.Verdict:
+    judge = judges.Judge(case.device, case.drive.pieces())
+    return judge.run(case.start, case.time, t_end, grid.tolist(), noise, seed)
+
+def parting(
+    a: list[judges.Row], b: list[judges.Row], until: float, within: float
+) -> tuple[float, int, str]:
+    """When two event sequences part, how many events matched before, and how they part."""
+    close_a, close_b = crowded(a), crowded(b)
+    i = j = matched = 0
+    while True:
+        x = a[i] if i < len(a) and a[i].t <= until else None
+        y = b[j] if j < len(b) and b[j].t <= until else None
+        if x is None and y is None:
+            return math.inf, matched, ""
+        if x is not None and y is not None and x.kind == y.kind and abs(x.t - y.t) <= within:
+            i, j, matched = i + 1, j + 1, matched + 1
+        elif x is not None and close_a[i] and (y is None or x.t <= y.t or not close_b[j]):
+            i += 1
+        elif y is not None and close_b[j]:
+            j += 1
+        else:
+            first = min(row.t for row in (x, y) if row is not None)
+            if first > until - within:
+                return math.inf, matched, ""  # the other one may come just after the end
+            return first, matched, f"{named(x)} against {named(y)}"
+
+
+def named(row: judges.Row | None) -> str:
+    if row is None:
+        return "nothing"
+    return f"{judges.KINDS[row.kind]} at {row.t:.9g} with v2 {row.before[V2]:.3g}"
+
+
+def crowded(rows: list[judges.Row]) -> np.ndarray:
+    """Events with a neighbour nearer than CLOSE."""
+    t = np.array([-math.inf, *(row.t for row in rows), math.inf])
+    return np.minimum(t[1:-1] - t[:-2], t[2:] - t[1:-1]) < CLOSE
+
+
+def away(grid: np.ndarray, rows: list[judges.Row], distance: float) -> np.ndarray:
+    """Times of the grid with no event near, where a velocity may jump."""
+    t = np.array([-math.inf, *(row.t for row in rows), math.inf])
+    place = np.searchsorted(t, grid)
+    result: np.ndarray = np.minimum(grid - t[place - 1], t[place] - grid) > distance
+    return result
+
+
+def apart(
+    a: np.ndarray, b: np.ndarray, grid: np.ndarray, quiet: np.ndarray, size: np.ndarray
+) -> float:
+    """When two motions part by `PART` of their size."""
+    k = min(len(a), len(b))
+    if k == 0:
+        return math.inf
+    wrong = (np.abs(a[:k] - b[:k]) > PART * size).any(axis=1) & quiet[:k]
+    return float(grid[int(np.argmax(wrong))]) if wrong.any() else math.inf
+
+
+def look_at_judge(case: Case, trajectory: Any, outcome: Outcome) -> None:
+    """Every event against the judge's, as far as the two can agree."""
+    period = trajectory.period
+    t_end = trajectory.final.cycle * period + trajectory.final.time
+    if t_end <= case.time:
+        return
+    samples = trajectory.samples(GRID)
+    grid = samples.cycle * period + samples.time
+    keep = (grid > case.time) & (grid < t_end)
+    grid, states = grid[keep], samples.y[keep]
+    truth = verdict(case, t_end, grid)
+    if not truth.complete and len(truth.rows) == 0:
+        outcome.findings.append("no judge")
+        return
+    mine = rows_of(trajectory)
+    size = scale_of(case, truth)
+    until = t_end if truth.complete else truth.rows[-1].t
+    within = 1e-3 / math.sqrt(case.device["k"] / case.device["m2"])
+
+    quiet = away(grid, truth.rows, 2.0 * within)
+
+    def split(rows: list[judges.Row], others: np.ndarray) -> tuple[float, int, str]:
+        when, matched, how = parting(truth.rows, rows, until, within)
+        moved = apart(truth.grid, others, grid, quiet, size)
+        if moved < when:
+            when, how = moved, f"motion parts before {moved:.9g}"
+        return when, matched, how
+
+    when, matched, how = split(mine, states)
+    if outcome.engines:
+        there, _, ways = parting(truth.rows, outcome.other, until, within)
+        outcome.other = []
+        if there < when:
+            when, how = there, f"interpreted engine: {ways}"
+    horizon = until
+    for attempt in range(2):
+        seeds = range(NOISY) if attempt == 0 else range(NOISY, 16)
+        gain = GAIN if attempt == 0 else 30.0 * GAIN
+        noise = gain * (case.options["rtol"] * float(size[X2]) + case.options["atol"])
+        for seed in seeds:
+            other = verdict(case, until, grid, noise, seed)
+            horizon = min(horizon, split(other.rows, other.grid)[0])
+        # An event is as uncertain as its neighbours: the horizon ends a little before.
+        if when >= horizon - 1e-2 * period - 10.0 * within:
+            break
+    else:
+        outcome.findings.append(f"judge parts at {when:.9g} of {until:.9g}: {how}")
+    outcome.horizon = (min(when, horizon) - case.time) / (t_end - case.time)
+    outcome.horizon = max(0.0, min(1.0, outcome.horizon))
+    outcome.matched = matched
+
+
+def scale_of(case: Case, truth: judges.Verdict) -> np.ndarray:
+    p = case.device
+    own = math.sqrt(p["k"] / p["m2"])
+    size = np.abs(truth.grid.reshape(-1, 4)).max(axis=0, initial=0.0)
+    speed = max(p["delta"] * own, float(size[V2]))
+    return np.array([max(p["delta"], size[0]), max(speed, size[V1]), p["delta"], speed])

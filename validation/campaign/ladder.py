@@ -1,0 +1,58 @@
+"""A waveform of straight pieces with jumps between them, as a user would write it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.validation import Positive
+
+
+def _voltage(t: float, q: Any) -> float:
+    count = int(q[1])
+    phase = t - math.floor(t / q[0]) * q[0]
+    place = 0
+    for i in range(1, count):
+        if phase >= q[2 + 3 * i]:
+            place = i
+    base = 2 + 3 * place
+    return q[base + 1] + q[base + 2] * (phase - q[base])
+
+
+def _rate(t: float, q: Any) -> float:
+    count = int(q[1])
+    phase = t - math.floor(t / q[0]) * q[0]
+    place = 0
+    for i in range(1, count):
+        if phase >= q[2 + 3 * i]:
+            place = i
+    return q[2 + 3 * place + 2]
+
+
+class Ladder(Drive):
+    """From each ``starts[i]`` on, ``levels[i] + slopes[i] (t - starts[i])``; starts[0] is 0."""
+
+    length: Positive
+    starts: tuple[float, ...]
+    levels: tuple[float, ...]
+    slopes: tuple[float, ...]
+
+    units = {"length": "s", "starts": "s", "levels": "V"}  # noqa: RUF012
+
+    voltage = staticmethod(_voltage)
+    voltage_rate = staticmethod(_rate)
+
+    @property
+    def period(self) -> float:
+        return self.length
+
+    @property
+    def switches(self) -> tuple[float, ...]:
+        return (*self.starts[1:], self.length)
+
+    def parameters(self) -> np.ndarray:
+        rows = np.column_stack([self.starts, self.levels, self.slopes]).ravel()
+        return np.concatenate([[self.length, len(self.starts)], rows])

@@ -1,0 +1,93 @@
+"""The report: Markdown for people, CSV for everything else."""
+
+from __future__ import annotations
+
+import csv
+import platform
+from collections import Counter
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+import mems_impact as mi
+from validation.campaign.cases import random_case
+from validation.campaign.checks import Outcome, check
+from validation.campaign.result import Result
+
+
+def markdown(seed: int, outcomes: list[Outcome], results: list[Result]) -> str:
+    """Return the report."""
+    lines = ["# Campaign", "", f"Seed {seed}; mems_impact {mi.__version__} on "]
+    lines[-1] += f"Python {platform.python_version()}, {platform.machine()}."
+    if outcomes:
+        lines += ["", "## Random runs", "", *_figures(outcomes), ""]
+        lines += ["| drive | runs | impacts | rests | matched | horizon | findings |"]
+        lines += ["|---|---|---|---|---|---|---|"]
+        for kind in sorted({outcome.kind for outcome in outcomes}):
+            some = [outcome for outcome in outcomes if outcome.kind == kind]
+            share = np.mean([outcome.horizon for outcome in some])
+            cells = [kind, len(some), _sum(some, "impacts"), _sum(some, "rests")]
+            cells += [_sum(some, "matched"), f"{share:.2f}", sum(bool(o.findings) for o in some)]
+            lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+        lines += ["", "How they ended:", ""]
+        for status, count in Counter(outcome.status for outcome in outcomes).most_common():
+            lines.append(f"- {status}: {count}")
+        found = [outcome for outcome in outcomes if outcome.findings]
+        lines += ["", f"Findings: {len(found)}", ""]
+        lines += [f"- {o.name} ({o.kind}, {o.status}): {'; '.join(o.findings)}" for o in found]
+    if results:
+        lines += ["", "## Aimed attacks", "", "| attack | tried | figures | findings |"]
+        lines += ["|---|---|---|---|"]
+        for result in results:
+            count = len(result.findings) or "none"
+            lines.append(f"| {result.name} | {result.tried} | {result.figures} | {count} |")
+        for result in results:
+            lines += [f"- {result.name}: {finding}" for finding in result.findings]
+    return "\n".join(lines) + "\n"
+
+
+def _figures(outcomes: list[Outcome]) -> list[str]:
+    done = [outcome for outcome in outcomes if outcome.status == "result"]
+    balanced = [outcome for outcome in done if outcome.energy > 0.0]
+    lines = [
+        f"- runs: {len(outcomes)}, of {sum(o.periods for o in outcomes):.0f} forcing periods",
+        f"- events matched with the judge: {_sum(outcomes, 'matched')}; impacts of the package: "
+        f"{_sum(outcomes, 'impacts')}, ends of slips: {_sum(outcomes, 'slips')}, rests: "
+        f"{_sum(outcomes, 'rests')}",
+        f"- share of a run over which the two can agree, mean: "
+        f"{np.mean([o.horizon for o in outcomes]):.3f}",
+        f"- deepest penetration, parts of the gap: {max(o.penetration for o in outcomes):.1e}",
+        f"- momentum at an impact, worst: {max(o.momentum for o in outcomes):.1e}",
+        f"- on both engines: {_sum(outcomes, 'engines')}",
+        f"- slowest run: {max(o.seconds for o in outcomes):.2f} s",
+    ]
+    if balanced:
+        energy = np.array([o.energy for o in balanced])
+        impulse = np.array([o.impulse for o in balanced])
+        lines.append(
+            f"- energy unaccounted for in {len(balanced)} runs: median {np.median(energy):.1e}, "
+            f"worst {energy.max():.1e}; momentum: {np.median(impulse):.1e}, {impulse.max():.1e}"
+        )
+    return lines
+
+
+def _sum(outcomes: list[Outcome], name: str) -> int:
+    return sum(int(getattr(outcome, name)) for outcome in outcomes)
+
+
+def write_csv(path: Path, outcomes: list[Outcome]) -> None:
+    """Write one line a run."""
+    names = [field.name for field in fields(Outcome) if field.name != "other"]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(names)
+        for outcome in outcomes:
+            row = [getattr(outcome, name) for name in names]
+            table.writerow(["; ".join(v) if isinstance(v, list) else v for v in row])
+
+
+def one(seed: int, number: int) -> str:
+    """Return one random run in words."""
+    case = random_case(seed, number)
+    return f"{case}\n\n{check(case, interpreted=True, energy=True)}"
