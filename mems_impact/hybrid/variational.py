@@ -225,7 +225,8 @@ def differentiate_event(
 
     `margin` (2 m, 1 + n + 1 + directions) and `jump` (n, ...) get value and derivatives: column 0
     the value, then one for each component of the state, for time, for each direction of the
-    parameters. Differences in time stay within `room` of `t`. `work` has three rows. The engine's parameters are moved and put back.
+    parameters. Differences in time stay within `room` of `t`. `work` has three rows. The engine's
+    parameters are moved and put back.
     """
     shifted, g, p = work[0], work[1], work[2]
     for i in range(count):

@@ -131,7 +131,7 @@ def reduced_components(shooting: Shooting, point: Point) -> list[int]:
     arc, monodromy = point.arcs[0], shooting.monodromy(point)
     still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
     # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
-    forgotten = [not row.any() for row in monodromy]
+    forgotten = [np.abs(row).max() < SLACK for row in monodromy]
     return [
         c
         for c in range(len(shooting.free))
@@ -180,9 +180,12 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
                 worst = min(worst, float(at_start[j]))
             if worst < -SLACK:
                 found.append(Defect(i, guard.name, "missed", worst))
-        if own >= 0 and event is not None and event.rates[own] > 0.0:
+        if own >= 0 and event is not None and event.rates[own] > SLACK:
             found.append(Defect(i, automaton.guards[own].name, "reversed", float(event.rates[own])))
-        if event is not None and event.mode != segments[(i + 1) % len(segments)].mode:
+        # A guard touched at no speed leads to either side, by rounding.
+        touched = own >= 0 and event is not None and abs(event.rates[own]) <= SLACK
+        following = segments[(i + 1) % len(segments)].mode
+        if event is not None and not touched and event.mode != following:
             name = automaton.guards[own].name if own >= 0 else "switch"
             found.append(Defect(i, name, "mode", float(event.mode)))
     return tuple(found)

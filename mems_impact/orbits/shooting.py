@@ -305,7 +305,7 @@ class Shooting:
         self.pinned = [
             c
             for c in range(len(self.free))
-            if np.abs(monodromy[c] - identity[c]).max() < 1e-12
+            if np.abs(monodromy[c] - identity[c]).max() < ACCEPTED
             and all(
                 arc.slope_start[self.free[c]] == 0.0 == arc.slope_end[self.free[c]]
                 for arc in point.arcs
@@ -346,7 +346,10 @@ class Shooting:
             if not np.isfinite(size) or size > 1e6:
                 break
             previous = size
-            point = self.evaluate(point.unknowns + step, values)
+            try:
+                point = self.evaluate(point.unknowns + step, values)
+            except OrbitError:
+                break  # the iteration has left what can be integrated
         raise OrbitError(
             reason=f"no orbit with this signature near the guess (the "
             f"residual stays at {np.abs(point.residual).max():.2g})",

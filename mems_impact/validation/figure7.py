@@ -29,7 +29,7 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
     actuator = devices.paper
     try:
         chart = operating_chart(
-            actuator, omega=OMEGA, crises=effort.of(7, 2), periods=effort.of(1000, 300),
+            actuator, omega=OMEGA, crises=effort.of(5, 2), periods=effort.of(1000, 300),
             workers=effort.workers,
         )  # fmt: skip
     except MemsImpactError as error:

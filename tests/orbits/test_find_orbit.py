@@ -141,8 +141,7 @@ def test_centre_has_multipliers_one():
 
 def test_ball_that_lies_still():
     orbit = find_orbit(table(), at((0.0, 0.0), mode=1))
-    assert orbit.multipliers.size == 0
-    assert orbit.stable
+    np.testing.assert_allclose(orbit.multipliers, 1.0)  # it may lie anywhere
     assert orbit.admissible
 
 
@@ -150,7 +149,7 @@ def test_ball_that_lies_still():
 
 
 def test_guess_far_from_any_orbit_keeps_what_was_computed():
-    with pytest.raises(OrbitError, match="no orbit with this signature") as caught:
+    with pytest.raises(OrbitError, match="nearer to an orbit") as caught:
         find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.0, 3.0)))
     assert caught.value.partial is not None
     assert caught.value.remedy

@@ -30,7 +30,8 @@ for _side in ("right", "left"):
         PAR[f"{_side}.{_name}"] = len(PAR)
 
 SHORTEST = 2e-7  # flights below are the end of a sequence of impacts
-LOWEST = 1e-13  # of the gap
+LOWEST = 1e-12  # of the gap
+HAIR = 1e-22  # heyoka overlooks the second root of what is zero where the step begins
 MOST_EVENTS = 20_000
 
 
@@ -119,10 +120,10 @@ def _integrator() -> Any:
     press = r * (pull - p["k"] * x2 - m2 * together)
     held = (1.0 - slips) * (1.0 - rests)
     equations = [
-        (1.0 - rests) * (p["delta"] - x2) + rests,
-        (1.0 - rests) * (p["delta"] + x2) + rests,
+        (1.0 - rests) * (p["delta"] - x2) + rests + HAIR,
+        (1.0 - rests) * (p["delta"] + x2) + rests + HAIR,
         rests * press + (1.0 - rests),
-        s * v1 + (1.0 - slips),
+        s * v1 + (1.0 - slips) + HAIR,
         held * (p["static"] - load) + (1.0 - held),
         held * (p["static"] + load) + (1.0 - held),
     ]
