@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         MemsImpactError,
         OrbitError,
         RunError,
+        RunInterrupted,
         SweepInterrupted,
     )
     from mems_impact.plotting.bifurcation import plot_sweep
@@ -89,6 +90,7 @@ __all__ = [
     "Pulse",
     "Run",
     "RunError",
+    "RunInterrupted",
     "Sampled",
     "Sine",
     "SpecialPoint",
@@ -138,7 +140,6 @@ _HOMES = {
         "Drive",
         "Pulse",
         "Sampled",
-        "Sampled",
         "Sine",
         "Square",
         "Trapezoid",
@@ -156,13 +157,13 @@ _HOMES = {
         "MemsImpactError",
         "OrbitError",
         "RunError",
+        "RunInterrupted",
         "SweepInterrupted",
     ),
     "plotting.branch": ("plot_branch",),
     "plotting.chart": ("plot_chart",),
     "studies.branches": (
         "Branch",
-        "Burst",
         "Curve",
         "GrazingType",
         "SpecialPoint",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive
 
 KEY = "mems_impact.drive"
+PREFIX = "drive_"  # lest an option of the command has the same name
 
 # Waveforms that options describe, and their parameters; a test holds them to the classes, which
 # are slow to import. All other waveforms come from files.
@@ -44,18 +45,19 @@ NUMBERS = {
 def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
     if value is not None:
         assert parameter.name is not None
-        ctx.meta.setdefault(KEY, {})[parameter.name] = value
+        ctx.meta.setdefault(KEY, {})[parameter.name.removeprefix(PREFIX)] = value
 
 
 def _number(name: str, text: str) -> Decorator:
     return click.option(
-        f"--{name}", name, type=float, callback=_collect, expose_value=False, help=text
+        f"--{name}", f"{PREFIX}{name}", type=float, callback=_collect, expose_value=False, help=text
     )
 
 
 drive_options = combined(
     click.option(
         "--drive",
+        f"{PREFIX}choice",
         metavar="KIND|FILE",
         callback=_collect,
         expose_value=False,
@@ -76,7 +78,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
         the drive's is left alone.
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
-    choice = given.pop("drive", "sine")
+    choice = given.pop("choice", "sine")
     for name in varied or {}:
         if name in given:
             raise click.UsageError(f"--{name} is what is varied; leave it out")

@@ -66,7 +66,6 @@ def command(
     """
     import mems_impact as mi
     from mems_impact.cli.output import Output
-    from mems_impact.errors import RunInterrupted
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
@@ -84,11 +83,11 @@ def command(
             options=options,
             progress=True,
         )
-    except (mi.RunError, RunInterrupted) as error:
+    except (mi.RunError, mi.RunInterrupted) as error:
         if not isinstance(error.trajectory, mi.Run):
             raise
         _write(files, error.trajectory)
-        if isinstance(error, RunInterrupted):
+        if isinstance(error, mi.RunInterrupted):
             say(f"interrupted after {error.periods:.1f} forcing periods; {files.said()}")
             ctx.exit(INTERRUPTED)
         say(f"{error}; up to there, {files.said()}")

@@ -25,6 +25,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
 ROLES = ("rate", "approach", "length")
+SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
@@ -212,6 +213,7 @@ class _Walker:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
                 after = monitors(shooting, following, ahead)
                 found = self._locate(shooting, point, along, length, before, after)
+                closed = found.lost is None and self._closed(shooting, point, along, length)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
@@ -254,7 +256,7 @@ class _Walker:
                 self._append(shooting, point, along, piece)
                 yield self.branch.points[-1]
                 continue
-            if self._closed(shooting, following):
+            if closed:
                 self.branch.ended = "the branch closed upon itself"
                 return
             point, along, before = following, ahead, after
@@ -278,14 +280,20 @@ class _Walker:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
         self.branch.points.append(found)
 
-    def _closed(self, shooting: Shooting, point: Point) -> bool:
-        """Return whether the branch is back at its first point."""
-        first = self.branch.points[0].orbit
-        if len(self.branch.points) < 20 or first.segments != shooting.segments:
+    def _closed(self, shooting: Shooting, point: Point, along: Floats, length: float) -> bool:
+        """Return whether the first point of the branch lies within the step from `point`."""
+        first = self.branch.points[0]
+        if len(self.branch.points) < 5 or first.orbit.segments != shooting.segments:
             return False
-        here = np.append(point.unknowns, point.values)
-        there = np.append(first.point.unknowns, self.branch.points[0].value)
-        return bool(np.abs(here - there).max() < self.steps.initial)
+        here = np.append(point.unknowns, point.values[0])
+        there = np.append(first.orbit.point.unknowns, first.value)
+        position = float((there - here) @ along)
+        if not 0.0 < position <= length or along @ first.direction < 0.5:
+            return False
+        # The branch is curved: what lies across the step counts, once it is corrected.
+        again, _ = correct(shooting, here + position * along, along)
+        passed = np.append(again.unknowns, again.values[0])
+        return bool(np.abs(passed - there).max() < SAME)
 
     def _finish(self, shooting: Shooting, point: Point, beyond: Point, piece: int) -> None:
         """Put the last orbit at the bound, which lies between `point` and `beyond`."""

@@ -110,7 +110,7 @@ def _callees(function: Callable[..., Any]) -> list[FunctionType]:
         named += [getattr(module, name, None) for name in code.co_names]
     functions = [value for value in named if isinstance(value, FunctionType)]
     libraries = ("numpy", "numba", "math")
-    return [f for f in functions if f.__module__.split(".")[0] not in libraries]
+    return [f for f in functions if (f.__module__ or "").split(".")[0] not in libraries]
 
 
 def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:

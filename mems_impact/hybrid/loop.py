@@ -152,6 +152,8 @@ def advance(
         quota -= 1
         s.steps += 1
         s.arc_steps += 1
+        if status == arc.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
+            status = arc.STOPPED  # the last step has ended at the switch already
         if status == arc.CLOSE_ROOTS and s.arc_steps > 1:
             arc.state(engine, y)
             note(s, s.t, REBASE, 0, s.mode, y, y, buffers)
@@ -383,7 +385,13 @@ def complete_chatter(
         middle[i] = y[i] + 0.5 * remaining * slope[i]
     arc.flow(engine, s.mode, t + 0.5 * remaining, middle, slope)
     for i in range(y.size):
+        middle[i] = y[i]
         y[i] += remaining * slope[i]
+    if violated(engine, s.mode, t + remaining, y, layout, buffers) != NONE:
+        # The arc would have ended before, as the slip of a frame that friction stops: this mode's
+        # flow must not carry the state beyond. What it moves in so short a time is left to the arc.
+        for i in range(y.size):
+            y[i] = middle[i]
     s.t = t + remaining
     s.hit_guard = NONE
     note(s, s.t, ACCUMULATION, guard, mode, past, y, buffers)

@@ -50,7 +50,7 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
     if doubling is not None:
         notes.append(f"PD: f = {doubling.value:.9f}")
         try:
-            twice = found.double(doubling, (LOW, HIGH))
+            twice = found.double(doubling, (LOW if fold is None else fold.value, HIGH))
             again = [s.value for s in twice.special_points if s.label == "PD"]
             values["6.doubling"] = bool(
                 fold is not None and again and fold.value < max(again) < doubling.value < HIGH

@@ -268,6 +268,8 @@ def test_damaged_file_loads_right_or_is_refused(tmp_path_factory, data):
         message = str(error)
     else:
         message = str(path)
-        assert dict(actuator) == tomllib.loads(path.read_text("utf-8-sig"))["parameters"]
+        content = tomllib.loads(path.read_text("utf-8-sig"))
+        units = content.get("units", "dimensionless")
+        assert dict(actuator) == {**content["parameters"], "units": units}
     assert str(path) in message
     assert "\n" not in message

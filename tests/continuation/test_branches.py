@@ -33,7 +33,9 @@ def test_special_points_at_half_from_either_side(name):
     assert all(0.1 <= point.value <= 0.3 for point in branch.points)
     last = 0.3 if name == "from rest" else 0.1
     assert branch.points[-1].value == pytest.approx(last, abs=1e-14)
-    assert all(point.orbit.admissible for point in branch.points)
+    # At the grazing itself the sign of the impact's speed is one of rounding.
+    away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
+    assert all(point.orbit.admissible for point in away)
     assert {point.piece for point in branch.points} == {0, 1}
 
 

@@ -26,7 +26,7 @@ def test_types_of_the_paper(omega, expected):
     assert grazing_type(found.orbit, found.monitor) == expected
 
 
-@pytest.mark.parametrize("e", [0.8, 0.2, 0.05])
+@pytest.mark.parametrize("e", [0.8, 0.05])
 def test_sequence_is_that_of_the_monodromy_matrix(e):
     """xi_k is proportional to (M^k)_12, and positive multiples of it, whatever the rebound.
 

@@ -107,7 +107,9 @@ def pressed_for_long(seed: int, small: bool) -> Result:
     case = Case("", zhao(), judged_spec(), (0, 0, 0, 0), 0.0, 10.0, TIGHT)
     findings += judged("", [case], least=0.9).findings
     ratio = max(times[-3:]) / min(times[:3])
-    figures = f"{cycles} cycles, rests {resting:.2f} of the time, {sum(times) / cycles * 1e3:.2f} ms "
+    figures = (
+        f"{cycles} cycles, rests {resting:.2f} of the time, {sum(times) / cycles * 1e3:.2f} ms "
+    )
     figures += f"a cycle, last tenths over first {ratio:.2f}, in ten parts {apart:.0e} apart"
     return Result("pressed for most of a cycle", cycles, figures, findings)
 

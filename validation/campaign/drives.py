@@ -120,9 +120,7 @@ def sine(amplitude: float, omega: float, bias: float = 0.0, phase: float = 0.0) 
     return lambda _: (source, math.inf)
 
 
-def two_tones(
-    bias: float, a1: float, omega: float, a2: float, times: int, phase: float
-) -> Wave:
+def two_tones(bias: float, a1: float, omega: float, a2: float, times: int, phase: float) -> Wave:
     source = Source(bias=bias, a1=a1, w1=omega, a2=a2, w2=times * omega, f2=phase)
     return lambda _: (source, math.inf)
 

@@ -67,7 +67,9 @@ def broken_bytes(rng: np.random.Generator, text: str) -> bytes:
         elif how == 4:
             del raw[at:]
         else:
-            raw[at:at] = rng.choice([b"\n", b"=", b"[", b"]", b'"', b"#", b".", b"\xef\xbb\xbf", b"-"])
+            raw[at:at] = rng.choice(
+                [b"\n", b"=", b"[", b"]", b'"', b"#", b".", b"\xef\xbb\xbf", b"-"]
+            )
         if not raw:
             break
     return bytes(raw)

@@ -212,14 +212,18 @@ class Judge:
         self.take_piece(t_start)
         self.settle(t_start, allow_slip=True)
         self.strike_if_outside(t_start)
-        notes, stops = [], sorted({*grid, t_end})
+        noted, notes = set(grid), []
+        stops = noted | {t_end}
+        if noise > 0.0:
+            swing = 2.0 * math.pi * math.sqrt(self.p["m2"] / self.p["k"])
+            stops |= set(np.arange(t_start, t_end, max(0.25 * swing, (t_end - t_start) / 2000)))
         complete = True
         try:
-            for stop in stops:
+            for stop in sorted(stops):
                 self.advance(stop)
-                if stop in grid:
+                if stop in noted:
                     notes.append(state.copy())
-                    self.shake()
+                self.shake()
         except Unable:
             complete = False
         return Verdict(self.rows, state.copy(), np.array(notes), 0.0, complete)
@@ -346,4 +350,4 @@ class Judge:
             y[1] = 0.0
         self.last = None
         self.settle(t)
-        self.note(REST, before)
+        self.rows.append(Row(REST, t + rest, before, y.copy()))

@@ -70,7 +70,9 @@ def ramp(seed: int, small: bool) -> Result:
         findings.append(f"late by {late}, powers {powers}")
     if abs(limit) > 2e-4:
         findings.append(f"in the limit the ramp crosses {limit:+.1e} beside the threshold")
-    figures = f"late by {late[0]:.1e} to {late[-1]:.1e}, power {powers[-1]:.3f} (2/3), limit {limit:+.0e}"
+    figures = (
+        f"late by {late[0]:.1e} to {late[-1]:.1e}, power {powers[-1]:.3f} (2/3), limit {limit:+.0e}"
+    )
     return Result("pull-in, slow ramp", len(rates), figures, findings)
 
 

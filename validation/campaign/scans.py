@@ -85,7 +85,9 @@ def grazes(seed: int, small: bool) -> Result:
     if deepest > 1e-9 * 0.4:
         findings.append(f"penetration {deepest:.1e}")
     figures = f"missed {missed}, doubled {doubled}, deepest {deepest:.1e}, "
-    return Result("grazes 1e-2 to 1e-12", tried, figures + f"time error {worst:.1e}/sqrt(depth)", findings)
+    return Result(
+        "grazes 1e-2 to 1e-12", tried, figures + f"time error {worst:.1e}/sqrt(depth)", findings
+    )
 
 
 def impact_at_slip_end(seed: int, small: bool) -> Result:

@@ -143,7 +143,7 @@ class Custom(Drive):
 
     def _probed(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
         waveform = self.voltage if name == "function" else self.voltage_rate
-        q = self.parameters()
+        q: Any = self.parameters().tolist()  # NumPy would warn where Python raises
         what = getattr(self, name).__name__
         try:
             values = np.array([float(waveform(t, q)) for t in times.tolist()])

@@ -7,11 +7,11 @@ from typing import Self
 
 from pydantic import model_validator
 
-from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
 from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter, shown
 
-__all__ = ["Pulse"]
+__all__ = ["Pulse", "pulse"]
 
 
 class Pulse(PiecewiseDrive):
@@ -61,13 +61,14 @@ class Pulse(PiecewiseDrive):
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
-        if not self.width < self.period:
+        slack = ROUNDING * self.period
+        if not slack < self.width < self.period:
             allowed = f"> 0 and below the period = {shown(self.period)}"
             raise InvalidParameter("width", self.width, allowed)
-        if not self.rise <= self.width:
+        if not self.rise <= self.width + slack:
             allowed = f"between 0 and the width = {shown(self.width)}"
             raise InvalidParameter("rise", self.rise, allowed)
-        if not self.width + self.fall <= self.period:
+        if not self.width + self.fall <= self.period + slack:
             rest = shown(self.period - self.width)
             raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {rest}")
         return self
@@ -87,14 +88,15 @@ class Pulse(PiecewiseDrive):
 def pulse(
     low: float, top: float, period: float, *, width: float, rise: float, fall: float
 ) -> list[Piece]:
-    """Return the pieces of one pulse; a flank or a flat part that takes no time is left out."""
+    """Return the pieces of one pulse; a part that takes no time, but for rounding, is left out."""
+    slack = ROUNDING * period
     pieces = []
-    if rise > 0.0:
+    if rise > slack:
         pieces.append(Piece(0.0, low, (top - low) / rise))
-    if rise < width:
-        pieces.append(Piece(rise, top))
-    if fall > 0.0:
+    if rise < width - slack:
+        pieces.append(Piece(rise if rise > slack else 0.0, top))
+    if fall > slack:
         pieces.append(Piece(width, top, (low - top) / fall))
-    if width + fall < period:
-        pieces.append(Piece(width + fall, low))
+    if width + fall < period - slack:
+        pieces.append(Piece(width + fall if fall > slack else width, low))
     return pieces

@@ -19,6 +19,7 @@ from mems_impact.errors import InvalidParameter, shown
 __all__ = ["Sampled"]
 
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
+CLOSEST = 1e-9  # of the record: samples closer than this are one
 BEND = 0.25  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
@@ -115,8 +116,9 @@ class Sampled(PiecewiseDrive):
         if len(times) != len(voltages):
             allowed = f"as many as times, {len(times)}"
             raise InvalidParameter("number of voltages", len(voltages), allowed)
+        least = CLOSEST * (max(times) - min(times))
         for before, after in pairwise(times):
-            if not before < after:
+            if not after - before > least:
                 allowed = f"ascending, above the time before, {shown(before)}"
                 raise InvalidParameter("times", after, allowed)
         period, length = values.get("period"), times[-1] - times[0]

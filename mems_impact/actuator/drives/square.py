@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from annotated_types import Gt, Lt
 from pydantic import model_validator
 
-from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
 from mems_impact.actuator.drives.pulse import pulse
 from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter, shown
@@ -68,8 +68,10 @@ class Square(PiecewiseDrive):
         turn = 2.0 * math.pi / self.omega
         if not math.isfinite(turn):
             raise InvalidParameter("omega", self.omega, "large enough for a finite period")
+        if not min(self.duty, 1.0 - self.duty) > ROUNDING:
+            raise InvalidParameter("duty", self.duty, "a finite number > 0 and < 1")
         longest = min(self.duty, 1.0 - self.duty) * turn
-        if not self.rise <= longest:
+        if not self.rise <= longest + ROUNDING * turn:
             allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
         return self
@@ -92,9 +94,9 @@ class Square(PiecewiseDrive):
         """Return rise, top, fall and bottom; the first half of them if v^2 repeats in the other."""
         low, top, rise, period = self.low, self.amplitude, self.rise, self.period
         if not self._mirrored:
-            width = self.duty * period
-            # Rounding must not push the end of the fall beyond the period.
-            fall = min(rise, period - width)
-            return pulse(low, top, period, width=width, rise=min(rise, width), fall=fall)
-        pieces = [Piece(0.0, low, (top - low) / rise)] if rise > 0.0 else []
-        return pieces + ([Piece(rise, top)] if rise < period else [])
+            return pulse(low, top, period, width=self.duty * period, rise=rise, fall=rise)
+        slack = ROUNDING * period
+        pieces = [Piece(0.0, low, (top - low) / rise)] if rise > slack else []
+        if rise < period - slack:
+            pieces.append(Piece(rise if pieces else 0.0, top))
+        return pieces

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Lt
 from pydantic import model_validator
 
-from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
 from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -67,13 +67,15 @@ class Trapezoid(PiecewiseDrive):
     def pieces(self) -> list[Piece]:
         """Return crest and fall, and their mirror images if there is a bias."""
         turn = 2.0 * math.pi / self.omega
+        slack = ROUNDING * turn
         crest, flank = 0.5 * self.flat * turn, 0.5 * (1.0 - self.flat) * turn
         top, bottom = self.bias + self.amplitude, self.bias - self.amplitude
-        slope = (top - bottom) / flank
-        pieces = [Piece(0.0, top)] if crest > 0.0 else []
-        pieces.append(Piece(crest, top, -slope))
-        if self.bias != 0.0:
-            half = 0.5 * turn
-            pieces += [Piece(half, bottom)] if crest > 0.0 else []
-            pieces.append(Piece(half + crest, bottom, slope))
+        pieces = []
+        halves = [(0.0, top, bottom), (0.5 * turn, bottom, top)]
+        for start, before, after in halves if self.bias != 0.0 else halves[:1]:
+            if crest > slack:
+                pieces.append(Piece(start, before))
+            if flank > slack:
+                begin = start + crest if crest > slack else start
+                pieces.append(Piece(begin, before, (after - before) / flank))
         return pieces

@@ -1,0 +1,164 @@
+"""Drives from TOML and CSV files."""
+
+import contextlib
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+FILES = {
+    "sine": ('kind = "sine"\namplitude = 0.2\nomega = 0.5\nphase = 1', mi.Sine),
+    "square": ('kind = "square"\namplitude = 0.2\nomega = 0.5\nduty = 0.3', mi.Square),
+    "pulse": ('kind = "pulse"\namplitude = 0.2\nperiod = 10\nwidth = 3', mi.Pulse),
+    "trapezoid": ('kind = "trapezoid"\namplitude = 0.2\nomega = 0.5', mi.Trapezoid),
+    "sampled": ('kind = "sampled"\nfile = "wave.csv"\nphase = 0.5', mi.Sampled),
+    "record": ('kind = "sampled"\ntimes = [0, 1, 2]\nvoltages = [0, 1, 0.5]', mi.Sampled),
+    "burst": ('kind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
+              "amplitude = 0.2\nomega = 1", mi.Burst),
+    "two-sided": ('kind = "two-sided"\n[drive.right]\nkind = "sine"\namplitude = 0.2\nomega = 1\n'
+                  '[drive.left]\nkind = "sine"\namplitude = 0.1\nomega = 1', mi.TwoSided),
+    "custom": ('kind = "custom"\nsource = "wave.py"\nperiod = 3.141592653589793\n'
+               "values = {top = 0.2}", mi.Custom),
+}  # fmt: skip
+
+CODE = """
+import math
+def voltage(t, q):
+    return q[0] * math.cos(t)
+def voltage_rate(t, q):
+    return -q[0] * math.sin(t)
+"""
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wave.csv").write_text("time, voltage\n0, 0\n# noise\n1, 1\n2, 0.5\n")
+    (tmp_path / "wave.py").write_text(CODE)
+    return tmp_path
+
+
+def written(folder, text, name="drive.toml"):
+    (folder / name).write_text(text)
+    return folder / name
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_load(folder, name):
+    text, kind = FILES[name]
+    drive = mi.load_drive(written(folder, f'name = "x"\n[drive]\n{text}\n'))
+    assert type(drive) is kind
+    assert mi.load_drive(str(folder / "drive.toml")).period == drive.period
+
+
+def test_the_values_arrive(folder):
+    drive = mi.load_drive(written(folder, "[drive]\n" + FILES["burst"][0]))
+    assert drive == mi.Burst(wave=mi.Sine(amplitude=0.2, omega=1), on=3, off=2)
+    custom = mi.load_drive(written(folder, "[drive]\n" + FILES["custom"][0]))
+    assert custom.value([0.0, math.pi]).tolist() == [0.2, -0.2]
+    run = mi.simulate(mi.load_actuator("zhao2004"), custom, 1)
+    sine = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=1), 1)
+    assert run.final.x2 == pytest.approx(sine.final.x2, abs=1e-12)
+
+
+def test_csv(folder):
+    drive = mi.load_drive("wave.csv")
+    assert drive.times == (0.0, 1.0, 2.0)
+    assert drive.voltages == (0.0, 1.0, 0.5)
+    assert drive.period == pytest.approx(3.0)
+    for text in (
+        "0 0\n1 1\n2 .5",
+        "0;0\n1;1\n2;.5",
+        "\n0\t0\n1\t1\n2\t.5\n\n",
+        "t v\n0 0\n1 1\n2 .5",
+    ):
+        assert mi.load_drive(written(folder, text, "other.txt")) == drive
+
+
+def test_a_device_file_may_hold_the_drive(folder):
+    device = mi.load_actuator("zhao2004")
+    lines = [f"{name} = {value}" for name, value in device if name != "units"]
+    text = "[parameters]\n" + "\n".join(lines) + "\n[drive]\n" + FILES["sine"][0]
+    path = written(folder, text)
+    assert mi.load_actuator(path) == device
+    assert mi.load_drive(path) == mi.Sine(amplitude=0.2, omega=0.5, phase=1)
+
+
+BAD = {
+    "": ["holds no table [drive]"],
+    "drive = 3": ["holds no table [drive]"],
+    "[drive]\n": ["kind", "missing", "sine, square"],
+    '[drive]\nkind = "sinus"': ["kind = 'sinus'", "sine, square"],
+    "[drive]\nkind = 3": ["kind = 3"],
+    "[drive]\nkind = []": ["kind"],
+    '[drive]\nkind = "sine"\namplitude = 1\nomga = 1': ["omga", "did you mean omega?"],
+    '[drive]\nkind = "sine"\namplitude = "1"\nomega = 1': ["amplitude", "finite number"],
+    '[drive]\nkind = "sine"\namplitude = 1\nomega = nan': ["omega", "finite number"],
+    'kind = "sine"\n[drive]': ["kind", "in the table [drive]"],
+    '[drive]\nkind = "burst"\non = 1\noff = 1\nwave = 3': ["wave = 3", "a drive"],
+    '[drive]\nkind = "burst"\non = 1\noff = 1\n[drive.wave]\nkind = "sine"\nomega = 1': [
+        "wave.amplitude", "missing"],
+    '[drive]\nkind = "sampled"\nfile = "none.csv"': ["none.csv", "no such file"],
+    '[drive]\nkind = "sampled"\nfile = 3': ["file = 3", "CSV"],
+    '[drive]\nkind = "sampled"\nfile = "wave.csv"\ntimes = [1]': ["times", "file, period or phase"],
+    '[drive]\nkind = "custom"': ["source", "Python file"],
+    '[drive]\nkind = "custom"\nsource = "none.py"': ["none.py", "no such file"],
+    '[drive]\nkind = "custom"\nsource = "empty.py"': ["empty.py", "no function voltage"],
+    '[drive]\nkind = "custom"\nsource = "broken.py"': ["broken.py", "SyntaxError"],
+    "[drive": ["not valid TOML"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", BAD, ids=range(len(BAD)))
+def test_bad_files(folder, text):
+    (folder / "empty.py").write_text("")
+    (folder / "broken.py").write_text("def")
+    with pytest.raises((mi.InvalidFile, mi.InvalidParameter)) as caught:
+        mi.load_drive(written(folder, text))
+    message = str(caught.value)
+    assert "\n" not in message
+    for word in BAD[text]:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "a list of 3"),
+        ("0 0\n1 1\n", "a list of 3"),
+        ("0 0\n1 x\n2 0", "line 2 holds 'x'"),
+        ("0 0\n1 nan\n2 0", "line 2 holds 'nan'"),
+        ("0 0\n1 1 1\n2 0", "line 2 holds 3 columns"),
+        ("0 0\n2 1\n1 0", "ascending"),
+        ("a b\nc d\n", "line 2 holds 'c'"),
+        ("\x00\x01", "a list of 3"),
+        (b"\xff\xfe0", "not UTF-8"),
+    ],
+)
+def test_bad_csv(folder, text, words):
+    (folder / "bad.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises((mi.InvalidFile, mi.InvalidParameter)) as caught:
+        mi.load_drive("bad.csv")
+    assert words in str(caught.value)
+    assert "bad.csv" in str(caught.value)
+
+
+@pytest.mark.parametrize("path", [3, b"x.toml", None, "", "none.toml", "\0", "."])
+def test_bad_paths(folder, path):
+    with pytest.raises((mi.InvalidFile, mi.InvalidParameter)):
+        mi.load_drive(path)
+
+
+def test_fuzzed_bytes(folder):
+    """Whatever the bytes are, it is a drive or one of the two errors."""
+    text = ("[drive]\n" + FILES["burst"][0]).encode()
+    generator = np.random.default_rng(7)
+    for _ in range(300):
+        raw = bytearray(text)
+        for _ in range(generator.integers(1, 4)):
+            raw[generator.integers(len(raw))] = generator.integers(256)
+        (folder / "fuzz.toml").write_bytes(bytes(raw))
+        with contextlib.suppress(mi.InvalidFile, mi.InvalidParameter):
+            assert isinstance(mi.load_drive(folder / "fuzz.toml"), mi.Drive)

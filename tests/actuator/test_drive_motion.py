@@ -1,0 +1,316 @@
+"""Motion under drives that switch, pull from both sides, or are off for a while."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
+from tests.judges.judge_dop853 import LEFT, RIGHT, Judge
+
+ZHAO = mi.load_actuator("zhao2004")
+FINE = mi.Options(rtol=1e-12, atol=1e-13)
+SHARP = mi.Options(rtol=1e-10, atol=1e-12)
+KICK = mi.State(v2=0.5)
+
+
+class Switching(Judge):
+    """The judge, arc by arc between given borders; `segments` is (end, right, left) of a period.
+
+    `right` and `left` are the voltages there as functions of the time since the period began.
+    """
+
+    def __init__(self, actuator, period, segments):
+        p = {name: getattr(actuator, name) for name in mi.Actuator.model_fields if name != "units"}
+        super().__init__(p, (0.0, 1.0, 0.0))
+        self.period, self.segments = period, segments
+        self.begin, self.right, self.left = 0.0, None, None
+
+    def load(self, t, y):
+        p, u = self.p, t - self.begin
+        pull = (self.right(u) / (p["d"] - y[2])) ** 2 - (self.left(u) / (p["d"] + y[2])) ** 2
+        return p["k"] * y[2] + p["c"] * y[3] - p["alpha"] * pull
+
+    def run_periods(self, start, periods):
+        y, rows = np.array(start, dtype=float), []
+        for cycle in range(periods):
+            t = self.begin = cycle * self.period
+            for end, right, left in self.segments:
+                self.right, self.left = right, left
+                border = self.begin + end
+                self.settle(t, y)
+                while t < border:
+                    kind, t, y = self.arc(t, y, border)
+                    if kind is None:
+                        break
+                    self.transit(kind, t, y)
+                    rows.append((kind, t, y.copy()))
+                t = border
+        return rows, y
+
+
+def off(_):
+    return 0.0
+
+
+def against_the_judge(drive, segments, periods, actuator=ZHAO, v2=0.5):
+    judge = Switching(actuator, drive.period, segments)
+    rows, final = judge.run_periods((0.0, 0.0, 0.0, v2), periods)
+    run = mi.simulate(actuator, drive, periods, initial=mi.State(v2=v2), options=FINE)
+    hits = [row for row in rows if row[0] in (RIGHT, LEFT)]
+    mine = run.impacts
+    assert len(mine) == len(hits) > periods / 2
+    times = mine["period"] * drive.period + mine["time"]
+    np.testing.assert_allclose(times, [row[1] for row in hits], rtol=0, atol=1e-8)
+    after = mine[["x1", "v1 after", "v2 after"]]
+    np.testing.assert_allclose(after, [row[2][[0, 1, 3]] for row in hits], rtol=0, atol=1e-8)
+    ours = [run.final.x1, run.final.v1, run.final.x2, run.final.v2]
+    np.testing.assert_allclose(ours, final, rtol=0, atol=1e-8)
+    return run
+
+
+def test_square_against_an_independent_integration():
+    drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
+    segments = [(0.3 * drive.period, lambda _: 0.3, off), (drive.period, off, off)]
+    run = against_the_judge(drive, segments, 50)
+    assert run.statistics["impacts per period"] == 1.0
+
+
+def test_pulses_with_flanks_against_an_independent_integration():
+    drive = mi.Pulse(amplitude=0.35, period=12.0, width=3.8, rise=0.5, fall=1.0, low=0.05)
+    segments = [
+        (0.5, lambda u: 0.05 + 0.6 * u, off),
+        (3.8, lambda _: 0.35, off),
+        (4.8, lambda u: 0.35 - 0.3 * (u - 3.8), off),
+        (12.0, lambda _: 0.05, off),
+    ]
+    against_the_judge(drive, segments, 12)
+
+
+def test_both_sides_against_an_independent_integration():
+    """Long slips, both ways."""
+    actuator = ZHAO.replace(mu_s=0.05, mu_d=0.04)
+    right = mi.Pulse(amplitude=0.36, period=9.0, width=3.0)
+    left = mi.Pulse(amplitude=0.34, period=9.0, width=2.25, phase=math.pi)
+    segments = [
+        (3.0, lambda _: 0.36, off),
+        (4.5, off, off),
+        (6.75, off, lambda _: 0.34),
+        (9.0, off, off),
+    ]
+    run = against_the_judge(mi.TwoSided(right=right, left=left), segments, 5, actuator)
+    assert set(run.impacts["stopper"]) == {"left", "right"}
+
+
+@pytest.mark.parametrize("phase", [0.3, 1.0, 3.0, 5.9])
+def test_a_phase_is_a_later_start(phase):
+    """Switches in the middle of the period; none at its end."""
+    drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3, phase=phase)
+    ahead = phase / drive.omega
+    plain = drive.replace(phase=0.0)
+    turned = mi.simulate(ZHAO, drive, 6, initial=KICK, options=SHARP)
+    start = mi.State(v2=0.5, time=ahead)
+    later = mi.simulate(ZHAO, plain, 6, initial=start, options=SHARP)
+    assert len(turned.impacts) == len(later.impacts) > 3
+    for name in ("x1", "v1", "x2", "v2"):
+        assert getattr(turned.final, name) == pytest.approx(getattr(later.final, name), abs=1e-8)
+    counts = turned.events["event"].value_counts()
+    assert counts["drive switches"] == 12
+
+
+def swapped(run):
+    return run.final.x1, run.final.v1, run.final.x2, run.final.v2
+
+
+PAIRS = {
+    "pulses": (mi.Pulse(amplitude=0.33, period=12, width=4),
+               mi.Pulse(amplitude=0.2, period=12, width=3, rise=0.3, phase=2.0)),
+    "sine against nothing": (mi.Sine(amplitude=0.24, omega=0.5), mi.Sine(amplitude=0, omega=0.5)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_mirrored_voltages_give_mirrored_motion(name):
+    right, left = PAIRS[name]
+    one = mi.simulate(ZHAO, mi.TwoSided(right=right, left=left), 60, initial=KICK, options=SHARP)
+    other = mi.simulate(
+        ZHAO, mi.TwoSided(right=left, left=right), 60, initial=mi.State(v2=-0.5), options=SHARP
+    )
+    assert len(one.impacts) == len(other.impacts) > 30
+    np.testing.assert_allclose(swapped(one), -np.array(swapped(other)), rtol=0, atol=1e-9)
+    columns = ["v1 before", "v1 after", "v2 before", "v2 after", "x1"]
+    np.testing.assert_allclose(one.impacts[columns], -other.impacts[columns], rtol=0, atol=1e-9)
+    assert one.final.x1 > 1e-3
+    assert other.final.x1 < -1e-3
+
+
+def test_half_a_period_later_on_the_other_side():
+    """Right at phase 0 and left half a period later, then the other way round."""
+    pulse = mi.Pulse(amplitude=0.33, period=12, width=4)
+    half = pulse.replace(phase=math.pi)
+    weak, weak_half = pulse.replace(amplitude=0.1), half.replace(amplitude=0.1)
+    one = mi.simulate(ZHAO, mi.TwoSided(right=pulse, left=weak_half), 40, initial=KICK)
+    start = mi.State(v2=-0.5, time=6.0)
+    other = mi.simulate(ZHAO, mi.TwoSided(right=weak, left=half), 40, initial=start)
+    np.testing.assert_allclose(swapped(one), -np.array(swapped(other)), rtol=0, atol=1e-7)
+    assert one.statistics["displacement per period"] > 1e-4
+    assert other.statistics["displacement per period"] < -1e-4
+
+
+def test_two_sided_with_nothing_on_the_left_is_one_sided():
+    sine = mi.Sine(amplitude=0.24, omega=0.5)
+    pair = mi.TwoSided(right=sine, left=sine.replace(amplitude=0.0))
+    one = mi.simulate(ZHAO, sine, 30, initial=KICK)
+    two = mi.simulate(ZHAO, pair, 30, initial=KICK)
+    assert pair.period == sine.period
+    np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-12)
+
+
+def test_resting_on_the_left_stopper():
+    """Held by its own electrode, released where the voltage falls to what the spring needs."""
+    holding = math.sqrt(ZHAO.k * ZHAO.delta / ZHAO.alpha) * (ZHAO.d - ZHAO.delta)
+    left = mi.Pulse(amplitude=0.4, period=40.0, width=20.0, fall=10.0)
+    pair = mi.TwoSided(right=left.replace(amplitude=0.0), left=left)
+    run = mi.simulate(ZHAO, pair, 1, initial=mi.State(x2=-ZHAO.delta))
+    release = run.events[run.events["event"] == "release"].iloc[0]
+    assert release["mode before"] == "stuck-left"
+    assert release["time"] == pytest.approx(20.0 + 10.0 * (1.0 - holding / 0.4), abs=1e-11)
+
+
+@pytest.mark.parametrize("wave", ["sine", "square"])
+def test_after_a_burst_the_block_rings_down(wave):
+    drive = mi.Burst(wave=DRIVES[wave].replace(amplitude=0.15), on=4, off=6)
+    run = mi.simulate(ZHAO, drive, 1, options=FINE)
+    assert run.impacts.empty
+    end = run.events[run.events["event"] == "drive switches"].iloc[-1]
+    assert end["time"] == drive.length
+    decay = 0.5 * ZHAO.c / ZHAO.m2
+    damped = math.sqrt(ZHAO.k / ZHAO.m2 - decay**2)
+    samples = run.samples(1000)
+    ringing = samples[samples["t"] >= drive.length]
+    t = ringing["t"].to_numpy() - drive.length
+    a, b = end["x2"], (end["v2"] + decay * end["x2"]) / damped
+    exact = np.exp(-decay * t) * (a * np.cos(damped * t) + b * np.sin(damped * t))
+    assert math.hypot(a, b) > 0.01
+    np.testing.assert_allclose(ringing["x2"], exact, rtol=0, atol=1e-9)
+
+
+def test_a_burst_is_its_wave_while_it_lasts():
+    wave = mi.Square(amplitude=0.3, omega=0.5, duty=0.3, phase=1.0)
+    burst = mi.Burst(wave=wave, on=7, off=5)
+    plain = mi.simulate(ZHAO, wave, 6.5, initial=KICK, options=SHARP)
+    cut = mi.simulate(ZHAO, burst, 6.5 / 12, initial=KICK, options=SHARP)
+    assert len(plain.impacts) == len(cut.impacts) > 3
+    np.testing.assert_allclose(swapped(plain), swapped(cut), rtol=0, atol=1e-8)
+
+
+def test_no_burst_is_passed_over_after_a_long_pause():
+    """100 periods of silence: the longest step would be longer than the burst."""
+    wave = mi.Sine(amplitude=0.3, omega=1.0, phase=-math.pi / 2)
+    burst = mi.Burst(wave=wave, on=2, off=400)
+    at_rest = mi.simulate(ZHAO, burst, 3)
+    assert at_rest.samples(20000)["x2"].max() > 0.05
+    events = at_rest.events["event"].value_counts()
+    assert events["drive switches"] == 6  # the first period begins with one
+
+
+def sampled(knots, periods=2):
+    """A record of that many periods of v^2 of the sine."""
+    sine = mi.Sine(amplitude=0.24, omega=0.5)
+    times = np.arange(knots) * periods * sine.period / knots
+    return sine, mi.Sampled(times=times, voltages=sine.value(times))
+
+
+def test_a_sampled_sine_is_the_sine_to_the_interpolation_error():
+    errors = []
+    for knots in (50, 200, 800):
+        sine, record = sampled(knots)
+        exact = mi.simulate(ZHAO, sine, 20, initial=KICK, options=SHARP)
+        run = mi.simulate(ZHAO, record, 10, initial=KICK, options=SHARP)
+        assert len(run.impacts) == len(exact.impacts)
+        errors.append(abs(run.final.x2 - exact.final.x2) + abs(run.final.v2 - exact.final.v2))
+    # Between second order (at the crests) and third.
+    assert errors[1] < errors[0] / 8
+    assert errors[2] < errors[1] / 8
+    assert errors[2] < 1e-5
+
+
+def test_a_narrow_spike_in_a_record_is_not_passed_over():
+    """1/200 of the period, in a record of 4000 samples; the block rests and steps are long."""
+    times = np.linspace(0.0, 200.0, 4001)
+    voltages = 0.4 * np.exp(-(((times - 133.3) / 0.5) ** 2))
+    record = mi.Sampled(times=times, voltages=voltages)
+    run = mi.simulate(ZHAO, record, 1)
+    force = 0.16 * ZHAO.alpha / ZHAO.d**2 * 0.5 * math.sqrt(math.pi / 2.0)
+    assert 0 < len(record.switches) < 200
+    assert run.samples(4000)["v2"].max() == pytest.approx(force, rel=0.2)
+
+
+def test_custom_is_the_sine():
+    values = {"amplitude": 0.24, "omega": 0.5}
+    sine = mi.Sine(**values)
+    custom = mi.Custom(function=cosine, rate=cosine_rate, period=sine.period, values=values)
+    one, two = (mi.simulate(ZHAO, drive, 30, initial=KICK) for drive in (sine, custom))
+    np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-13)
+
+
+def test_custom_functions_of_the_same_name_are_told_apart():
+    """Compiled code is kept by the content of a function that has no module of its own."""
+    finals = []
+    for factor in (0.2, 0.1):
+        names: dict = {"math": math, "__name__": "__main__"}
+        code = "def wave(t, q): return {} * math.cos(t)\ndef rate(t, q): return -{} * math.sin(t)"
+        exec(code.format(factor, factor), names)
+        drive = mi.Custom(function=names["wave"], rate=names["rate"], period=math.pi)
+        finals.append(mi.simulate(ZHAO, drive, 0.5).final.x2)
+    assert finals[0] > 3.0 * finals[1] > 0.0
+
+
+@pytest.mark.parametrize(
+    "name", ["square with flanks", "sampled", "burst of pulses", "two-sided", "jumping custom"]
+)
+def test_engines_agree(name):
+    drive = DRIVES[name]
+    periods = min(2.0, 30.0 / drive.period)
+    runs = [
+        mi.simulate(ZHAO, drive, periods, initial=KICK, options=mi.Options(engine=engine))
+        for engine in ("compiled", "interpreted")
+    ]
+    assert list(runs[0].events["event"]) == list(runs[1].events["event"])
+    np.testing.assert_allclose(swapped(runs[0]), swapped(runs[1]), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", ["square with flanks", "burst of pulses", "two-sided", "custom"])
+def test_a_device_in_si_moves_as_the_dimensionless_one(name):
+    """Any scales will do: the drive is scaled with the device."""
+    from mems_impact.actuator.units import Scales
+
+    time, voltage = 2e-4, 300.0
+    length, mass = 2e-6, 1e-8
+    scales = Scales(
+        mass=mass, stiffness=mass / time**2, length=length,
+        alpha=mass / time**2 * length**3 / voltage**2, time=time, voltage=voltage,
+    )  # fmt: skip
+    device, drive = ZHAO.to_si(scales), DRIVES[name].scaled(1.0 / voltage, 1.0 / time)
+    periods = min(3.0, 60.0 / DRIVES[name].period)
+    plain = mi.simulate(ZHAO, DRIVES[name], periods, initial=KICK)
+    si = mi.simulate(device, drive, periods, initial=mi.State(v2=0.5 * length / time))
+    assert len(si.impacts) == len(plain.impacts)
+    assert si.final.x2 / length == pytest.approx(plain.final.x2, abs=1e-8)
+
+
+def test_a_sweep_over_the_duty():
+    square = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
+    table = mi.sweep(ZHAO, square, "duty", [0.05, 0.3], direction="up", transient=40, periods=5)
+    summary = mi.sweep_summary(table)
+    assert list(summary["duty"]) == [0.05, 0.3]
+    assert list(summary["impacting"]) == [False, True]
+
+
+def test_a_sweep_over_a_number_of_a_drive_within():
+    table = mi.sweep(
+        ZHAO, DRIVES["burst of pulses"], "wave.width", [2.0, 3.0], transient=1, periods=1
+    )
+    assert table.columns[0] == "wave.width"
+    assert set(table["status"]) == {"ok"}

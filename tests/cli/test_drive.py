@@ -1,0 +1,74 @@
+"""Drives from the command line."""
+
+import pandas as pd
+import pytest
+
+from mems_impact.actuator.drives import files
+from mems_impact.cli.drives import KINDS, NUMBERS
+
+SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
+BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
+BURST += "amplitude = 0.2\nomega = 1\n"
+
+
+def test_the_options_are_the_fields():
+    for kind, names in KINDS.items():
+        assert names == tuple(files.KINDS[kind].model_fields)
+    assert set(NUMBERS) == {name for names in KINDS.values() for name in names}
+
+
+def test_show_a_drive(cli, tmp_path):
+    done = cli("drive", "zhao2004", *SQUARE)
+    assert done.status == 0
+    assert "forcing period    12.5663706" in done.out
+    assert "3.76991118, 12.5663706" in done.out
+    assert "0 to 0.09" in done.out
+    assert (tmp_path / "out" / "drive.png").exists()
+
+
+def test_simulate_under_a_square(cli, tmp_path):
+    done = cli("simulate", "zhao2004", *SQUARE, "--periods", "3", "--no-figure")
+    assert done.status == 0
+    events = pd.read_csv(tmp_path / "out" / "simulate-events.csv")
+    assert (events["event"] == "drive switches").sum() == 6
+
+
+def test_sweep_over_the_duty(cli, tmp_path):
+    sweep = ["sweep", "zhao2004", *SQUARE[:-2], "--parameter", "duty", "--from", "0.2", "--to"]
+    sweep += ["0.3", "--points", "2", "--transient", "1", "--periods", "1", "--no-figure"]
+    assert cli(*sweep).status == 0
+    table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
+    assert set(table["duty"]) == {0.2, 0.3}
+    assert set(table["status"]) == {"ok"}
+
+
+def test_files(cli, tmp_path):
+    (tmp_path / "burst.toml").write_text(BURST)
+    (tmp_path / "wave.csv").write_text("0 0\n1 1\n2 0.5\n")
+    done = cli("drive", "zhao2004", "--drive", "burst.toml", "--no-figure")
+    assert "Burst" in done.out
+    done = cli("drive", "zhao2004", "--drive", "wave.csv", "--period", "4", "--no-figure")
+    assert "forcing period    4" in done.out
+
+
+WRONG = [
+    (["--drive", "sqare"], ["sqare", "neither a file"]),
+    (["--drive", "burst"], ["burst", "TOML"]),
+    (["--drive", "none.toml"], ["none.toml", "no such file"]),
+    (["--drive", "square", "--omega", "1"], ["missing option '--amplitude'"]),
+    ([*SQUARE, "--duty", "1"], ["duty = 1", "< 1"]),
+    ([*SQUARE, "--duty", "x"], ["--duty", "x"]),
+    ([*SQUARE, "--flat", "0.5"], ["--flat does not belong to a square"]),
+    ([*SQUARE, "--rise", "9"], ["rise = 9"]),
+    (["--drive", "burst.toml", "--duty", "0.3"], ["--duty", "wave.amplitude"]),
+]
+
+
+@pytest.mark.parametrize(("arguments", "named"), WRONG)
+def test_one_line_and_status_2(cli, tmp_path, arguments, named):
+    (tmp_path / "burst.toml").write_text(BURST)
+    done = cli("drive", "zhao2004", *arguments, "--no-figure")
+    assert done.status == 2
+    assert done.err.count("\n") == 1
+    for word in named:
+        assert word in done.err
