@@ -44,7 +44,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
+    """Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
 
     Boundaries are followed as curves of grazings and folds; where the device switches off in a
     crisis (type III), it is simulated. Writes boundaries, types and points as CSV tables and the
@@ -53,7 +53,7 @@ def command(
     \b
     Example:
       mems-impact chart zhao2004
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
 

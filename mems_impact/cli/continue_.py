@@ -60,7 +60,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Follow the periodic orbit that a run of DEVICE leads to over a parameter, stable or not.
+    """Follow the periodic orbit that a run of DEVICE leads to over a parameter, stable or not.
 
     Shows the grazings (G), cyclic folds (CF) and period doublings (PD) that it meets, and writes
     branch and special points as CSV tables and a bifurcation diagram.
@@ -68,7 +68,7 @@ def command(
     \b
     Example:
       mems-impact continue zhao2004 --parameter amplitude --from 0.24 --stop 0.16 --omega 0.5
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
 

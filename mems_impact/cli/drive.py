@@ -22,14 +22,14 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Show forcing period, switching times and force of a voltage on DEVICE.
+    """Show forcing period, switching times and force of a voltage on DEVICE.
 
     Draws voltage and force at x2 = 0 over one forcing period.
 
     \b
     Example:
       mems-impact drive zhao2004 --drive square --amplitude 0.3 --omega 0.5 --duty 0.3
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.cli.output import Output
     from mems_impact.plotting.drive import plot_drive, seen
 

@@ -43,7 +43,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Find the periodic orbit of DEVICE that a run from the initial state leads to.
+    """Find the periodic orbit of DEVICE that a run from the initial state leads to.
 
     Shows its state, stability, segments and impacts, and writes impacts, segments and one period
     of samples as CSV tables and the motion as a figure.
@@ -51,7 +51,7 @@ def command(
     \b
     Example:
       mems-impact orbit zhao2004 --amplitude 0.24 --omega 0.5
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
 

@@ -55,7 +55,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
+    """Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
 
     Shows the statistics and the first impacts, and writes the tables of impacts, events and
     statistics as CSV and the last periods of the motion as a figure.
@@ -63,7 +63,7 @@ def command(
     \b
     Example:
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
 

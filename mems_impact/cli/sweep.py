@@ -63,7 +63,7 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    r"""Vary a parameter of DEVICE or of its voltage slowly, each value from the state of the last.
+    """Vary a parameter of DEVICE or of its voltage slowly, each value from the state of the last.
 
     Upwards the first value starts at rest, downwards with a kick that strikes the stopper. Shows
     where impacts set in and where they cease, and writes the velocities on the Poincaré
@@ -72,7 +72,7 @@ def command(
     \b
     Example:
       mems-impact sweep zhao2004 --parameter amplitude --from 0.16 --to 0.24 --omega 0.5
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     import numpy as np
 
     import mems_impact as mi

@@ -29,7 +29,7 @@ from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
     metavar="FILE",
     help="Fail if a verdict is not the one in this table (verdicts.csv of an earlier run).",
 )
-@click.option("--workers", type=click.IntRange(1, 64), default=2, help="Threads.  [2]")
+@click.option("--workers", type=click.IntRange(1, 64), default=2, help="Processes.  [2]")
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -40,7 +40,7 @@ def command(
     expect: str | None,
     workers: int,
 ) -> None:
-    r"""Compute the figures of Zhao et al. (2004) and judge what the paper states about them.
+    """Compute the figures of Zhao et al. (2004) and judge what the paper states about them.
 
     Writes the figures (PNG and SVG), tables (CSV) and one report (HTML and Markdown) in which each
     statement of the paper stands beside the computed value and a verdict, by rules that were
@@ -49,7 +49,7 @@ def command(
     \b
     Example:
       mems-impact validate --figure 4 --quick
-    """
+    """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.cli.output import Output
     from mems_impact.validation.outcome import Effort
     from mems_impact.validation.suite import (
@@ -65,12 +65,13 @@ def command(
     Output(output, None, True, "validate")  # whether it can be written to, before the work
     report = run_suite(
         wanted,
+        output=output,
         effort=Effort(quick=quick, workers=workers),
-        progress=lambda number: say(f"figure {number}"),
+        processes=workers,
+        progress=lambda number: say(f"figure {number} done"),
     )
-    written = report.write(output)
     click.echo(str(report))
-    click.echo(f"written: {len(written)} files in {output}; read {output}/report.md first")
+    click.echo(f"written: {len(report.written)} files in {output}; read {output}/report.md first")
     if expected is not None:
         changes = changed_verdicts(report, expected)
         if changes:

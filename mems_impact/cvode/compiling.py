@@ -91,7 +91,11 @@ def identity(functions: Iterable[Callable[..., Any]]) -> str:
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
         numbers = [value for value in cells if isinstance(value, int | float | str)]
         code = function.__code__
-        name = (function.__module__, function.__qualname__, code.co_firstlineno, numbers)
+        text = (
+            code.co_code.hex(),
+            [str(value) for value in code.co_consts if not inspect.iscode(value)],
+        )
+        name = (function.__module__, function.__qualname__, text, numbers)
         digest.update(f"{name};".encode())
         if function not in seen:
             seen.add(function)

@@ -204,6 +204,10 @@ def callbacks() -> Callbacks:
             if math.isnan(values[i]) or math.isnan(values[m + i]):
                 return -1
             values[i] += bias[i]
+            # CVODE takes a zero at the end of a step for the root, and then overlooks one before
+            # it: the rate of a waveform that ends level, at a switch, is such a zero.
+            if values[m + i] == 0.0:
+                values[m + i] = 1e-300
         values[2 * m] = 1.0
         if handle.section >= 0:
             values[2 * m] = pointer(state)[handle.section] - handle.level

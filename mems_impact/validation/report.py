@@ -6,7 +6,6 @@ import html
 import math
 from collections.abc import Mapping, Sequence
 
-from mems_impact.validation.outcome import Outcome
 from mems_impact.validation.statements import Judgement, Value, Verdict
 
 __all__ = ["summary", "to_html", "to_markdown"]
@@ -46,27 +45,29 @@ def summary(judgements: Sequence[Judgement]) -> str:
 
 
 def to_markdown(
-    judgements: Sequence[Judgement], outcomes: Mapping[int, Outcome], effort: str
+    judgements: Sequence[Judgement], notes: Mapping[int, tuple[str, ...]], effort: str
 ) -> str:
     """Return the report in Markdown, for the directory in which the figures are."""
     lines = ["# The paper against the code", "", INTRODUCTION, "", f"Effort: {effort}.", ""]
     lines += [f"{summary(judgements)}.", ""]
-    for number, outcome in outcomes.items():
+    for number, remarks in notes.items():
         lines += [f"## {TITLES[number]}", "", f"![{TITLES[number]}](figure{number}.png)", ""]
         lines += ["| " + " | ".join(HEADINGS) + " |", "|" + "---|" * len(HEADINGS)]
         for row in _rows(judgements, number):
             lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |")
         lines.append("")
-        lines += [f"- {note}" for note in outcome.notes]
+        lines += [f"- {note}" for note in remarks]
         lines.append("")
     return "\n".join(lines)
 
 
-def to_html(judgements: Sequence[Judgement], outcomes: Mapping[int, Outcome], effort: str) -> str:
+def to_html(
+    judgements: Sequence[Judgement], notes: Mapping[int, tuple[str, ...]], effort: str
+) -> str:
     """Return the report as one HTML page, for the directory in which the figures are."""
     body = [f"<h1>The paper against the code</h1><p>{html.escape(INTRODUCTION)}</p>"]
     body.append(f"<p>Effort: {effort}.</p><p><b>{html.escape(summary(judgements))}.</b></p>")
-    for number, outcome in outcomes.items():
+    for number, remarks in notes.items():
         title = html.escape(TITLES[number])
         body.append(f'<h2>{title}</h2><img src="figure{number}.svg" alt="{title}">')
         body.append("<table><tr>" + "".join(f"<th>{h}</th>" for h in HEADINGS) + "</tr>")
@@ -75,8 +76,8 @@ def to_html(judgements: Sequence[Judgement], outcomes: Mapping[int, Outcome], ef
             cells = "".join(f"<td>{html.escape(cell)}</td>" for cell in row)
             body.append(f'<tr class="{kind}">{cells}</tr>')
         body.append("</table>")
-        notes = "".join(f"<li>{html.escape(note)}</li>" for note in outcome.notes)
-        body.append(f"<ul>{notes}</ul>" if notes else "")
+        listed = "".join(f"<li>{html.escape(note)}</li>" for note in remarks)
+        body.append(f"<ul>{listed}</ul>" if listed else "")
     return PAGE.format(body="\n".join(body))
 
 

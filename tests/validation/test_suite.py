@@ -23,23 +23,28 @@ QUICK = Effort(quick=True)
 
 
 @pytest.fixture(scope="module")
-def device_report():
-    return run_suite([3], effort=QUICK)
+def directory(tmp_path_factory):
+    return tmp_path_factory.mktemp("validation") / "new"
 
 
-def test_files_of_a_figure(device_report, tmp_path):
-    device_report.write(tmp_path / "new")
-    names = {path.name for path in (tmp_path / "new").iterdir()}
+@pytest.fixture(scope="module")
+def device_report(directory):
+    return run_suite([3], effort=QUICK, output=directory)
+
+
+def test_files_of_a_figure(device_report, directory):
+    names = {path.name for path in directory.iterdir()}
+    assert names == {Path(name).name for name in device_report.written}
     assert {"figure3.png", "figure3.svg", "figure3-displacement.csv", "verdicts.csv"} < names
-    markdown = (tmp_path / "new" / "report.md").read_text()
-    page = (tmp_path / "new" / "report.html").read_text()
+    markdown = (directory / "report.md").read_text()
+    page = (directory / "report.html").read_text()
     for text in (markdown, page):
         assert "two impacts in one excitation cycle" in text
         assert "3.displacement" in text
         assert "agrees" in text
-    table = pd.read_csv(tmp_path / "new" / "figure3-displacement.csv")
+    table = pd.read_csv(directory / "figure3-displacement.csv")
     assert table["displacement per impact [m]"].max() > 2e-8
-    rows = list(csv.DictReader((tmp_path / "new" / "verdicts.csv").open()))
+    rows = list(csv.DictReader((directory / "verdicts.csv").open()))
     assert [row["id"] for row in rows] == ["3.displacement", "3.two-impacts"]
 
 
@@ -64,6 +69,12 @@ def test_expected_verdicts_cover_all_statements():
     from mems_impact.validation.statements import load_statements
 
     assert set(expected_verdicts(EXPECTED)) == {s.id for s in load_statements()}
+
+
+def test_other_processes_give_the_same(device_report):
+    both = run_suite([2, 3], effort=QUICK, processes=2)
+    assert [j.statement.figure for j in both.judgements] == [2] * 5 + [3] * 2
+    assert both.judgements[-2:] == device_report.judgements
 
 
 def test_bad_input(tmp_path):

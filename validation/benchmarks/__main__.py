@@ -13,6 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from validation.benchmarks import (
     engines,
     figure4,
+    figure7,
     matched_error,
     report,
     startup,
@@ -26,6 +27,7 @@ TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "scipy": engines.against_scipy,
     "threads": threads.threads,
     "sweep": figure4.figure4,
+    "chart": figure7.figure7,
     "startup": startup.startup,
 }
 

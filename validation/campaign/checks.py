@@ -195,7 +195,7 @@ def rows_of(trajectory: Any) -> list[judges.Row]:
     """The package's events as the judge writes them."""
     rows = []
     events, period = trajectory.events, trajectory.period
-    for i in np.flatnonzero((events.kind <= loop.ACCUMULATION)):
+    for i in np.flatnonzero(events.kind <= loop.ACCUMULATION):
         kind = int(events.guard[i]) if events.kind[i] == loop.TRANSITION else judges.REST
         t = float(events.cycle[i] * period + events.time[i])
         rows.append(judges.Row(kind, t, events.before[i], events.after[i]))

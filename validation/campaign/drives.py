@@ -103,7 +103,7 @@ def straight(length: float, knots: list[tuple[float, ...]], lead: float = 0.0) -
     starts = np.array([knot[0] for knot in knots])
 
     def wave(t: float) -> tuple[Source, float]:
-        later = t + lead + 1e-11 * (length + abs(t))
+        later = t + lead + 1e-14 * (length + abs(t))
         cycle = math.floor(later / length)
         i = int(np.searchsorted(starts, later - cycle * length, side="right")) - 1
         end = starts[i + 1] if i + 1 < len(knots) else length
@@ -200,7 +200,7 @@ def burst(wave: Spec, on: float, off: float) -> Wave:
     inner, length, period = wave.wave(), on * one, (on + off) * one
 
     def result(t: float) -> tuple[Source, float]:
-        later = t + 1e-11 * (period + abs(t))
+        later = t + 1e-14 * (period + abs(t))
         cycle = math.floor(later / period)
         begin = cycle * period
         if later - begin >= length:

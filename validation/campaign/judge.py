@@ -64,7 +64,7 @@ class Piece:
 
     end: float
     right: Source
-    left: Source = Source()
+    left: Source = Source()  # noqa: RUF009 - immutable
 
 
 class Row(NamedTuple):

@@ -58,7 +58,8 @@ def _figures(outcomes: list[Outcome]) -> list[str]:
         f"- share of a run over which the two agree, mean: "
         f"{np.mean([o.horizon for o in outcomes]):.3f}; to the end in "
         f"{sum(o.horizon == 1.0 for o in outcomes)} runs; they part as runs of 3, 30, 300 "
-        f"tolerances' noise do in {', '.join(str(sum(o.gain == g for o in outcomes)) for g in GAINS)}",
+        f"tolerances' noise do in "
+        f"{', '.join(str(sum(o.gain == g for o in outcomes)) for g in GAINS)}",
         f"- deepest penetration, parts of the gap: {max(o.penetration for o in outcomes):.1e}",
         f"- momentum at an impact, worst: {max(o.momentum for o in outcomes):.1e}",
         f"- on both engines: {_sum(outcomes, 'engines')}",
