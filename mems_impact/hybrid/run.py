@@ -202,7 +202,8 @@ class _Run:
             ),
             loop.EVENT_BUDGET: (
                 f"one period held more than max_events = {options.max_events} events",
-                "raise max_events if so many events are expected",
+                "raise max_events if so many events are expected; a body that is pressed against a "
+                "stop never rests if its impacts lose nothing (restitution 1)",
             ),
             loop.CYCLING: (
                 f"more than {loop.MAX_SIMULTANEOUS} transitions in one instant",

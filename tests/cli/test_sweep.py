@@ -53,14 +53,21 @@ def test_failed_values_are_said(cli, monkeypatch):
 def test_interrupted_sweep_keeps_what_is_done(tmp_path):
     command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000"]
     sweep = subprocess.Popen(
-        [*command, "--output", str(tmp_path)], stderr=subprocess.PIPE, stdout=subprocess.PIPE
+        [*command, "--output", str(tmp_path)],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        # A shell that starts something in the background lets its children ignore interrupts.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     # The bar is on standard error once values are being done, after a second or more.
     shown = b""
     while b" values/s" not in shown and (more := sweep.stderr.read1()):
         shown += more
     sweep.send_signal(signal.SIGINT)
-    _, rest = sweep.communicate(timeout=60)
+    try:
+        _, rest = sweep.communicate(timeout=60)
+    finally:
+        sweep.kill()
     assert sweep.returncode == 130
     line = rest.decode().splitlines()[-1]
     assert line.startswith("mems-impact: interrupted after ")

@@ -181,8 +181,10 @@ def test_interpreted_engines_in_threads_leave_standard_output_alone():
     assert all(same(log, logs[0]) for log in logs)
 
 
+# A shell that starts something in the background lets it ignore interrupts, and so do its children.
 ENDLESS = """
-    import sys
+    import signal, sys
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path.insert(0, {root!r})
     from tests.hybrid.systems import STOP, TAU, simulate, stop
     p = stop(0.1, 1.0, 0.7, 0.8)
@@ -201,9 +203,12 @@ def test_an_interrupt_ends_a_long_run_and_keeps_it(engine):
         stderr=subprocess.PIPE,
         text=True,
     ) as process:
-        assert process.stdout.readline() == "running\n"
-        time.sleep(0.5)
-        assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=20)
+        try:
+            assert process.stdout.readline() == "running\n"
+            time.sleep(0.5)
+            assert process.poll() is None
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=60)
+        finally:
+            process.kill()
         assert "RunInterrupted: run interrupted after" in errors

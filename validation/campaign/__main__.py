@@ -25,7 +25,8 @@ def main() -> int:
     if options.only is not None:
         print(report.one(options.seed, options.only))
         return 0
-    outcomes = random_runs(options.seed, options.first, options.runs, options.workers, show=True)
+    numbers = range(options.first, options.first + options.runs)
+    outcomes = random_runs(options.seed, numbers, options.workers, show=True)
     results = [] if options.no_aimed else aimed(options.seed, small=options.small, show=True)
     options.out.mkdir(parents=True, exist_ok=True)
     text = report.markdown(options.seed, outcomes, results)

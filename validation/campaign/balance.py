@@ -78,12 +78,13 @@ def imbalance(case: Case, engine: str) -> tuple[float, float]:
     works = final[[FORCE, DAMPER, FRICTION]]
     missing = _energy(final, p) - _energy(start, p) - float(works.sum()) + lost
     turnover = float(np.abs(works).sum()) + lost + _energy(start, p) + _energy(final, p)
-    turnover += 1e-6 * p["k"] * p["delta"] ** 2  # below that the absolute tolerance rules
+    # Works and impulse are states: below this the absolute tolerance rules.
+    floor = case.options["atol"] / case.options["rtol"]
     momentum = _momentum(final, p) - _momentum(start, p) - float(final[IMPULSE])
     speeds = np.abs(hits.before).max(axis=0, initial=0.0)[[V1, V2]]
     largest = (p["m1"] + p["m2"]) * (speeds[0] + abs(start[V1])) + p["m2"] * speeds[1]
     largest += p["m2"] * abs(start[V2]) + abs(float(final[IMPULSE])) + p["k"] * p["delta"]
-    return abs(missing) / max(turnover, 1e-300), abs(momentum) / largest
+    return abs(missing) / (turnover + floor), abs(momentum) / (largest + floor)
 
 
 def _energy(y: np.ndarray, p: dict[str, float]) -> float:

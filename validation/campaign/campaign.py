@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from functools import partial
 
 from validation.campaign import chatter, fuzz, invariance, pool, pull_in, scans
@@ -12,11 +13,11 @@ from validation.campaign.checks import Outcome, check
 from validation.campaign.result import Result
 
 
-def random_run(number: int, seed: int) -> Outcome:
+def random_run(number: int, seed: int, balance: str = "compiled") -> Outcome:
     """Run one random case before the judge; an error of the campaign itself is a finding too."""
     case = random_case(seed, number)
     try:
-        return check(case, interpreted=number % 40 == 0, energy=number % 10 == 5)
+        return check(case, interpreted=number % 40 == 0, energy=balance if number % 10 == 5 else "")
     except Exception as error:
         return Outcome(
             case.name, case.drive.kind, "campaign failed", [f"{type(error).__name__}: {error}"]
@@ -29,11 +30,11 @@ def _lost(number: int, why: str, seed: int) -> Outcome:
 
 
 def random_runs(
-    seed: int, first: int, count: int, workers: int, show: bool = False
+    seed: int, numbers: Sequence[int], workers: int, show: bool = False, balance: str = "compiled"
 ) -> list[Outcome]:
-    """Run cases first … first + count - 1 of the campaign `seed`."""
-    numbers = range(first, first + count)
-    work, lost = partial(random_run, seed=seed), partial(_lost, seed=seed)
+    """Run cases of these numbers of the campaign `seed`; `balance`: the engine for energies."""
+    count = len(numbers)
+    work, lost = partial(random_run, seed=seed, balance=balance), partial(_lost, seed=seed)
     outcomes = []
     began = time.monotonic()
     for outcome in pool.each(work, numbers, workers, lost):

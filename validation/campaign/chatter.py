@@ -26,7 +26,7 @@ def _end(trajectory: object) -> float:
 
 def accumulation(seed: int, small: bool) -> Result:
     """A bouncing ball, and a spring that presses on a stop: the end of the sequence."""
-    ball = spring = 0.0
+    ball = spring = half = 0.0
     findings, tried = [], 0
     for e in np.linspace(0.05, 0.95, 5 if small else 46).tolist():
         tried += 2
@@ -42,12 +42,18 @@ def accumulation(seed: int, small: bool) -> Result:
         u = 1.5 * math.sin(math.acos(1.0 / 1.5))
         exact = math.acos(1.0 / 1.5)
         exact += math.fsum(2.0 * math.atan(u * e**n) for n in range(1, 3000))
-        spring = max(spring, abs(_end(press) - exact) / exact)
+        # Position counts from the middle of the spring: its error of rtol changes the speed of an
+        # impact u by rtol/u, u down to half of CHATTER_TIME, and the end by 2/(1 - e) as much.
+        allowed = 1e-13 / loop.CHATTER_TIME / (1.0 - e)
+        spring = max(spring, abs(_end(press) - exact) / allowed)
+        if abs(e - 0.5) < 0.02:
+            half = max(half, abs(_end(press) - exact))
         if press.final.mode != systems.RESTING or press.final.y.tolist() != [-1.0, 0.0]:
             findings.append(f"spring, e = {e:.2f}: rests at {press.final.y}")
-    if max(ball, spring) > 1e-10:
-        findings.append(f"the end is off by {max(ball, spring):.1e}")
-    figures = f"end of the sequence: ball {ball:.1e}, spring {spring:.1e} (relative)"
+    if ball > 1e-10 or spring > 3.0:
+        findings.append(f"the end is off by {ball:.1e}, {spring:.1e} of what it may be")
+    figures = f"end of the sequence: ball {ball:.1e} (relative), spring {half:.1e} at e = 1/2, "
+    figures += f"{spring:.2f} of what the tolerance allows"
     return Result("chatter, closed form", tried, figures, findings)
 
 
@@ -70,7 +76,7 @@ def on_the_actuator(seed: int, small: bool) -> Result:
                     findings.append(f"e {e} v {level} mu {mu}: {len(mine)} ends, not {len(ends)}")
                 elif ends:
                     worst = max(worst, abs(ends[0] - mine[0]))
-    if worst > 1e-10 or step > 1e-10:
+    if worst > 1e-8 or step > 1e-10:
         findings.append(f"end off by {worst:.1e}, frame by {step:.1e}")
     figures = f"end of the sequence {worst:.1e}, place of the frame {step:.1e}"
     return Result("chatter of the actuator, judge", tried, figures, findings)

@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 import heyoka as hy
 import numpy as np
 
+hy.set_logger_level_error()
+
 RIGHT, LEFT, RELEASE, SLIP_END, BREAK_AWAY, REST = range(6)
 KINDS = ("right impact", "left impact", "release", "slip end", "break-away", "rest")
 
@@ -229,9 +231,10 @@ class Judge:
         return Verdict(self.rows, state.copy(), np.array(notes), 0.0, complete)
 
     def take_piece(self, t: float) -> None:
-        self.piece = self.pieces(t)
-        if self.piece.end <= t:
-            raise RuntimeError("a piece that ends before it begins")
+        self.piece, ahead = self.pieces(t), 1e-15 * (1.0 + abs(t))
+        while self.piece.end <= t:  # where pieces of two waveforms meet, but for rounding
+            self.piece = self.pieces(t + ahead)
+            ahead *= 2.0
         par = self.ta.pars
         for side, source in (("right", self.piece.right), ("left", self.piece.left)):
             base = PAR[f"{side}.bias"]

@@ -12,6 +12,7 @@ LIMIT = 120.0  # seconds for one case, judge included, on a busy machine
 
 
 def _serve(pipe: Connection, work: Callable[[Any], Any]) -> None:
+    pipe.send("ready")  # the imports, which may take long, are not the first case's time
     while True:
         item = pipe.recv()
         if item is None:
@@ -26,6 +27,7 @@ class _Worker:
         self.process = context.Process(target=_serve, args=(theirs, work), daemon=True)
         self.process.start()
         theirs.close()
+        self.pipe.recv()
         self.item: Any = None
         self.since = 0.0
 

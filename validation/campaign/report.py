@@ -93,4 +93,4 @@ def write_csv(path: Path, outcomes: list[Outcome]) -> None:
 def one(seed: int, number: int) -> str:
     """Return one random run in words."""
     case = random_case(seed, number)
-    return f"{case}\n\n{check(case, interpreted=True, energy=True)}"
+    return f"{case}\n\n{check(case, interpreted=True, energy='compiled')}"

@@ -222,16 +222,20 @@ def start_on_guard(seed: int, small: bool) -> Result:
 def many_cycles_while_resting(seed: int, small: bool) -> Result:
     """Load and contact force vary many times within a period while nothing moves."""
     cases = []
+    hold = hold_voltage(zhao())
     for times in (7, 16, 31, 59):
-        for press in (True, False):
-            device = zhao()
-            hold = hold_voltage(device)
-            level = 1.3 * hold if press else 0.15
-            start = (0.0, 0.0, 0.5, 0.0) if press else (0.0, 0.0, 0.0, 0.0)
-            # The force dips below the release for a short while only, in one of many cycles.
-            fields = {"bias": level, "a1": 0.1 * hold, "omega": 0.05, "a2": 0.1999 * hold}
-            wave = Spec("custom", {**fields, "times": times, "phase": 0.3})
-            cases.append(Case(f"{times} {press}", device, wave, start, 0.0, 1.0, TIGHT))
+        for beyond in (1e-2, 1e-4, 1e-6):
+            # Of many dips of the contact force within a period one or two go below zero.
+            fields = {"bias": 1.3 * hold, "a1": 0.1 * hold, "a2": (0.2 + beyond) * hold}
+            wave = Spec("custom", {**fields, "omega": 0.05, "times": times, "phase": 0.3})
+            start = (0.0, 0.0, 0.5, 0.0)
+            cases.append(Case(f"rest {times} {beyond}", zhao(), wave, start, 0.0, 2.0, TIGHT))
+            # The same with the load of a heavily damped block and a weakly held frame.
+            fields = {"bias": 0.12, "a1": 0.02, "a2": 0.05, "omega": 0.05, "times": times}
+            device = zhao(c=3.0, mu_s=0.0004 + beyond, mu_d=0.0003)
+            wave = Spec("custom", {**fields, "phase": 0.3})
+            start = (0.0, 0.0, 0.0, 0.0)
+            cases.append(Case(f"stuck {times} {beyond}", device, wave, start, 0.0, 2.0, TIGHT))
     return judged("many cycles of the load in a period", cases)
 
 

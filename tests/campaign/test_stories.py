@@ -1,0 +1,165 @@
+"""What the campaign found, each as the smallest case that shows it, with its story."""
+
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.actuator.modes import V1
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton, Guard
+from tests.hybrid.systems import ENGINES, INF, SQUARE, STOP, TAU, simulate, stop, times
+from validation.campaign.balance import imbalance
+from validation.campaign.cases import Case
+from validation.campaign.chatter import steady
+from validation.campaign.scans import TIGHT, zhao
+
+ZHAO = mi.load_actuator("zhao2004")
+
+MEETING = """
+import ctypes, sys
+import numpy as np
+from mems_impact.cvode.kernels import kernels
+import tests.campaign.waveforms as waveforms
+
+for name in sys.argv[1]:
+    flow = kernels(*waveforms.automaton(name), None, 1, 1).flow
+    out, y, p = np.zeros(1), np.zeros(1), np.ones(1)
+    words = [ctypes.c_int64] * 2 + [ctypes.c_double] + [ctypes.c_int64] * 4
+    call = ctypes.CFUNCTYPE(ctypes.c_int64, *words)(flow.address)
+    call(0, 0, 2.0, y.ctypes.data, p.ctypes.data, 1, out.ctypes.data)
+    print(name, out[0])
+"""
+
+
+def test_two_automata_from_the_cache_do_not_take_each_other_for_themselves(tmp_path):
+    """Found by run 10 of the first 20 of seed 1, whose numbers were those of another drive.
+
+    numba numbers the functions of a process to name their symbols. A sine compiled in one process
+    and a user's waveform compiled in another got the same numbers; a third process that loaded
+    both from the cache on disk linked the sine's equations of motion to the other's voltage,
+    silently. The names now hold what no other process gives.
+    """
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.getcwd()}
+
+    def told(names):
+        command = [sys.executable, "-c", MEETING, names]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        return done.stdout.split()
+
+    alone = told("a") + told("b")
+    assert alone == ["a", "4.0", "b", "8.0"]
+    assert told("ab") == alone
+    assert told("ba") == ["b", "8.0", "a", "4.0"]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_start_into_the_stopper_at_the_instant_of_a_switch(engine):
+    """Random run 47: a burst began while the block moved into the stopper, and went through it.
+
+    The switch came first and changed neither mode nor state; the loop took that for "nothing left
+    to do" and did not look at the gap.
+    """
+    drive = mi.Square(amplitude=0.2, omega=0.5)
+    start = mi.State(x2=0.5, v2=0.5)
+    run = mi.simulate(ZHAO, drive, 0.2, initial=start, options=mi.Options(engine=engine))
+    assert run.impacts["time"].iloc[0] == 0.0
+    assert run.samples(200)["x2"].max() <= 0.5 * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_an_impact_at_the_very_end_of_an_arc(engine, e):
+    """CVODE reports a root at the stop time as the stop alone: the switch must look at the gap."""
+    # x = 1 - 2 cos t is at 1 when t = pi/2; there the period ends, and the wave does not change.
+    p = stop(amplitude=1.0, omega=2.0, square=0.0, d=1.0, e=e)
+    run = simulate(
+        STOP, p, [1.0 - 1e-3, 0.5], 0.01, period=TAU, switches=SQUARE, time=TAU / 2, engine=engine
+    )
+    assert run.samples(2000).y[:, 0].max() <= 1.0 + 1e-9
+
+
+# Nothing moves; a margin dips below zero around 0.4, and is level to the bit from 0.8 on.
+
+
+def _still(mode, t, y, p, dy):
+    dy[0] = 0.0
+
+
+def _dip(mode, t, y, p, g, r):
+    g[0] = 0.5 if t >= 0.8 else 0.5 - 0.6 * math.sin(math.pi * t / 0.8) ** 2
+    turn = 2.0 * math.pi / 0.8
+    r[0] = 0.0 if t >= 0.8 else -0.3 * turn * math.sin(turn * t)
+
+
+def _stay(mode, code, t, y, p):
+    y[0] += 1.0
+    return mode
+
+
+DIP = Automaton(
+    states=("y",),
+    modes=("only",),
+    guards=(Guard(name="dip", order=0),),
+    flow=_still,
+    margins=_dip,
+    transition=_stay,
+)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_margin_that_dips_within_a_step_and_ends_level(engine):
+    """Random runs 921 and 11497: a noisy record, at rest on the stopper; the release was missed.
+
+    Between two samples the voltage went through zero and was level at both. The rate of the contact
+    force was zero at the end of the step, to the very bit; CVODE took that for the root and
+    overlooked the one in the middle. The interpreted engine had seen it, by luck: it replaces
+    zeros to silence a warning. Now both do, and say why.
+    """
+    run = simulate(DIP, (0.0,), [0.0], 0.1, period=32.0, engine=engine)
+    first = 0.8 / math.pi * math.asin(math.sqrt(0.5 / 0.6))
+    assert times(run, loop.TRANSITION)[:1] == pytest.approx([first], abs=1e-9)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_end_of_a_chatter_does_not_push_the_frame_back(engine):
+    """Found by the balance of momentum, off by up to 2 % in one run of eight that rested.
+
+    The rest of a sequence of impacts is jumped over in one step of the midpoint rule. Friction
+    that stops the frame early in it then drove the frame backwards for the rest of the step: its
+    place was wrong by up to 1e-9 a sequence, fifty times what it is now.
+    """
+    case = Case("", zhao(e=0.9), steady(0.8, 100.0), (0.0, 0.0, 0.45, 0.2), 0.0, 0.1, TIGHT)
+    done = case.run(engine=engine).trajectory
+    ends = done.events[done.events.kind == loop.ACCUMULATION]
+    assert len(ends) == 1
+    assert ends.after[0, V1] >= 0.0
+    assert max(imbalance(case, engine)) < 1e-8
+
+
+def test_the_hair_of_the_judge():
+    """Not ours, but kept: heyoka overlooks the second root of what is zero where a step begins.
+
+    The judge adds 1e-22 to such event functions; without it, slips from rest did not end.
+    """
+    from validation.campaign import judge
+    from validation.campaign.checks import verdict
+
+    device = zhao(mu_s=0.001, mu_d=0.0008)
+    case = Case("", device, steady(0.2), (0.0, 0.0, 0.3, 0.0), 0.0, 1.0, TIGHT)
+    rows = verdict(case, 20.0, np.array([])).rows
+    assert judge.SLIP_END in {row.kind for row in rows}
+    assert rows[0].t < INF
+
+
+def test_an_elastic_block_pressed_to_the_stopper_is_told_why_it_ends():
+    """With e = 1 and little loss elsewhere a pressed block hops on: the error says so."""
+    device = ZHAO.replace(e=1.0, m1=1e9, c=0.0)
+    drive = mi.Sine(amplitude=0.0, omega=1e-2, bias=2.0)
+    options = mi.Options(max_events=300)
+    with pytest.raises(mi.RunError, match="restitution 1"):
+        mi.simulate(device, drive, 1, initial=mi.State(x2=0.4999), options=options)
