@@ -63,6 +63,9 @@ class ValidatedModel(BaseModel):
             super().__init__(**values)
         except ValidationError as error:
             raise _translated(error, type(self)) from None
+        except OverflowError:
+            problem = "its numbers are too large, or too small, to calculate with"
+            raise InvalidParameter(type(self).__name__, None, "", problem=problem) from None
 
     def replace(self, /, **changes: Any) -> Self:
         """Return a copy with some parameters changed, checked like a new one.

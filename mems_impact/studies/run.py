@@ -189,6 +189,7 @@ def problem_of(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Pro
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
     actuator, drive = inner(actuator, drive)
+    drive.check()
     waveforms = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
     return hybrid.Problem(
         automaton=actuator_automaton(*waveforms),

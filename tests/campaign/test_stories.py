@@ -91,23 +91,24 @@ def _still(mode, t, y, p, dy):
 
 
 def _dip(mode, t, y, p, g, r):
+    if mode == 1:
+        return
     g[0] = 0.5 if t >= 0.8 else 0.5 - 0.6 * math.sin(math.pi * t / 0.8) ** 2
     turn = 2.0 * math.pi / 0.8
     r[0] = 0.0 if t >= 0.8 else -0.3 * turn * math.sin(turn * t)
 
 
-def _stay(mode, code, t, y, p):
-    y[0] += 1.0
-    return mode
+def _over(mode, code, t, y, p):
+    return 1
 
 
 DIP = Automaton(
     states=("y",),
-    modes=("only",),
+    modes=("before", "after"),
     guards=(Guard(name="dip", order=0),),
     flow=_still,
     margins=_dip,
-    transition=_stay,
+    transition=_over,
 )
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mems_impact.actuator.units import Scales, scaled_fields
 from mems_impact.actuator.validation import ValidatedModel
+from mems_impact.errors import InvalidParameter
 
 __all__ = ["Drive", "Waveform"]
 
@@ -96,6 +97,24 @@ class Drive(ValidatedModel, ABC):
     def time_scale(self) -> float:
         """Time within which the voltage shows all that it does."""
         return self.period
+
+    def check(self) -> None:
+        """Raise InvalidParameter if the waveform cannot be told in floating-point numbers.
+
+        Each parameter by itself is checked when the drive is made; here is what follows from them:
+        times that are so close that they are one number, and numbers that grow beyond all limits.
+        """
+        try:
+            period, switches = self.period, np.array((0.0, *self.switches))
+            with np.errstate(all="ignore"):
+                numbers = (period, *self.value((0.0, 0.3 * period)), *self.parameters())
+            apart = bool(np.all(np.diff(switches) > 0.0)) and switches[-1] <= period
+            sound = apart and period > 0.0 and bool(np.isfinite(numbers).all())
+        except (OverflowError, ZeroDivisionError):
+            sound = False
+        if not sound:
+            problem = "its times are too close to each other, or its numbers too large, to be told"
+            raise InvalidParameter(type(self).__name__, None, "", problem=problem)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -72,7 +72,12 @@ def load_drive(path: str | PathLike[str]) -> Drive:
         raise InvalidParameter("path", path, "the path of a TOML or CSV file")
     source = fspath(path)
     if source.lower().endswith(TABLES):
-        return Sampled.from_csv(source)
+        record = Sampled.from_csv(source)
+        try:
+            record.check()
+        except InvalidParameter as error:
+            raise error.located(source) from None
+        return record
     raw = read_bytes(source, REMEDY, largest=_LARGEST_FILE, kind="drive file")
     content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
     try:
@@ -81,7 +86,9 @@ def load_drive(path: str | PathLike[str]) -> Drive:
                 raise InvalidParameter(name, value, "in the table [drive]")
         if not isinstance(content.get("drive"), dict):
             raise InvalidFile(source, "holds no table [drive]", REMEDY)
-        return _drive(content["drive"], Path(source).parent)
+        drive = _drive(content["drive"], Path(source).parent)
+        drive.check()
+        return drive
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
 
