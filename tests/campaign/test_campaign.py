@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.campaign.waveforms import hang
 from validation.campaign import chatter, fuzz, invariance, pull_in, scans
 from validation.campaign.campaign import random_runs
 from validation.campaign.cases import random_case
@@ -13,10 +14,10 @@ SEED = 2
 
 def test_random_runs():
     """Of the drives that need two compiled automata only: the others take the compiler longer."""
-    numbers = [i for i in range(300) if random_case(SEED, i).drive.kind in CHEAP]
+    numbers = [i for i in range(200) if random_case(SEED, i).drive.kind in CHEAP]
     outcomes = random_runs(SEED, numbers, workers=1, balance="interpreted")
     assert [f"{one.name}: {one.findings}" for one in outcomes if one.findings] == []
-    assert sum(one.impacts for one in outcomes) > 1000
+    assert sum(one.impacts for one in outcomes) > 500
     assert sum(one.horizon for one in outcomes) > 0.9 * len(outcomes)
 
 
@@ -35,13 +36,7 @@ def test_bad_files():
     assert fuzz.files(seed=SEED, small=True).findings == []
 
 
-def _hang(item):
-    while item == 1:
-        pass
-    return item
-
-
 def test_a_hang_is_an_answer_too():
     """A run that never returns is killed, told, and the others go on."""
-    told = list(each(_hang, [0, 1, 2], 2, lambda item, why: (item, why), limit=4.0))
-    assert sorted(map(str, told)) == ["(1, 'hung for 4 s')", "0", "2"]
+    told = list(each(hang, [0, 1, 2], 2, lambda item, why: (item, why), limit=2.0))
+    assert sorted(map(str, told)) == ["(1, 'hung for 2 s')", "0", "2"]

@@ -1,6 +1,8 @@
-"""Two automata out of one factory, which differ in a function that they close over."""
+"""What tests of the campaign run in processes of their own: few imports, for a quick start."""
 
 import math
+
+# Two automata out of one factory, which differ in a function that they close over.
 
 
 def _square(t):
@@ -40,3 +42,9 @@ _AUTOMATA = {"a": _made(_square), "b": _made(_cube)}
 
 def automaton(name):
     return _AUTOMATA[name]
+
+
+def hang(item):
+    while item == 1:
+        pass
+    return item

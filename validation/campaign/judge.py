@@ -252,8 +252,10 @@ class Judge:
                 ta.state[2] = moved
             if ta.state[3] != 0.0:
                 ta.state[3] += shift[1]
-        if par[PAR["s"]] != 0.0 and par[PAR["s"]] * (ta.state[1] + shift[2]) > 0.0:
+        if par[PAR["s"]] != 0.0:
             ta.state[1] += shift[2]
+            if par[PAR["s"]] * ta.state[1] <= 0.0:  # a slip slower than the noise may turn
+                self.settle(ta.time)
 
     def advance(self, stop: float) -> None:
         ta = self.ta

@@ -6,11 +6,11 @@ import csv
 import platform
 from collections import Counter
 from dataclasses import fields
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
-import mems_impact as mi
 from validation.campaign.cases import random_case
 from validation.campaign.checks import GAINS, Outcome, check
 from validation.campaign.result import Result
@@ -18,7 +18,7 @@ from validation.campaign.result import Result
 
 def markdown(seed: int, outcomes: list[Outcome], results: list[Result]) -> str:
     """Return the report."""
-    lines = ["# Campaign", "", f"Seed {seed}; mems_impact {mi.__version__} on "]
+    lines = ["# Campaign", "", f"Seed {seed}; mems_impact {version('mems-impact')} on "]
     lines[-1] += f"Python {platform.python_version()}, {platform.machine()}."
     if outcomes:
         lines += ["", "## Random runs", "", *_figures(outcomes), ""]

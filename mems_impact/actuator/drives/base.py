@@ -105,12 +105,12 @@ class Drive(ValidatedModel, ABC):
         times that are so close that they are one number, and numbers that grow beyond all limits.
         """
         try:
-            period, switches = self.period, np.array((0.0, *self.switches))
             with np.errstate(all="ignore"):
+                period, switches = self.period, np.array((0.0, *self.switches))
                 numbers = (period, *self.value((0.0, 0.3 * period)), *self.parameters())
             apart = bool(np.all(np.diff(switches) > 0.0)) and switches[-1] <= period
             sound = apart and period > 0.0 and bool(np.isfinite(numbers).all())
-        except (OverflowError, ZeroDivisionError):
+        except (ArithmeticError, ValueError):
             sound = False
         if not sound:
             problem = "its times are too close to each other, or its numbers too large, to be told"
