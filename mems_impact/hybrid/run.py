@@ -109,7 +109,7 @@ class _Run:
             offset=np.zeros(n),
             events=np.zeros((EVENT_ROWS, loop.HEAD + 2 * n)),
             samples=np.zeros((rows, 3 + n)),
-            work=np.zeros((6, max(n, 2 * m))),
+            work=np.zeros((7, max(n, 2 * m))),
         )
         clock = self.bound.record(loop.CLOCK)
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode

@@ -26,7 +26,8 @@ def check(drive):
     borders = np.array([0.0, *switches, period, *(period + time for time in switches)])
     h = 1e-7 * period
     for voltage, rate in channels(drive):
-        largest = max(abs(voltage(t, q)) for t in np.linspace(0.0, period, 50)) + 1e-3
+        looks = [*np.linspace(0.0, period, 50), *np.nextafter([*switches, period], 0.0), *switches]
+        largest = max(abs(voltage(t, q)) for t in looks) + 1e-3
         # The value at a switch, and up to the next one, is that of one smooth piece.
         for begin, end in zip([0.0, *switches], [*switches, period], strict=True):
             if end - begin < 1e-4 * period:

@@ -48,6 +48,7 @@ def judged(name: str, cases: Iterable[Case], least: float = 0.0) -> Result:
         findings.append(f"the judge spoke on {horizon:.2f} of the runs only")
     matched = sum(o.matched for o in outcomes)
     ended = sum(o.status == "result" for o in outcomes)
+    findings += [f"{o.name}: {o.status}" for o in outcomes if o.status != "result"]
     figures = f"{matched} events matched, {ended} results, horizon {horizon:.2f}"
     return Result(name, len(outcomes), figures, findings)
 
