@@ -24,7 +24,8 @@ from tests.judges.judge_heyoka import Heyoka
 START = (0.0, 0.0, 0.0, 0.3)
 DEVICE = dict(load_actuator("zhao2004"))
 
-RIGHT, LEFT, SLIP_END = range(3)
+RIGHT, LEFT, SLIP_END, BREAK_AWAY = range(4)
+LEAN, WATCHFUL = 3, 8  # events of a plain loop, and of one that misses no graze and no break-away
 
 
 @dataclass(frozen=True)
@@ -100,8 +101,37 @@ class _Plain:
         frame = (load - self.slip * self.dynamic) / self.m1 if self.slip else 0.0
         return v1, frame, v2, -load / self.m2 - frame
 
+    def events(self) -> list[Callable[[float, np.ndarray], float]]:
+        """Return the margins of the events, and from the fifth on the rates of these margins."""
+        return [
+            lambda t, y: self.delta - y[2],
+            lambda t, y: self.delta + y[2],
+            lambda t, y: self.slip * y[1] if self.slip else 1.0,
+            lambda t, y: 1.0 if self.slip else self.static - abs(self.load(t, y[2], y[3])),
+            lambda t, y: -y[3],
+            lambda t, y: y[3],
+            lambda t, y: self.slip * self.flow(t, y)[1] if self.slip else 1.0,
+            lambda t, y: 1.0 if self.slip else self.limit_rate(t, y[2], y[3]),
+        ]
+
+    def limit_rate(self, t: float, x2: float, v2: float) -> float:
+        """The rate at which the load on the stuck frame moves away from the static limit."""
+        angle, gap = self.case.omega * t, self.d - x2
+        voltage = self.case.amplitude * math.cos(angle)
+        slope = -self.case.amplitude * self.case.omega * math.sin(angle)
+        pull = self.alpha * voltage * voltage / (gap * gap)
+        load = self.k * x2 + self.c * v2 - pull
+        by_drive = 2.0 * self.alpha * voltage * slope / (gap * gap)
+        rate = self.k * v2 - self.c * load / self.m2 - by_drive - 2.0 * pull * v2 / gap
+        return -rate if load > 0.0 else rate
+
+    def look(self, t: float, y: np.ndarray) -> None:
+        """Raise at a closest approach that is a contact: a step went over two crossings."""
+        if min(margin(t, y) for margin in self.events()[:4]) < 0.0:
+            raise RuntimeError(f"events were missed before t = {t}")
+
     def transit(self, kind: int, t: float, y: np.ndarray) -> None:
-        if kind == SLIP_END:
+        if kind in (SLIP_END, BREAK_AWAY):
             y[1] = 0.0
             load = self.load(t, y[2], y[3])
             self.slip = math.copysign(1.0, load) if abs(load) > self.static else 0.0
@@ -112,50 +142,56 @@ class _Plain:
             self.slip = math.copysign(1.0, y[1])
 
 
-def scikit_sundae(case: Case, rtol: float = 1e-9) -> Callable[[float], np.ndarray]:
+def scikit_sundae(
+    case: Case, rtol: float = 1e-9, watched: int = LEAN
+) -> Callable[[float], np.ndarray]:
     """A loop around scikit-sundae with Python callbacks, restarted at every event.
 
-    It watches impacts and the ends of slips and nothing else: no apex, no break-away.
+    It watches impacts and the ends of slips and nothing else; or, `WATCHFUL`, what this package
+    watches too: break-away, and the closest approach to every guard.
     """
     model = _Plain(case)
+    functions = model.events()[:watched]
 
     def events(t: float, y: np.ndarray, g: np.ndarray) -> None:
-        g[0] = model.delta - y[2]
-        g[1] = model.delta + y[2]
-        g[2] = model.slip * y[1] if model.slip else 1.0
+        for i in range(watched):
+            g[i] = functions[i](t, y)
 
-    events.direction = [-1, -1, -1]  # type: ignore[attr-defined]
+    events.direction = [-1 if i < 4 else 1 for i in range(watched)]  # type: ignore[attr-defined]
     options = {"rtol": rtol, "atol": 0.01 * rtol, "max_num_steps": 100_000}
-    solver = CVODE(model.rhs, method="adams", eventsfn=events, num_events=3, **options)
+    solver = CVODE(model.rhs, method="adams", eventsfn=events, num_events=watched, **options)
 
     def go(periods: float) -> np.ndarray:
         t, end, y = 0.0, periods * case.period, np.array(START)
         model.slip = 0.0
+        solver.init_step(t, y)
         while True:
             # Its log of events grows for ever and slows every step (FACTS): in its favour, cleared.
             for log in (events._i, events._t, events._y):  # type: ignore[attr-defined]
                 log.clear()
-            solver.init_step(t, y)
             result = solver.step(end, method="normal")
             t, y = float(np.ravel(result.t)[-1]), np.array(result.y, dtype=float).reshape(-1, 4)[-1]
             if result.t_events is None or t >= end:
                 return y
             kind = int(np.flatnonzero(result.i_events[-1])[0])
+            if kind > BREAK_AWAY:
+                model.look(t, y)
+                continue
             model.transit(kind, t, y)
+            solver.init_step(t, y)
 
     return go
 
 
-def scipy_ivp(case: Case, method: str, rtol: float = 1e-9) -> Callable[[float], np.ndarray]:
-    """A loop around `scipy.integrate.solve_ivp` with terminal events."""
+def scipy_ivp(
+    case: Case, method: str, rtol: float = 1e-9, watched: int = LEAN
+) -> Callable[[float], np.ndarray]:
+    """A loop around `scipy.integrate.solve_ivp` with terminal events, watching as above."""
     model = _Plain(case)
-    events = [
-        lambda t, y: model.delta - y[2],
-        lambda t, y: model.delta + y[2],
-        lambda t, y: model.slip * y[1] if model.slip else 1.0,
-    ]
-    for event in events:
-        event.terminal, event.direction = True, -1  # type: ignore[attr-defined]
+    events = model.events()[:watched]
+    for i, event in enumerate(events):
+        event.terminal = i <= BREAK_AWAY  # type: ignore[attr-defined]
+        event.direction = -1 if i <= BREAK_AWAY else 1  # type: ignore[attr-defined]
     options = {"method": method, "rtol": rtol, "atol": 0.01 * rtol}
 
     def go(periods: float) -> np.ndarray:
@@ -163,9 +199,12 @@ def scipy_ivp(case: Case, method: str, rtol: float = 1e-9) -> Callable[[float], 
         model.slip = 0.0
         while True:
             result = solve_ivp(model.flow, (t, end), y, events=events, **options)
+            for times, states in zip(result.t_events[4:], result.y_events[4:], strict=True):
+                for when, state in zip(times, states, strict=True):
+                    model.look(when, state)
             t, y = float(result.t[-1]), result.y[:, -1].copy()
             if result.status != 1:
                 return y
-            model.transit(next(i for i in range(3) if result.t_events[i].size), t, y)
+            model.transit(next(i for i in range(4) if result.t_events[i].size), t, y)
 
     return go

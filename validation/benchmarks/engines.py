@@ -1,14 +1,27 @@
-"""The compiled engine against CVODE with Python callbacks and against SciPy, same tolerance."""
+"""The compiled engine against CVODE with Python callbacks and against SciPy, same tolerance.
+
+Each rival comes twice: as one writes it first, which watches impacts and the ends of slips alone,
+and with the "same events" as this package, which misses neither grazes nor break-aways.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from validation.benchmarks.contestants import CASES, Case, package, scikit_sundae, scipy_ivp
+from validation.benchmarks.contestants import (
+    CASES,
+    LEAN,
+    WATCHFUL,
+    Case,
+    package,
+    scikit_sundae,
+    scipy_ivp,
+)
 from validation.benchmarks.timing import Row, Spread, in_turn, ratio, scaled
 
 RTOL = 1e-9
 LONG = 1000  # forcing periods of the compiled engine
+LOOP, SAME = "scikit-sundae, hand-written loop", "same events"
 
 
 def _compare(
@@ -36,7 +49,8 @@ def against_python_callbacks(quick: bool) -> Iterator[Row]:
     topic = "Python callbacks"
     for case in CASES:
         rivals = {
-            "scikit-sundae, hand-written loop": (scikit_sundae(case, RTOL), 10 if quick else 40),
+            LOOP: (scikit_sundae(case, RTOL), 10 if quick else 40),
+            f"{LOOP}, {SAME}": (scikit_sundae(case, RTOL, WATCHFUL), 10 if quick else 40),
             "interpreted engine": (package(case, "interpreted", rtol=RTOL), 3 if quick else 10),
         }
         cost, ratios = _compare(topic, case, rivals, 3 if quick else 7)
@@ -47,17 +61,16 @@ def against_python_callbacks(quick: bool) -> Iterator[Row]:
 
 
 def against_scipy(quick: bool) -> Iterator[Row]:
-    """`solve_ivp` with terminal events; the target is against the faster method."""
+    """`solve_ivp` with terminal events; the target is against DOP853, the faster method."""
     topic = "SciPy solve_ivp"
     for case in CASES:
         rivals = {
-            method: (scipy_ivp(case, method, RTOL), 5 if quick else 20)
+            name: (scipy_ivp(case, name.split(",")[0], RTOL, watched), 5 if quick else 20)
             for method in ("DOP853", "LSODA")
+            for name, watched in ((method, LEAN), (f"{method}, {SAME}", WATCHFUL))
         }
         cost, ratios = _compare(topic, case, rivals, 3 if quick else 7)
         yield from cost
-        best = min(ratios, key=lambda name: ratios[name].median)
         for name, value in ratios.items():
-            target = ">= 50" if name == best else ""
-            note = f"rtol {RTOL:g}" + ("; the faster of the two" if name == best else "")
-            yield Row(topic, case.name, f"{name} / compiled", value, "", target, note)
+            target = ">= 50" if name.startswith("DOP853") else ""
+            yield Row(topic, case.name, f"{name} / compiled", value, "", target, f"rtol {RTOL:g}")

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import ExitStack
+from functools import cache, partial
+from multiprocessing import get_context
 from os import cpu_count
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -24,26 +28,50 @@ def _arithmetic(rounds: int) -> float:
     return value
 
 
+@cache
+def _prepared(case: Case) -> Any:
+    return package(case)
+
+
+def _run(case: Case, length: int) -> None:
+    _prepared(case)(length)
+
+
+def _each(pool: Executor, cases: list[Case], length: int) -> None:
+    list(pool.map(partial(_run, length=length), cases))
+
+
 def threads(quick: bool) -> Iterator[Row]:
-    """16 runs at neighbouring amplitudes; threads get them one by one as they finish."""
-    length = 200 if quick else 1000
+    """16 runs at neighbouring amplitudes; workers get them one by one as they finish.
+
+    The same runs in separate processes show what this machine gives to this code.
+    """
+    length, rounds = (200, 3) if quick else (1000, 9)
     yield from _ceiling(quick)
     for case in (PERIODIC, CHAOTIC):
         amplitudes = case.amplitude + np.linspace(0.0, 0.01, 16)
-        runs = [package(Case(case.name, float(f), case.omega)) for f in amplitudes]
-
-        def job(workers: int, runs=runs) -> None:  # type: ignore[no-untyped-def]
-            with ThreadPoolExecutor(workers) as pool:
-                list(pool.map(lambda go: go(length), runs))
-
-        jobs = {str(n): (lambda n=n: job(n)) for n in (1, *TARGETS)}
-        seconds = in_turn(jobs, 3 if quick else 9)
-        for n, times in seconds.items():
-            yield Row(TOPIC, case.name, f"{len(runs)} runs, {n} threads", scaled(times, 1.0), "s")
+        cases = [Case(case.name, float(f), case.omega) for f in amplitudes]
+        with ExitStack() as stack:
+            pools: dict[tuple[str, int], Executor] = {}
+            for n in (1, *TARGETS):
+                pools["threads", n] = stack.enter_context(ThreadPoolExecutor(n))
+                processes = ProcessPoolExecutor(n, get_context("spawn"))
+                pools["processes", n] = stack.enter_context(processes)
+            for pool in pools.values():
+                _each(pool, cases, 1)  # compiled or loaded, and every process is up
+            jobs = {
+                f"{n} {kind}": partial(_each, pool, cases, length)
+                for (kind, n), pool in pools.items()
+            }
+            seconds = in_turn(jobs, rounds)
+        for workers, times in seconds.items():
+            yield Row(TOPIC, case.name, f"{len(cases)} runs, {workers}", scaled(times, 1.0), "s")
         note = f"{cpu_count()} logical cores"
         for n, target in TARGETS.items():
-            speedup = ratio(seconds["1"], seconds[str(n)])
-            yield Row(TOPIC, case.name, f"speed-up on {n} threads", speedup, "", target, note)
+            for kind in ("threads", "processes"):
+                speedup = ratio(seconds[f"1 {kind}"], seconds[f"{n} {kind}"])
+                goal = target if kind == "threads" else ""
+                yield Row(TOPIC, case.name, f"speed-up on {n} {kind}", speedup, "", goal, note)
 
 
 def _ceiling(quick: bool) -> Iterator[Row]:
