@@ -82,6 +82,10 @@ class ValidatedModel(BaseModel):
         """
         return type(self)(**{**dict(self), **changes})
 
+    def replace_unchecked(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed to whatever is given."""
+        return type(self).model_construct(**{**dict(self), **changes})
+
     # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
     __replace__ = replace
 

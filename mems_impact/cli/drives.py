@@ -122,7 +122,7 @@ def _of_file(path: str, given: dict[str, float], varied: Mapping[str, float]) ->
         drive = load_drive(path)
     for name, value in {**given, **varied}.items():
         if name in drive.names:
-            drive = drive.varied(name, value)
+            drive = drive.varied({name: value})
         elif name in given:
             known = ", ".join(drive.names)
             raise click.UsageError(f"--{name} is no parameter of the drive in {path}: {known}")

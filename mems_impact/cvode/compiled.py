@@ -20,7 +20,14 @@ from numba.extending import overload
 from mems_impact.cvode import engine as contract
 from mems_impact.cvode import library
 from mems_impact.cvode.compiling import INNER, JIT, address, integers, mark_compilable, pointer
-from mems_impact.cvode.kernels import HANDLE, call_kernel, callbacks, kernels
+from mems_impact.cvode.kernels import (
+    HANDLE,
+    call_kernel,
+    callbacks,
+    jacobian_callback,
+    jacobian_of,
+    kernels,
+)
 from mems_impact.cvode.options import Options
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
@@ -56,7 +63,7 @@ class Engine:
         section: tuple[int, float, int] | None = None,
     ) -> None:
         sun = library.load()
-        self._kernels = kernels(flow, margins, transition, jacobian, n, m)
+        self._kernels = kernels(flow, margins, transition, n, m)
         self._callbacks = callbacks()
         component, level, direction = section if section is not None else (-1, 0.0, 0)
         # The handle holds addresses of these arrays; they live as long as the engine.
@@ -97,9 +104,10 @@ class Engine:
             owned.linear = sun.SUNLinSol_Dense(vector, owned.matrix, context)
             flag = sun.CVodeSetLinearSolver(memory, owned.linear, owned.matrix)
             _must(flag, "CVodeSetLinearSolver")
-            if self._kernels.jacobian is not None:
-                handle.jacobian = self._kernels.jacobian.address
-                flag = sun.CVodeSetJacFn(memory, self._callbacks.jacobian.address)
+            if jacobian is not None:
+                self._jacobian = jacobian_of(jacobian, n)
+                handle.jacobian = self._jacobian.address
+                flag = sun.CVodeSetJacFn(memory, jacobian_callback().address)
                 _must(flag, "CVodeSetJacFn")
         else:
             owned.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)

@@ -25,7 +25,7 @@ from mems_impact.cvode.compiling import (
     pointer,
 )
 
-_data = library.symbol("N_VGetArrayPointer")
+_data = library.symbol("N_VGetArrayPointer_Serial")
 _matrix_data = library.symbol("SUNDenseMatrix_Data")
 
 # One signature for all functions of an automaton, arrays being addresses:
@@ -105,23 +105,12 @@ class Kernels(NamedTuple):
     flow: Any
     margins: Any
     transition: Any
-    jacobian: Any
 
 
-@cache
-def kernels(
-    flow: Callable[..., Any],
-    margins: Callable[..., Any],
-    transition: Callable[..., Any],
-    jacobian: Callable[..., Any] | None,
-    n: int,
-    m: int,
-) -> Kernels:
-    """Compile the functions of an automaton with `n` states and `m` guards to C functions."""
-    functions = [f for f in (flow, margins, transition, jacobian) if f is not None]
+def _kernel(*functions: Callable[..., Any]) -> tuple[int, Callable[..., Any]]:
+    """Return the stamp of `functions`, and what compiles a kernel that calls them."""
     for function in functions:
         make_compilable(function)
-    stamp = fingerprint(functions)
     keep = cacheable(*functions)
     name = identity(functions)
 
@@ -129,6 +118,20 @@ def kernels(
         # Symbols of compiled code carry this name: automata that meet in a process must not share.
         function.__qualname__ += f"_{name}"
         return cfunc(KERNEL, cache=keep, **JIT)(function)
+
+    return fingerprint(functions), kernel
+
+
+@cache
+def kernels(
+    flow: Callable[..., Any],
+    margins: Callable[..., Any],
+    transition: Callable[..., Any],
+    n: int,
+    m: int,
+) -> Kernels:
+    """Compile the functions of an automaton with `n` states and `m` guards to C functions."""
+    stamp, kernel = _kernel(flow, margins, transition)
 
     @kernel
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
@@ -151,8 +154,13 @@ def kernels(
         _ = stamp
         return transition(mode, code, t, array(y, n), array(p, size))
 
-    if jacobian is None:
-        return Kernels(flow_kernel, margins_kernel, transition_kernel, None)
+    return Kernels(flow_kernel, margins_kernel, transition_kernel)
+
+
+@cache
+def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
+    """Compile the Jacobian of an automaton with `n` states to a C function; BDF alone needs it."""
+    stamp, kernel = _kernel(jacobian)
 
     @kernel
     def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
@@ -160,7 +168,7 @@ def kernels(
         jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
         return mode
 
-    return Kernels(flow_kernel, margins_kernel, transition_kernel, jacobian_kernel)
+    return jacobian_kernel
 
 
 class Callbacks(NamedTuple):
@@ -168,7 +176,6 @@ class Callbacks(NamedTuple):
 
     rhs: Any
     roots: Any
-    jacobian: Any
 
 
 @cache
@@ -213,6 +220,15 @@ def callbacks() -> Callbacks:
             values[2 * m] = pointer(state)[handle.section] - handle.level
         return 0
 
+    return Callbacks(rhs, roots)
+
+
+@cache
+def jacobian_callback() -> Any:
+    """Compile the callback by which CVODE asks for the Jacobian."""
+    library.load()
+    stamp = fingerprint()
+
     @cfunc(JACOBIAN_CALLBACK, cache=True, **JIT)
     def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
         _ = stamp
@@ -225,4 +241,4 @@ def callbacks() -> Callbacks:
         call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
         return 0
 
-    return Callbacks(rhs, roots, jacobian)
+    return jacobian

@@ -29,7 +29,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "SUNContext_ClearErrHandlers": (_int, (_ptr,)),
     "N_VMake_Serial": (_ptr, (_int, _ptr, _ptr)),
     "N_VDestroy": (None, (_ptr,)),
-    "N_VGetArrayPointer": (_ptr, (_ptr,)),
+    "N_VGetArrayPointer_Serial": (_ptr, (_ptr,)),
     "SUNDenseMatrix": (_ptr, (_int, _int, _ptr)),
     "SUNDenseMatrix_Data": (_ptr, (_ptr,)),
     "SUNMatDestroy": (None, (_ptr,)),

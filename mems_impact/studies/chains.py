@@ -54,7 +54,7 @@ class Study:
     def case(self, value: float) -> Case:
         """Return the case of one value; InvalidParameter if it is not allowed."""
         if self.parameter in self.drive.names:
-            return Case(value, self.actuator, self.drive.varied(self.parameter, value))
+            return Case(value, self.actuator, self.drive.varied({self.parameter: value}))
         if self.parameter in PARAMETER_NAMES:
             changed = self.actuator.replace(**{self.parameter: value})
             return Case(value, changed, self.drive)

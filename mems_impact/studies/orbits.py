@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import GUARDS, MODES, STATES, V1, X1, X2, direction_of
-from mems_impact.actuator.parameters import PARAMETER_UNITS, Actuator
+from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.units import Scales
 from mems_impact.cvode.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -29,7 +29,7 @@ from mems_impact.orbits.orbit import Defect, PeriodicOrbit
 from mems_impact.orbits.shooting import Point
 from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.studies.impacts import concatenate, energy_lost, frame_steps, is_impact
-from mems_impact.studies.run import check_direction, problem_of
+from mems_impact.studies.run import assembled, check_direction, problem_of
 from mems_impact.studies.simulate import instant_of_state
 from mems_impact.studies.state import STATE_UNITS, State, is_number
 
@@ -73,32 +73,45 @@ class System:
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of all numbers of drive and actuator."""
-        return tuple(dict.fromkeys([*_numbers(self.drive), *_numbers(self.actuator)]))
+        return tuple(dict.fromkeys([*self.drive.names, *PARAMETER_NAMES]))
 
     def check_parameter(self, name: str, field: str = "parameter") -> None:
         """Raise InvalidParameter unless `name` can be varied continuously."""
         if name not in self.parameters:
             raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
-        if name == "bias" and self.value(name) == 0.0:
+        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
     def value(self, name: str) -> float:
         """Return a parameter in the user's units."""
-        owner = self.drive if name in _numbers(self.drive) else self.actuator
-        return float(getattr(owner, name))
+        if name in self.drive.names:
+            return self.drive.number(name)
+        return float(getattr(self.actuator, name))
 
-    def changed(self, **values: float) -> System:
-        """Return the system at other values; InvalidParameter if one is not allowed."""
-        of_drive = {name: v for name, v in values.items() if name in _numbers(self.drive)}
-        of_actuator = {name: v for name, v in values.items() if name not in of_drive}
-        drive = self.drive.replace(**of_drive) if of_drive else self.drive
-        actuator = self.actuator.replace(**of_actuator) if of_actuator else self.actuator
+    def changed(self, *, checked: bool = True, **values: float) -> System:
+        """Return the system at other values.
+
+        Differences by a parameter at the end of its range look beyond it, as do trial steps: not
+        `checked`, everything is taken. Otherwise InvalidParameter is raised if a value is not
+        allowed.
+        """
+        names = self.drive.names
+        of_drive = {name: value for name, value in values.items() if name in names}
+        of_actuator = {name: value for name, value in values.items() if name not in names}
+        actuator, drive = self.actuator, self.drive
+        if of_drive:
+            drive = drive.varied(of_drive, checked=checked)
+        if of_actuator and checked:
+            actuator = actuator.replace(**of_actuator)
+        elif of_actuator:
+            actuator = actuator.replace_unchecked(**of_actuator)
         return replace(self, actuator=actuator, drive=drive)
 
     def unit(self, name: str) -> str:
         """Return the SI unit of a parameter, empty for a pure number."""
-        return self.drive.units.get(name) or PARAMETER_UNITS.get(name, "")
+        of_drive = name in self.drive.names
+        return self.drive.unit(name) if of_drive else PARAMETER_UNITS.get(name, "")
 
     def into(self, name: str, value: float) -> float:
         """Return a value of a parameter in the units of the numerics."""
@@ -120,8 +133,8 @@ class System:
 
         def build(inner: Mapping[str, float]) -> Any:
             changes = {n: self.out(n, v) for n, v in inner.items() if v != values[n]}
-            here = _unchecked(self, changes) if changes else self
-            return problem_of(here.actuator, here.drive, self.options)
+            here = self.changed(checked=False, **changes) if changes else self
+            return assembled(here.actuator, here.drive, self.options)
 
         return Family(build, values)
 
@@ -129,7 +142,7 @@ class System:
         """Return the system at the values of an orbit."""
         here = self.family().values
         changes = {n: self.out(n, v) for n, v in found.family.values.items() if v != here[n]}
-        return _unchecked(self, changes) if changes else self
+        return self.changed(checked=False, **changes) if changes else self
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -453,26 +466,6 @@ def reporting(
             bar.update()
 
         yield show
-
-
-def _numbers(model: Any) -> tuple[str, ...]:
-    return tuple(n for n in type(model).model_fields if isinstance(getattr(model, n), float))
-
-
-def _unchecked(system: System, changes: Mapping[str, float]) -> System:
-    """Return the system at other values, allowed or just beyond what is allowed.
-
-    Differences by a parameter at the end of its range look beyond it, as do trial steps.
-    """
-    try:
-        return system.changed(**changes)
-    except InvalidParameter:
-        parts: dict[str, Any] = {}
-        for part in ("actuator", "drive"):
-            model = getattr(system, part)
-            own = {n: v for n, v in changes.items() if n in type(model).model_fields}
-            parts[part] = type(model).model_construct(**{**dict(model), **own})
-        return replace(system, **parts)
 
 
 def _state(y: Floats, scales: Scales) -> State:

@@ -188,8 +188,13 @@ def problem_of(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Pro
         raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
     if not isinstance(drive, Drive):
         raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
-    actuator, drive = inner(actuator, drive)
     drive.check()
+    return assembled(actuator, drive, options)
+
+
+def assembled(actuator: Actuator, drive: Drive, options: Options) -> hybrid.Problem:
+    """Return the problem of an actuator and a drive that have been checked."""
+    actuator, drive = inner(actuator, drive)
     waveforms = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
     return hybrid.Problem(
         automaton=actuator_automaton(*waveforms),

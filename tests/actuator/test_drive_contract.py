@@ -174,13 +174,14 @@ def test_numbers_by_name(drive):
     for name in drive.names:
         value = drive.number(name)
         assert isinstance(value, float)
-        assert drive.varied(name, value) == drive
+        assert drive.varied({name: value}) == drive
+        assert drive.varied({name: value}, checked=False) == drive
         assert drive.unit(name) in ("", "V", "s", "rad/s")
 
 
 def test_names_of_drives_within():
     burst = DRIVES["burst of a sine"]
     assert "wave.omega" in burst.names
-    assert burst.varied("wave.omega", 0.7).wave.omega == 0.7
+    assert burst.varied({"wave.omega": 0.7}).wave.omega == 0.7
     assert burst.unit("wave.omega") == "rad/s"
-    assert DRIVES["custom"].varied("amplitude", 1.0).number("amplitude") == 1.0
+    assert DRIVES["custom"].varied({"amplitude": 1.0}).number("amplitude") == 1.0

@@ -28,7 +28,7 @@ from mems_impact.cvode.kernels import kernels
 import tests.campaign.waveforms as waveforms
 
 for name in sys.argv[1]:
-    flow = kernels(*waveforms.automaton(name), None, 1, 1).flow
+    flow = kernels(*waveforms.automaton(name), 1, 1).flow
     out, y, p = np.zeros(1), np.zeros(1), np.ones(1)
     words = [ctypes.c_int64] * 2 + [ctypes.c_double] + [ctypes.c_int64] * 4
     call = ctypes.CFUNCTYPE(ctypes.c_int64, *words)(flow.address)

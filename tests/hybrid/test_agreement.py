@@ -57,8 +57,8 @@ def test_engines_agree(amplitude, omega, mu, e, c, x2, v2):
         for engine, rtol in (("compiled", 1e-10), ("compiled", 1e-11), ("interpreted", 1e-10))
     ]
     # Without friction from rest, both bodies turn at once: an end of slip and a closest approach
-    # in one instant, whose order is a matter of rounding.
-    runs = [log[log.kind != loop.APPROACH] for log in logs]
+    # in one instant, whose order is a matter of rounding. Where a long arc is cut does not matter.
+    runs = [log[(log.kind != loop.APPROACH) & (log.kind != loop.REBASE)] for log in logs]
     n = regular(runs[0], runs[1])
     a, b = runs[0][:n], runs[2][:n]
     chatter = a.kind == loop.ACCUMULATION

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time as clock
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,8 @@ NOISY = 6  # runs of the judge with noise, at each of
 GAINS = (3.0, 30.0, 300.0)  # times the tolerance: what a run's error may have grown to
 ALLOWED = 1e4  # imbalance of energy and momentum, times the tolerance
 MOST_SAMPLES = 4000
-SHORT = 8_000  # steps that the interpreted engine is asked for
+SHORT = 8_000  # steps that the interpreted engine is asked for at most
+FEW = 400  # and in every run
 GRID = 4  # times a period at which motions are compared
 PART = 1e-3  # of its size by which two motions part
 
@@ -51,21 +52,21 @@ class Outcome:
     matched: int = 0  # events that both have
     gain: float = 0.0  # noise, in tolerances, that explains why they part
     judge: str = ""
-    engines: int = 0  # 1: also on the interpreted engine
+    engines: float = 0.0  # share of the run that the interpreted engine did too
     energy: float = 0.0
     impulse: float = 0.0
     seconds: float = 0.0
     other: list[judges.Row] = field(default_factory=list, repr=False)
 
 
-def check(case: Case, interpreted: bool = False, energy: str = "", budget: float = 20.0) -> Outcome:
+def check(case: Case, interpreted: int = 0, energy: str = "", budget: float = 20.0) -> Outcome:
     """Run `case` and put it before the judge.
 
     Parameters
     ----------
     case : Case
-    interpreted : bool
-        Run it on the interpreted engine as well, if it is short.
+    interpreted : int
+        Run it on the interpreted engine as well, over so many steps or somewhat more.
     energy : {"", "compiled", "interpreted"}
         Run it once more with works and impulses as further states, on that engine.
     budget : float
@@ -97,8 +98,8 @@ def check(case: Case, interpreted: bool = False, energy: str = "", budget: float
         look_at_events(case, trajectory, outcome)
         if outcome.status == "result":
             look_at_motion(case, trajectory, outcome)
-            if interpreted and trajectory.steps < SHORT:
-                look_at_engines(case, trajectory, outcome)
+            if interpreted:
+                look_at_engines(case, trajectory, outcome, interpreted)
             if energy == "compiled" or (energy and trajectory.steps < SHORT):
                 look_at_balance(case, outcome, energy)
         look_at_judge(case, trajectory, outcome)
@@ -167,11 +168,13 @@ def look_at_motion(case: Case, trajectory: Any, outcome: Outcome) -> None:
         outcome.findings.append("a stuck frame that moves")
 
 
-def look_at_engines(case: Case, trajectory: Any, outcome: Outcome) -> None:
+def look_at_engines(case: Case, trajectory: Any, outcome: Outcome, steps: int) -> None:
     """The interpreted engine gives the same run, as far as the judge can tell two runs apart."""
-    outcome.engines = 1
+    share = min(1.0, steps / max(trajectory.steps, 1))
+    short = replace(case, periods=share * case.periods)
+    outcome.engines = share
     try:
-        other = case.run(engine="interpreted").trajectory
+        other = short.run(engine="interpreted").trajectory
     except RunError as error:
         outcome.findings.append(f"interpreted alone: {error.reason}")
         return
@@ -295,7 +298,8 @@ def look_at_judge(case: Case, trajectory: Any, outcome: Outcome) -> None:
 
     when, outcome.matched, how = split(rows_of(trajectory), states, until)
     if outcome.engines:
-        there, _, ways = parting(truth.rows, outcome.other, until, within)
+        end = min(until, case.time + outcome.engines * (t_end - case.time))
+        there, _, ways = parting(truth.rows, outcome.other, end, within)
         outcome.other = []
         if there < when:
             when, how = there, f"interpreted engine: {ways}"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.campaign.cases import random_case
-from validation.campaign.checks import GAINS, Outcome, check
+from validation.campaign.checks import GAINS, SHORT, Outcome, check
 from validation.campaign.result import Result
 
 
@@ -62,7 +62,9 @@ def _figures(outcomes: list[Outcome]) -> list[str]:
         f"{', '.join(str(sum(o.gain == g for o in outcomes)) for g in GAINS)}",
         f"- deepest penetration, parts of the gap: {max(o.penetration for o in outcomes):.1e}",
         f"- momentum at an impact, worst: {max(o.momentum for o in outcomes):.1e}",
-        f"- on both engines: {_sum(outcomes, 'engines')}",
+        f"- on both engines: {sum(o.engines > 0.0 for o in outcomes)}, of which whole: "
+        f"{sum(o.engines == 1.0 for o in outcomes)}; periods: "
+        f"{sum(o.engines * o.periods for o in outcomes):.0f}",
         f"- slowest run: {max(o.seconds for o in outcomes):.2f} s",
     ]
     if balanced:
@@ -93,4 +95,4 @@ def write_csv(path: Path, outcomes: list[Outcome]) -> None:
 def one(seed: int, number: int) -> str:
     """Return one random run in words."""
     case = random_case(seed, number)
-    return f"{case}\n\n{check(case, interpreted=True, energy='compiled')}"
+    return f"{case}\n\n{check(case, interpreted=SHORT, energy='compiled')}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -134,18 +134,32 @@ class Drive(ValidatedModel, ABC):
         value = getattr(self, owner)
         return value.number(inner) if inner else value
 
-    def varied(self, name: str, value: float) -> Self:
-        """Return a copy with one number changed; `name` is one of `names`.
+    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
+        """Return a copy with some numbers changed.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            New values, by one of `names` each.
+        checked : bool, optional
+            False takes values beyond what is allowed, at which differences by a parameter look.
 
         Raises
         ------
         InvalidParameter
-            If the value is not allowed.
+            If a value is not allowed.
         """
-        owner, _, inner = name.partition(".")
-        if not inner:
-            return self.replace(**{name: value})
-        return self.replace(**{owner: getattr(self, owner).varied(inner, value)})
+        own: dict[str, Any] = {}
+        within: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            owner, _, inner = name.partition(".")
+            if inner:
+                within.setdefault(owner, {})[inner] = value
+            else:
+                own[name] = value
+        for owner, inners in within.items():
+            own[owner] = getattr(self, owner).varied(inners, checked=checked)
+        return self.replace(**own) if checked else self.replace_unchecked(**own)
 
     def unit(self, name: str) -> str:
         """Return the SI unit of the number of that name, empty for a pure number."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 from types import FunctionType
@@ -169,9 +169,10 @@ class Custom(Drive):
         """Return the value of that name."""
         return dict(self.values)[name]
 
-    def varied(self, name: str, value: float) -> Self:
-        """Return a copy with one value changed."""
-        return self.replace(values={**dict(self.values), name: value})
+    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
+        """Return a copy with some values changed."""
+        changed = tuple({**dict(self.values), **values}.items())
+        return self.replace(values=changed) if checked else self.replace_unchecked(values=changed)
 
     def parameters(self) -> NDArray[np.float64]:
         """Return the units of time and voltage, then the values."""
