@@ -377,7 +377,8 @@ def locate(
     # product of two real multipliers may pass one.
     if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > 1e-3:
         return None
-    if monitor.kind == NEIMARK_SACKER and np.all(np.abs(orbit.multipliers.imag) < 1e-9):
+    off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
+    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < 1e-3):
         return None
     label = LABELS.get(monitor.kind, monitor.kind)
     value = float(here.values[0])

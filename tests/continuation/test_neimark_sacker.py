@@ -1,0 +1,100 @@
+"""Neimark-Sacker points, where Liouville's formula tells them.
+
+The product of the two multipliers of a planar oscillator is e^2 per impact times the exponential of
+the integral of the divergence over a period. Where they are complex, they cross the unit circle
+where that is one. For the linear impact oscillator that is a closed form, c = 2 n log(e)/T with n
+impacts; for the forced van der Pol oscillator x'' = (mu - x^2) x' - x + A cos(omega t) the integral
+is SciPy's.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mems_impact.continuation.branch import follow
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.orbit import find_orbit
+from tests.hybrid.systems import TAU, problem
+from tests.orbits.families import at, oscillator
+
+OMEGA, AMPLITUDE = 1.7, 1.2
+
+
+def _flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = (p[0] - y[0] * y[0]) * y[1] - y[0] + p[1] * math.cos(p[2] * t)
+
+
+def _margins(mode, t, y, p, g, r):
+    g[0], r[0] = p[3] - y[0], -y[1]
+
+
+def _transition(mode, code, t, y, p):
+    if code < 2:
+        y[0] = p[3]
+        y[1] *= -p[4] if code == 0 else 0.0
+    return 0
+
+
+AUTOMATON = Automaton(
+    states=("x", "v"),
+    modes=("free",),
+    guards=(Guard(name="stop", order=0, impact=True),),
+    flow=_flow,
+    margins=_margins,
+    transition=_transition,
+)
+
+
+def _problem(values):
+    p = [values[name] for name in ("mu", "amplitude", "omega", "d", "e")]
+    return problem(AUTOMATON, p, period=TAU / values["omega"], rtol=1e-11, atol=1e-13)
+
+
+def divergence(orbit, mu):
+    """The integral of mu - x^2 over the period, by DOP853."""
+
+    def flow(t, z):
+        x, v, _ = z
+        return v, (mu - x * x) * v - x + AMPLITUDE * math.cos(OMEGA * t), mu - x * x
+
+    start = [*orbit.state, 0.0]
+    done = solve_ivp(flow, (0.0, TAU / OMEGA), start, method="DOP853", rtol=1e-13, atol=1e-14)
+    assert np.abs(done.y[:2, -1] - orbit.state).max() < 1e-8
+    return done.y[2, -1]
+
+
+def check(branch, special):
+    """A pair on the unit circle off the real axis; stability is lost there and nowhere else."""
+    assert special.label == "NS"
+    assert np.abs(special.orbit.multipliers) == pytest.approx(1.0, abs=1e-8)
+    assert np.abs(special.orbit.multipliers.imag).min() > 0.1
+    for point in branch.points:
+        if abs(point.value - special.value) > 1e-6:
+            before = (point.value - special.value) * (branch.points[0].value - special.value) > 0.0
+            assert point.orbit.stable == before
+
+
+def test_van_der_pol():
+    values = {"mu": -0.3, "amplitude": AMPLITUDE, "omega": OMEGA, "d": 10.0, "e": 0.9}
+    orbit = find_orbit(Family(_problem, values), at((0.0, 0.0)), transient=100)
+    branch = follow(orbit, "mu", low=-0.3, high=0.6)
+    (special,) = branch.special_points
+    assert divergence(special.orbit, special.value) == pytest.approx(0.0, abs=1e-8)
+    check(branch, special)
+
+
+@pytest.mark.parametrize(
+    ("omega", "d", "impacts"), [(1.3, 0.0, 1), (1.7, 0.3, 1), (2.4, 0.0, 1), (0.8, 0.3, 2)]
+)
+def test_linear_impact_oscillator(omega, d, impacts):
+    family = oscillator(omega=omega, c=0.1, d=d, e=0.8, amplitude=1.0)
+    orbit = find_orbit(family, at((0.0, 0.0)), transient=300)
+    assert len(orbit.impacts) == impacts
+    branch = follow(orbit, "c", low=-0.3, high=0.1, direction=-1)
+    (special,) = branch.special_points
+    assert special.value == pytest.approx(impacts * math.log(0.8) * omega / math.pi, abs=1e-9)
+    check(branch, special)
