@@ -88,8 +88,9 @@ def identity(functions: Iterable[Callable[..., Any]]) -> str:
     while waiting:
         function = waiting.pop()
         assert isinstance(function, FunctionType), function
-        cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        numbers = [value for value in cells if isinstance(value, int | float | str)]
+        values = [cell.cell_contents for cell in function.__closure__ or ()]
+        values += [function.__defaults__ or (), *(function.__kwdefaults__ or {}).values()]
+        numbers = [value for value in values if _is_plain(value)]
         code = function.__code__
         text = (
             code.co_code.hex(),
@@ -101,6 +102,13 @@ def identity(functions: Iterable[Callable[..., Any]]) -> str:
             seen.add(function)
             waiting += _callees(function)
     return digest.hexdigest()[:16]
+
+
+def _is_plain(value: Any) -> bool:
+    """Return whether `value` reads the same in every process."""
+    if isinstance(value, tuple):
+        return all(_is_plain(part) for part in value)
+    return isinstance(value, int | float | str)
 
 
 def _callees(function: Callable[..., Any]) -> list[FunctionType]:

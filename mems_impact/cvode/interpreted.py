@@ -19,8 +19,19 @@ from mems_impact.cvode.options import Options
 _SILENCE = threading.Lock()
 
 
+# What Python raises where compiled code goes on with infinity or not-a-number.
+_DOMAIN = (ArithmeticError, ValueError)
+
+
 class _Failure(Exception):
     """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
+
+
+def _fill(out: Any, values: list[float]) -> None:
+    try:
+        out[:] = values
+    except TypeError:  # a root of a negative number is complex
+        out[:] = math.nan
 
 
 class Engine:
@@ -107,16 +118,22 @@ class Engine:
         """Write the derivative of the state in `mode` into `dy`."""
         # Scalars out of a list are several times as fast as out of an array.
         slope = [0.0] * self._n
-        self._flow(mode, t, y[: self._n].tolist(), self.parameters, slope)
-        dy[: self._n] = slope
+        try:
+            self._flow(mode, t, y[: self._n].tolist(), self.parameters, slope)
+            _fill(dy[: self._n], slope)
+        except _DOMAIN:
+            dy[: self._n] = math.nan
 
     def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
         """Write the m margins, then their m rates, into `out`."""
         m = self._m
         g, r = [1.0] * m, [1.0] * m
-        self._margins(mode, t, y[: self._n].tolist(), self.parameters, g, r)
-        out[:m] = g
-        out[m : 2 * m] = r
+        try:
+            self._margins(mode, t, y[: self._n].tolist(), self.parameters, g, r)
+            _fill(out[:m], g)
+            _fill(out[m : 2 * m], r)
+        except _DOMAIN:
+            out[: 2 * m] = math.nan
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""

@@ -21,6 +21,7 @@ from mems_impact.cvode import engine as arc
 
 # What `advance` answers.
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = 0, 1, 2, 3, 4, 5, 6
+INADMISSIBLE, WITHOUT_EFFECT = 7, 8
 
 # Kinds of rows in the event buffer.
 TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = 0, 1, 2, 3, 4, 5
@@ -38,12 +39,9 @@ NONE = -1
 # (u^2/2a = 1e-11 at a = 0.1, where rounding of the position is 1e-16).
 CHATTER_TIME = 2e-5
 
-# CVODE tells roots apart to 100 roundings of the time, and its polynomial near the start of a
-# first step (1e-13) is rounding. An event that comes sooner is taken at the state with which the
-# arc began: friction, acting for as long as that on a slip of 1e-17, would throw the block back
-# at the stopper it has just left, for ever.
-RESOLUTION = 100.0 * 2.0**-52
-NO_TIME = 1e-22
+ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
+CLEARLY = 1e-6  # a margin below minus this is no rounding, and no error of the integration
+FORWARD = 1e-8  # time over which the flow is followed to see whether a margin rises
 
 # All that the loop remembers between two calls.
 CLOCK = np.dtype(
@@ -71,6 +69,7 @@ CLOCK = np.dtype(
         ("hit_interval", np.float64),
         ("hit_speed", np.float64),
         ("arc_start", np.float64),
+        ("lifted", np.int64),  # 1 while a margin that started clearly negative is lifted
         ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
         ("per_period", np.int64),  # samples per period, 0 for none
         ("sample_cycle", np.int64),
@@ -95,7 +94,7 @@ class Buffers(NamedTuple):
     offset: Any  # float array, shape (n,): what cyclic components gathered before this arc
     events: Any  # float array, shape (rows, HEAD + 2 n)
     samples: Any  # float array, shape (rows, 3 + n)
-    work: Any  # float array, shape (7, max(n, 2 m)): scratch, in its last row the arc's start
+    work: Any  # float array, shape (6, max(n, 2 m)): scratch
 
 
 def advance(
@@ -131,7 +130,9 @@ def advance(
     Returns
     -------
     int
-        PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET or CYCLING.
+        PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING, INADMISSIBLE or
+        WITHOUT_EFFECT. ``s.failure`` is the engine's code after FAILED, the guard after the last
+        two.
     """
     layout = Layout(order, impact, cyclic, switches)
     buffers = Buffers(offset, events, samples, work)
@@ -143,6 +144,9 @@ def advance(
         if s.fresh == 1:
             s.fresh = 0
             s.restart = 1
+            s.failure = inside(engine, s.mode, s.t, y, layout, buffers)
+            if s.failure != NONE:
+                return INADMISSIBLE
             guard = violated(engine, s.mode, s.t, y, layout, buffers)
             for i in range(layout.switches.size):
                 # A run that ended here left the jump to this one.
@@ -166,6 +170,7 @@ def advance(
             arc.state(engine, y)
             note(s, s.t, REBASE, 0, s.mode, y, y, buffers)
             s.restart = 1
+            s.fresh = s.doubt  # a margin in doubt is looked at again
             continue
         if status < 0 or s.arc_steps > s.max_steps:
             if s.arc_steps > 1:  # else y is where the arc, and its first step, began
@@ -175,16 +180,14 @@ def advance(
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = arc.time(engine)
+        if s.lifted == 1:
+            lower(engine, s, t, y, layout, buffers)
 
         guard = NONE
         t_event = t
         if status == arc.ROOT:
             guard, t_event = first_guard(engine, s, before, t, layout, buffers)
-            if guard != NONE and rising(engine, s, guard, t_event, layout, buffers):
-                s.doubt = 1
-                guard = NONE
-                t_event = t
-        elif s.doubt == 1 and status != arc.STOPPED:
+        if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
             arc.state(engine, y)
             guard = violated(engine, s.mode, t, y, layout, buffers)
 
@@ -202,9 +205,6 @@ def advance(
         if guard != NONE:
             if t_event < t:
                 arc.interpolate(engine, t_event, y)
-            if t_event - s.arc_start < NO_TIME + RESOLUTION * abs(t_event):
-                for i in range(y.size):
-                    y[i] = buffers.work[6, i]
             status = resolve(engine, s, t_event, y, guard, layout, buffers)
             if status != DONE:
                 return status
@@ -250,17 +250,32 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
     arc.margins(engine, s.mode, s.t, y, g)
     # One that still falls has had its transition, which changed nothing: it is left alone.
     m = layout.order.size
+    s.lifted = 0
     for i in range(m):
         lift = g[i] <= 0.0 and g[m + i] >= 0.0
+        if lift and g[i] < -CLEARLY:
+            s.lifted = 1
         arc.set_bias(engine, i, -g[i] * (1.0 + 1e-9) + 1e-300 if lift else 0.0)
     arc.restart(engine, s.mode, s.t, y, s.stop)
-    for i in range(y.size):
-        buffers.work[6, i] = y[i]
     s.restart = 0
     s.doubt = 0
     s.arc_start = s.t
     s.arc_steps = 0
     s.arcs += 1
+
+
+def lower(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> None:
+    """Take the lift from margins that have become positive: from now on zero is their limit."""
+    g = buffers.work[0]
+    arc.state(engine, y)
+    arc.margins(engine, s.mode, t, y, g)
+    s.lifted = 0
+    for i in range(layout.order.size):
+        if arc.bias(engine, i) > CLEARLY:
+            if g[i] > 0.0:
+                arc.set_bias(engine, i, 0.0)
+            else:
+                s.lifted = 1
 
 
 def whole_periods(t: float, period: float) -> int:
@@ -282,7 +297,10 @@ def first_guard(
     guard = NONE
     for i in range(m):
         if arc.fired(engine, i) < 0 and (guard == NONE or order[i] < order[guard]):
-            guard = i
+            if rising(engine, s, i, t, layout, buffers):
+                s.doubt = 1
+            else:
+                guard = i
     t_event = t
     g, y = buffers.work[0], buffers.work[1]
     for i in range(m):
@@ -292,7 +310,9 @@ def first_guard(
             # Zero as well: CVODE stops where a margin and its rate are zero together.
             if g[i] + arc.bias(engine, i) <= 0.0:
                 t_crossing = crossing(engine, s, i, before, t, buffers)
-                if (
+                if rising(engine, s, i, t_crossing, layout, buffers):
+                    s.doubt = 1
+                elif (
                     guard == NONE
                     or t_crossing < t_event
                     or (t_crossing == t_event and order[i] < order[guard])
@@ -303,7 +323,7 @@ def first_guard(
 
 
 def rising(engine: Any, s: Any, guard: int, t: float, layout: Any, buffers: Any) -> bool:
-    """Return whether `guard`, no impact, seems to fire while its margin rises by its exact rate.
+    """Return whether `guard`, no impact, seems to fire while the flow makes its margin rise.
 
     The polynomial of a step has the integration error, below which a slip may lie as a whole. Its
     margin then seems to fall through zero where it does not, again and again. It is left alone
@@ -311,10 +331,19 @@ def rising(engine: Any, s: Any, guard: int, t: float, layout: Any, buffers: Any)
     """
     if layout.impact[guard] == 1:
         return False
-    g, y = buffers.work[0], buffers.work[1]
+    g, y, slope = buffers.work[0], buffers.work[1], buffers.work[3]
     arc.interpolate(engine, t, y)
     arc.margins(engine, s.mode, t, y, g)
-    return bool(g[layout.order.size + guard] > 0.0)
+    if g[layout.order.size + guard] <= 0.0:
+        return False
+    # The rate says so; but it may have been left at a constant (see `Automaton`).
+    margin = g[guard]
+    h = FORWARD if t + FORWARD < s.stop else -FORWARD
+    arc.flow(engine, s.mode, t, y, slope)
+    for i in range(y.size):
+        y[i] += h * slope[i]
+    arc.margins(engine, s.mode, t + h, y, g)
+    return bool((g[guard] - margin) * h > 0.0)
 
 
 def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
@@ -335,16 +364,32 @@ def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers
 
 
 def violated(engine: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
-    """Return the first guard, by order, whose margin is not positive and is falling; or NONE."""
+    """Return the first guard, by order, that fires where the state is put; or NONE.
+
+    Its margin is zero or below and falls; or it is clearly negative, and no gap.
+    """
     g = buffers.work[0]
     m = layout.order.size
     order = layout.order
     arc.margins(engine, mode, t, y, g)
     guard = NONE
     for i in range(m):
-        if g[i] <= 0.0 and g[m + i] < 0.0 and (guard == NONE or order[i] < order[guard]):
+        fires = g[i] <= 0.0 and g[m + i] < 0.0
+        fires = fires or (g[i] < -CLEARLY and layout.impact[i] == 0)
+        if fires and (guard == NONE or order[i] < order[guard]):
             guard = i
     return guard
+
+
+def inside(engine: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
+    """Return a gap that is clearly negative and does not open, as a start may be; or NONE."""
+    g = buffers.work[0]
+    m = layout.order.size
+    arc.margins(engine, mode, t, y, g)
+    for i in range(m):
+        if g[i] < -CLEARLY and g[m + i] <= 0.0 and layout.impact[i] == 1:
+            return i
+    return NONE
 
 
 def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any) -> int:
@@ -378,9 +423,14 @@ def resolve(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buff
             changed = changed or past[i] != y[i]
         if kind == TRANSITION and guard < m and layout.impact[guard] == 1:
             t = complete_chatter(engine, s, t, y, guard, layout, buffers)
+        following = violated(engine, s.mode, t, y, layout, buffers)
         if not changed and kind != SWITCH:
-            return DONE  # nothing moved: looking again would find the same
-        guard = violated(engine, s.mode, t, y, layout, buffers)
+            # Nothing moved: looking again would find the same.
+            if following != NONE and layout.impact[following] == 1:
+                s.failure = following
+                return WITHOUT_EFFECT
+            return DONE
+        guard = following
     return CYCLING
 
 
@@ -404,13 +454,12 @@ def complete_chatter(
     s.hit_time = t
     s.hit_interval = interval
     s.hit_speed = speed
-    largest = 0.0
-    for i in range(y.size):
-        largest = max(largest, abs(y[i]))
-    if interval < CHATTER_TIME and speed * interval < 64.0 * 2.0**-52 * largest:
-        remaining = 0.0  # a flight that drowns in the rounding of the position need not shrink
-    elif shrinking and interval < CHATTER_TIME:
+    if not (interval < CHATTER_TIME and ballistic(engine, s, t, y, guard, layout, buffers)):
+        return t
+    if shrinking:
         remaining = interval * ratio / (1.0 - ratio)
+    elif speed * interval < 64.0 * rounding_of(engine, s.mode, t, y, guard, buffers):
+        remaining = 0.0  # a flight that drowns in the rounding of the gap need not shrink
     else:
         return t
     end = (s.end_cycle - s.cycle) * s.period + s.end_phase
@@ -438,6 +487,41 @@ def complete_chatter(
     s.hit_guard = NONE
     note(s, s.t, ACCUMULATION, guard, mode, past, y, buffers)
     return s.t
+
+
+def ballistic(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any) -> bool:
+    """Return whether the last flight was one that acceleration turned round.
+
+    It lasts 2 u/a. A body that another one throws back arrives far too soon for its speed. The
+    acceleration is that after the impact; with friction it changes during the flight.
+    """
+    m = layout.order.size
+    g, slope, ahead = buffers.work[0], buffers.work[3], buffers.work[4]
+    arc.margins(engine, s.mode, t, y, g)
+    rate = g[m + guard]
+    h = FORWARD if t + FORWARD < s.stop else -FORWARD
+    arc.flow(engine, s.mode, t, y, slope)
+    for i in range(y.size):
+        ahead[i] = y[i] + h * slope[i]
+    arc.margins(engine, s.mode, t + h, ahead, g)
+    acceleration = (rate - g[m + guard]) / h
+    return bool(2.0 * s.hit_speed <= ABRUPT * abs(acceleration) * s.hit_interval)
+
+
+def rounding_of(engine: Any, mode: int, t: float, y: Any, guard: int, buffers: Any) -> float:
+    """Return what roundings of the state amount to in the margin of `guard`."""
+    g, moved = buffers.work[0], buffers.work[4]
+    arc.margins(engine, mode, t, y, g)
+    margin = g[guard]
+    total = 0.0
+    for i in range(y.size):
+        moved[i] = y[i]
+    for i in range(y.size):
+        moved[i] = y[i] * (1.0 + 2.0**-26)
+        arc.margins(engine, mode, t, moved, g)
+        total += abs(g[guard] - margin) * 2.0**-26
+        moved[i] = y[i]
+    return total
 
 
 def note_passages(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> None:

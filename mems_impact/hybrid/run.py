@@ -47,6 +47,8 @@ def run(
 
     Raises
     ------
+    InvalidParameter
+        If `start` does not fit the automaton, or `periods` is out of range.
     RunError
         If the run cannot go on; what was computed is in it.
     RunInterrupted
@@ -54,6 +56,13 @@ def run(
     """
     if not (math.isfinite(periods) and periods > 0.0):
         raise InvalidParameter(field="periods", value=periods, allowed="finite and above 0")
+    automaton = problem.automaton
+    if np.shape(start.y) != (len(automaton.states),):
+        allowed = f"one number for each of {', '.join(automaton.states)}"
+        raise InvalidParameter(field="start.y", value=start.y, allowed=allowed)
+    if start.mode not in range(len(automaton.modes)):
+        allowed = f"0 to {len(automaton.modes) - 1}"
+        raise InvalidParameter(field="start.mode", value=start.mode, allowed=allowed)
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
     end = Instant(start.cycle + whole, phase, start.mode, start.y)
@@ -109,7 +118,7 @@ class _Run:
             offset=np.zeros(n),
             events=np.zeros((EVENT_ROWS, loop.HEAD + 2 * n)),
             samples=np.zeros((rows, 3 + n)),
-            work=np.zeros((7, max(n, 2 * m))),
+            work=np.zeros((6, max(n, 2 * m))),
         )
         clock = self.bound.record(loop.CLOCK)
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
@@ -191,6 +200,8 @@ class _Run:
     def _failure(self, status: int) -> RunError:
         clock, options = self.clock, self.problem.options
         automaton = self.problem.automaton
+        named = status in (loop.INADMISSIBLE, loop.WITHOUT_EFFECT)
+        name = automaton.guards[int(clock.failure)].name if named else ""
         reason, remedy = {
             loop.FAILED: (
                 contract.FAILURES.get(int(clock.failure), f"CVODE failed ({clock.failure})"),
@@ -208,6 +219,14 @@ class _Run:
             loop.CYCLING: (
                 f"more than {loop.MAX_SIMULTANEOUS} transitions in one instant",
                 "the transitions of the automaton undo each other: check guards and transition",
+            ),
+            loop.INADMISSIBLE: (
+                f"the start lies beyond the guard {name!r}",
+                "start where its margin is not negative",
+            ),
+            loop.WITHOUT_EFFECT: (
+                f"the transition of the guard {name!r} changes nothing, and its margin falls on",
+                "let the transition turn the closing speed round, or take it away",
             ),
         }[status]
         trajectory = self._trajectory()

@@ -214,3 +214,21 @@ def test_a_slip_below_the_tolerance_is_one_slip(excess, engine):
     case = Case("", device, wave, (0.0, 0.0, 0.0, 0.0), 0.0, 0.01, {"rtol": 1e-9, "atol": 1e-11})
     events = case.run(engine=engine).trajectory.events
     assert np.count_nonzero(events.kind == loop.TRANSITION) == 1
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("before", [0.0, 1e-15, 1e-13])
+def test_a_load_a_rounding_below_the_static_limit(before, engine):
+    """mu_d = mu_s, and the load reaches the limit within the rounding of the time.
+
+    Events so soon after the start of an arc were once handled at the state with which it began.
+    There the load was still below the limit: break-away, end of slip, break-away, for ever.
+    """
+    t, x2, v2 = 30.0, 0.1, 0.3
+    device = zhao()
+    pull = device["alpha"] * (0.05 * math.cos(0.1 * t)) ** 2 / (device["d"] - x2) ** 2
+    load = device["k"] * x2 + device["c"] * v2 - pull
+    mu = load * (1.0 + before) / ((device["m1"] + device["m2"]) * device["g"])
+    wave = Spec("sine", {"amplitude": 0.05, "omega": 0.1})
+    case = Case("", zhao(mu_s=mu, mu_d=mu), wave, (0.0, 0.0, x2, v2), t, 0.2, TIGHT)
+    assert len(case.run(engine=engine).trajectory.events) < 20
