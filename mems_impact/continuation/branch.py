@@ -200,12 +200,12 @@ class _Walker:
         )
         yield self.branch.points[-1]
         length = self.steps.initial
-        budget = self.steps.most  # of events that move into another period
+        budget = self.steps.most  # of events that move into another period, or past another one
         before = monitors(shooting, point, along)
         while len(self.branch.points) < self.steps.most:
             try:
                 if budget == 0:
-                    raise OrbitError("events go to and fro between periods", "take shorter steps")
+                    raise OrbitError("events go to and fro", "take shorter steps")
                 length = self._within_bounds(point, along, length)
                 following, iterations = step(shooting, point, along, length)
                 ahead = tangent(following, along)
@@ -229,9 +229,12 @@ class _Walker:
             if lost is not None and self.reconnecting and lost.monitor.role == "length":
                 moved = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
                 if moved is not None:
-                    # An event has only moved into the next period of the orbit.
-                    self.branch.special_points.remove(lost)
+                    # An event has moved into the next period of the orbit, or past another one.
                     shooting, point, along = moved
+                    last = self.branch.points[-1]
+                    turned = along[-1] * last.direction[-1] < 0.0
+                    if not turned and make_orbit(shooting, point).stable == last.orbit.stable:
+                        self.branch.special_points.remove(lost)
                     length = max(length / 2.0, self.steps.initial)
                     before = monitors(shooting, point, along)
                     budget -= 1

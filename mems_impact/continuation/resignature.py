@@ -18,6 +18,7 @@ from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
 
 SPEED = 1e-4  # rate at the guard with which the other signature is entered
+PASSING = 1e-6  # time before two events meet at which the modes between them are looked up
 DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 
 
@@ -32,7 +33,7 @@ def reconnect(
         Located at a zero of `monitor`.
     monitor : Monitor
         With the role "approach" (an event comes in), "rate" (one drops out) or "length" (one moves
-        into another period).
+        into another period, or past another event).
 
     Returns
     -------
@@ -40,7 +41,7 @@ def reconnect(
         Or None where no orbit of another signature is found.
     """
     if monitor.role == "length":
-        return cross_boundary(orbit, monitor.segment, parameter)
+        return pass_by(orbit, monitor.segment, parameter)
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
     if monitor.role == "approach" and touch is not None and touch.inside:
         guess = with_event(orbit, monitor.guard, touch)
@@ -69,15 +70,15 @@ def reconnect(
     return shooting, point, direction if gain > 0.0 else -direction
 
 
-def cross_boundary(
+def pass_by(
     orbit: PeriodicOrbit, i: int, parameter: str
 ) -> tuple[Shooting, Point, Floats] | None:
-    """Let the event at an end of the vanishing segment `i` move into the neighbouring period.
+    """Let the event at an end of the vanishing segment `i` pass the other end.
 
-    Nothing happens to the orbit there; it is only cut elsewhere. None if the segment lies between
-    two events, which is where they meet.
+    It moves into the neighbouring period, or changes places with another event. Nothing happens
+    to the orbit there; it is only cut elsewhere. None if two events meet whose order matters.
     """
-    moved = move_event(orbit, i)
+    moved = move_event(orbit, i) or swap_events(orbit, i)
     if moved is None:
         return None
     guess, grows = moved
@@ -136,6 +137,52 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
             return Guess(tuple(segments), np.array(states), np.array(times)), 0
         return Guess(tuple(segments), np.array(states), np.array(times)), i
     return None
+
+
+def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
+    """Return the orbit with the two events around segment `i` in the other order.
+
+    Also returned: the segment that grows from length zero. None unless the state and the mode after
+    both are the same in either order.
+    """
+    shooting, point = orbit.shooting, orbit.point
+    segments, count = list(orbit.segments), len(orbit.segments)
+    switch = 2 * shooting.m
+    first, second = (i - 1) % count, i
+    one, other = segments[first], segments[second]
+    if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
+        return None
+    if one.code == other.code == switch:
+        return None
+    problem = orbit.family.problem()
+    p = np.asarray(problem.parameters, dtype=float)
+    automaton, time = shooting.automaton, float(point.ends[first])
+    # A guard's event before the switch belongs to the voltage before it.
+    instants = {
+        segment: np.nextafter(time, 0.0) if segment.code != switch and swapped else time
+        for segment, swapped in ((one, False), (other, True))
+    }
+    end = np.array(point.arcs[first].end)
+    # The event that comes later in the new order has not happened yet where the other one does.
+    before = end - PASSING * np.array(point.arcs[first].slope_end)
+    early = np.array(before if other.code == switch else end)
+    mode = int(automaton.transition(one.mode, other.code, instants[other], early, p))
+    after = np.array(end)
+    automaton.transition(one.mode, other.code, instants[other], after, p)
+    final = np.array(after)
+    last = int(automaton.transition(mode, one.code, instants[one], final, p))
+    states, _ = shooting.unpack(point.unknowns)
+    following = (i + 1) % count
+    free = shooting.free
+    if last != segments[following].mode:
+        return None
+    if np.abs(final[free] - states[following][free]).max() > 1e-6:
+        return None
+    segments[first] = Segment(one.mode, one.cycle, other.code, other.switch)
+    segments[second] = Segment(mode, one.cycle, one.code, one.switch)
+    states = np.array(states)
+    states[second][free] = after[free]
+    return Guess(tuple(segments), states, np.array(point.ends)), i
 
 
 def _rotated(items: list[Any], by: int) -> list[Any]:

@@ -22,7 +22,7 @@ from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
 TOLERANCE = 1e-11  # of a Newton step
 ACCEPTED = 1e-8  # residual at which a Newton iteration that no longer shrinks is taken as done
 ITERATIONS = 20
-NOTHING = 1e-18  # a component of a state smaller than this is zero
+NOTHING = 1e-14  # a component of a state smaller than this is zero
 
 
 @dataclass(frozen=True)
@@ -87,8 +87,13 @@ class Shooting:
         self._at: tuple[float, ...] | None = None
 
     def pack(self, guess: Guess) -> Floats:
-        """Return the unknowns of a guess."""
-        return np.concatenate([guess.states[:, self.free].ravel(), guess.times[self.events]])
+        """Return the unknowns of a guess.
+
+        A component that is zero but for an earlier correction's rounding is made zero: one that the
+        orbit can't determine, as the velocity of a stuck frame, keeps what it starts with.
+        """
+        states = np.where(np.abs(guess.states) < ACCEPTED, 0.0, guess.states)
+        return np.concatenate([states[:, self.free].ravel(), guess.times[self.events]])
 
     def unpack(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return the states at the starts, shape (N, n), and the times of the events."""
