@@ -109,8 +109,10 @@ def command(
 def _show(branch: mi.Branch) -> None:
     table = branch.table
     low, high = table.iloc[:, 0].min(), table.iloc[:, 0].max()
+    periods = branch.orbits[0].periods
+    each = "one forcing period" if periods == 1 else f"{periods} forcing periods"
     click.echo(
-        f"{len(branch)} orbits of {branch.orbits[0].periods} forcing periods, {branch.parameter} "
+        f"{len(branch)} orbits of {each}, {branch.parameter} "
         f"{low:.9g} to {high:.9g}, {int(table['stable'].sum())} of them stable; {branch.ended}"
     )
     for special in branch.special_points:

@@ -71,9 +71,9 @@ class SpecialPoint:
     kind: str
     label: str
     value: float
-    orbit: PeriodicOrbit
-    direction: Floats
-    monitor: Monitor
+    orbit: PeriodicOrbit = field(repr=False)
+    direction: Floats = field(repr=False)
+    monitor: Monitor = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ def follow(
     low, high : float
         Bounds of the parameter.
     direction : float
-        Sign of the first step in the parameter.
+        Sign of the first step in the parameter; the branch is followed this way only.
     steps : Steps, optional
     reconnecting : bool
         Whether to go on with the changed signature where a guard is touched at zero speed. If

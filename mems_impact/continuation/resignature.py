@@ -70,9 +70,7 @@ def reconnect(
     return shooting, point, direction if gain > 0.0 else -direction
 
 
-def pass_by(
-    orbit: PeriodicOrbit, i: int, parameter: str
-) -> tuple[Shooting, Point, Floats] | None:
+def pass_by(orbit: PeriodicOrbit, i: int, parameter: str) -> tuple[Shooting, Point, Floats] | None:
     """Let the event at an end of the vanishing segment `i` pass the other end.
 
     It moves into the neighbouring period, or changes places with another event. Nothing happens

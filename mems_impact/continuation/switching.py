@@ -6,23 +6,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from mems_impact.continuation.corrector import correct, tangent
+from mems_impact.continuation.corrector import correct
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit
-from mems_impact.orbits.shooting import Point, Shooting
+from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Shooting
 
 DISTANCE = 1e-3  # from the orbit that doubles, in the space of unknowns
 
 
-def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[Shooting, Point, Floats]:
-    """Return the branch of twice the period that leaves `orbit`, and the direction along it.
+def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
+    """Return an orbit of twice the period next to `orbit`, and on which side of it.
 
     Parameters
     ----------
     orbit : PeriodicOrbit
         At a period doubling.
     parameter : str
+
+    Returns
+    -------
+    orbit : PeriodicOrbit
+        The first one of the branch that leaves `orbit`.
+    side : float
+        1 where the parameter grows along that branch, else -1: the `direction` in which to follow.
 
     Raises
     ------
@@ -44,4 +50,5 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[Shooting, Point, Floa
     away = np.append(vectors[-1], 0.0)
     start = np.append(unknowns, value) + DISTANCE * away
     first, _ = correct(shooting, start, away)
-    return shooting, first, tangent(first, away)
+    found = make_orbit(shooting, first)
+    return found, float(np.copysign(1.0, found.family.values[parameter] - value[0]))

@@ -68,6 +68,14 @@ class PeriodicOrbit:
     multipliers: NDArray[np.complex128]
     defects: tuple[Defect, ...]
 
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        values = ", ".join(f"{name}={value:.9g}" for name, value in self.family.values.items())
+        return (
+            f"PeriodicOrbit({kind}, admissible={self.admissible}, periods={self.periods}, "
+            f"impacts={len(self.impacts)}, {values})"
+        )
+
     @property
     def segments(self) -> tuple[Segment, ...]:
         """The signature."""

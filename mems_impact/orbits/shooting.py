@@ -358,6 +358,7 @@ class Shooting:
         raise OrbitError(
             reason=f"no orbit with this signature near the guess (the "
             f"residual stays at {np.abs(point.residual).max():.2g})",
-            remedy="take a guess nearer to an orbit: let transients die out, or change periods",
+            remedy="take a guess nearer to an orbit: let transients die out (transient=300), or "
+            "change periods",
             partial=point,
         )

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
 from mems_impact.tables import sweep_summary, symbols
 
@@ -38,6 +39,9 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None) -> Any:
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
     """
+    if "v2" not in symbols(table):
+        problem = "not a table of mems_impact.sweep (a summary has no section)"
+        raise InvalidParameter("table", None, "", problem=problem)
     if ax is None:
         ax = new_figure(7.0, 4.2).subplots()
     units = [f" {name[name.index('[') :]}" if " [" in name else "" for name in table.columns]

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
 from mems_impact.tables import heading, symbols
 
@@ -54,12 +55,17 @@ def plot_branch(
     if ax is None:
         ax = new_figure(7.0, 4.2).subplots()
     diagrams = list(branch) if isinstance(branch, Sequence) else [branch]
+    for diagram in diagrams:
+        if not hasattr(diagram, "special_table"):
+            allowed = "a Branch, as mems_impact.continue_orbit returns it"
+            raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
     label, ordinate = first.columns[0], heading(first, "v2")
     if sweep is not None:
         dots = symbols(sweep)
         ax.plot(
-            dots.iloc[:, 0], dots["v2"], linestyle="none", marker="o", markersize=1.8, color=DOTS,
+            dots.iloc[:, 0], dots["v2"], linestyle="none", marker="o", color=DOTS,
+            markersize=1.8 if len(dots) > 2000 else 3.2,
             markeredgewidth=0.0, label="brute force", rasterized=len(dots) > 20_000, zorder=1,
         )  # fmt: skip
     drawn: set[str] = set()

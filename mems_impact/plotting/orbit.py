@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
 from mems_impact.tables import heading
 
@@ -46,6 +47,9 @@ def plot_orbit(orbit: Closed, ax: Any = None) -> Any:
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
     """
+    if not hasattr(orbit, "samples"):
+        allowed = "an Orbit, as mems_impact.find_orbit returns it"
+        raise InvalidParameter("orbit", type(orbit).__name__, allowed)
     if ax is None:
         ax = new_figure(5.2, 4.4).subplots()
     table = orbit.samples(PER_PERIOD)

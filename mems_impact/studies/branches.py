@@ -21,7 +21,7 @@ from mems_impact.continuation.branch import Steps
 from mems_impact.continuation.monitors import LABELS
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import InvalidParameter
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.studies.orbits import Orbit, System, reporting
 from mems_impact.studies.state import is_number
 
@@ -371,16 +371,14 @@ def switch_branch(
     if not low < special.value < high:
         allowed = f"smallest and largest value, with {special.value:g} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    shooting, point, _ = doubled(special.found.orbit, parameter)
-    first = make_orbit(shooting, point)
-    side = first.family.values[parameter] - special.found.value
+    first, side = doubled(special.found.orbit, parameter)
     with reporting(progress, parameter, lambda v: system.out(parameter, v)) as report:
         found = branches.follow(
             first,
             parameter,
             low=system.into(parameter, low),
             high=system.into(parameter, high),
-            direction=math.copysign(1.0, side),
+            direction=side,
             steps=steps,
             reconnecting=through_grazing,
             progress=report,

@@ -192,6 +192,8 @@ def resolution(speeds: pd.DataFrame) -> float:
     Of periods with one impact: there, each step is the same.
     """
     table = tables.symbols(speeds)
+    if "displacement per impact" not in table:
+        raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
     one = np.isclose(table["impacts per period"], 1.0) & (table["displacement per impact"] > 0.0)
     return float(table.loc[one, "displacement per impact"].min())
 

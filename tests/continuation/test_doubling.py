@@ -1,5 +1,7 @@
 """Orbits of period two and four, by branch switching and by simulation."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from mems_impact.continuation.branch import follow
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
-from mems_impact.orbits.orbit import check_closed, find_orbit, make_orbit
+from mems_impact.orbits.orbit import check_closed, find_orbit
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator_orbit, at, oscillator
 
@@ -28,13 +30,12 @@ def doubling():
 
 @pytest.fixture(scope="module")
 def period_two(doubling):
-    orbit = make_orbit(*doubled(doubling.orbit, "amplitude")[:2])
+    orbit = doubled(doubling.orbit, "amplitude")[0]
     return follow(orbit, "amplitude", low=0.1755, high=0.177)
 
 
 def test_the_period_doubles(doubling):
-    shooting, point, along = doubled(doubling.orbit, "amplitude")
-    orbit = make_orbit(shooting, point)
+    orbit, side = doubled(doubling.orbit, "amplitude")
     assert orbit.periods == 2
     assert orbit.admissible
     assert check_closed(orbit) < 1e-8
@@ -42,7 +43,7 @@ def test_the_period_doubles(doubling):
     assert len(speeds) == 2
     assert abs(speeds[0] - speeds[1]) > 1e-5
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-3  # (-1)^2, hardly moved
-    assert np.linalg.norm(along) == pytest.approx(1.0)
+    assert side == math.copysign(1.0, orbit.family.values["amplitude"] - doubling.value)
 
 
 def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
@@ -63,7 +64,7 @@ def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
 
 def test_period_four(period_two):
     second = special(period_two, "period-doubling")[0]
-    orbit = make_orbit(*doubled(second.orbit, "amplitude")[:2])
+    orbit = doubled(second.orbit, "amplitude")[0]
     assert orbit.periods == 4
     assert check_closed(orbit) < 1e-7
 
@@ -77,8 +78,7 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
     far = 0.9 * exact.doubling(), 1.1 * exact.doubling()
     branch = follow(find_orbit(family, guess), "amplitude", low=far[0], high=far[1], direction=-1)
     (found,) = special(branch, "period-doubling")
-    orbit = make_orbit(*doubled(found.orbit, "amplitude")[:2])
-    towards = orbit.family.values["amplitude"] - found.value
+    orbit, towards = doubled(found.orbit, "amplitude")
     near = found.value * (1.0 - 1e-2), found.value * (1.0 + 1e-2)
     beyond = follow(orbit, "amplitude", low=near[0], high=near[1], direction=towards)
     stable = [
