@@ -25,6 +25,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
 ROLES = ("rate", "approach", "length")
+SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
@@ -225,6 +226,12 @@ class _Walker:
                     return
                 continue
             self.branch.special_points += found.special_points
+            passed = found.special_points[-1:]
+            if passed and passed[0].kind == PERIOD_DOUBLING and passed[0].monitor.kind == FOLD:
+                self._append(shooting, passed[0].orbit.point, passed[0].direction, piece)
+                yield self.branch.points[-1]
+                self.branch.ended = "the orbit of half the period, from which this one comes"
+                return
             lost = found.lost
             if lost is not None and self.reconnecting and lost.monitor.role == "length":
                 moved = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
@@ -383,9 +390,25 @@ def locate(
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
     if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < 1e-3):
         return None
-    label = LABELS.get(monitor.kind, monitor.kind)
-    value = float(here.values[0])
-    return position, SpecialPoint(monitor.kind, label, value, orbit, direction, monitor)
+    kind = PERIOD_DOUBLING if monitor.kind == FOLD and collapsed(orbit) else monitor.kind
+    label, value = LABELS.get(kind, kind), float(here.values[0])
+    return position, SpecialPoint(kind, label, value, orbit, direction, monitor)
+
+
+def collapsed(orbit: PeriodicOrbit) -> bool:
+    """Return whether the second half of an orbit repeats the first: one of half the period.
+
+    There the branch of the doubled orbit turns back upon itself, in the period doubling from which
+    it comes.
+    """
+    half, odd = divmod(len(orbit.segments), 2)
+    if odd or orbit.periods % 2:
+        return False
+    if any(a.code != b.code for a, b in zip(orbit.segments, orbit.segments[half:], strict=False)):
+        return False
+    states, _ = orbit.shooting.unpack(orbit.point.unknowns)
+    apart = float(np.abs(states[:half] - states[half:]).max())
+    return apart < SAME_HALVES * float(np.abs(states).max())
 
 
 __all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]

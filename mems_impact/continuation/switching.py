@@ -11,7 +11,8 @@ from mems_impact.errors import OrbitError
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting
 
-DISTANCE = 1e-3  # from the orbit that doubles, in the space of unknowns
+DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
+CLEAR = 1e-7  # relative change of the parameter by which the side is no matter of rounding
 
 
 def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
@@ -48,7 +49,19 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
     # The null vector of the doubled equations: one way in the first pass, the other in the second.
     away = np.append(vectors[-1], 0.0)
-    start = np.append(unknowns, value) + DISTANCE * away
-    first, _ = correct(shooting, start, away)
-    found = make_orbit(shooting, first)
-    return found, float(np.copysign(1.0, found.family.values[parameter] - value[0]))
+    found, change = orbit, 0.0
+    for distance in DISTANCES:
+        try:
+            start = np.append(unknowns, value) + distance * away
+            first, _ = correct(shooting, start, away)
+        except OrbitError:
+            if found is orbit:
+                raise
+            break
+        farther = make_orbit(shooting, first)
+        if found is not orbit and found.admissible and not farther.admissible:
+            break
+        found, change = farther, float(first.values[0] - value[0])
+        if abs(change) > CLEAR * abs(value[0]):
+            break
+    return found, float(np.copysign(1.0, change))

@@ -77,20 +77,22 @@ def plot_chart(chart: Boundaries, ax: Any = None) -> Any:
             row["type"], (0.5 * (low + high), 0.95), xycoords=top, ha="center", va="top",
             color="0.25",
         )  # fmt: skip
+    first, last = chart.types[f"{omega} from"].min(), chart.types[f"{omega} to"].max()
     for place, (_, row) in enumerate(chart.special_table.iterrows()):
         ax.plot(
             row[omega], row[amplitude], marker="o", markersize=6, color="white", linestyle="none",
             markeredgecolor="black", markeredgewidth=1.0, zorder=6,
         )  # fmt: skip
-        left = place % 2 == 0
+        # On alternate sides, where the curves leave room; next to the axis above a falling one.
+        near = place % 2 == 0 and row[omega] - first < 0.3 * (last - first)
+        left, above = place % 2 == 0 and not near, near
         ax.annotate(
             f"{row['kind']}\n({row[omega]:.5g}, {row[amplitude]:.5g})",
-            (row[omega], row[amplitude]), xytext=(-8 if left else 8, -6),
-            textcoords="offset points", ha="right" if left else "left", va="top",
-            fontsize="small", zorder=6,
+            (row[omega], row[amplitude]), xytext=(-8 if left else 8, 6 if above else -6),
+            textcoords="offset points", ha="right" if left else "left",
+            va="bottom" if above else "top", fontsize="small", zorder=6,
         )  # fmt: skip
-    types = chart.types
-    ax.set_xlim(types[f"{omega} from"].min(), types[f"{omega} to"].max())
+    ax.set_xlim(first, last)
     ax.margins(y=0.14)
     unit = omega.partition("omega")[2]
     ax.set_xlabel(f"omega {symbol('omega')}{unit}")

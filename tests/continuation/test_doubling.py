@@ -96,3 +96,14 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
 def test_an_orbit_that_does_not_double_is_refused():
     with pytest.raises(OrbitError, match="no multiplier -1"):
         doubled(actuator_orbit(0.24, 0.5), "amplitude")
+
+
+def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
+    """Followed back, it is not a fold, and it does not run back upon itself in the other phase."""
+    start = period_two.points[min(5, len(period_two.points) - 1)].orbit
+    back = follow(start, "amplitude", low=0.17, high=0.18, direction=-1)
+    (found,) = special(back, "period-doubling")
+    assert found.label == "PD"
+    assert found.value == pytest.approx(doubling.value, abs=1e-6)
+    assert back.points[-1].value == found.value
+    assert "half the period" in back.ended
