@@ -439,19 +439,20 @@ def step_lengths(
 
 
 def speed(
-    amplitude: Floats,
+    parameter: str,
+    voltage: Floats,
     impacts_per_period: Floats,
     displacement_per_period: Floats,
     period: float,
     scales: Scales = DIMENSIONLESS,
 ) -> pd.DataFrame:
-    """Return one row an amplitude: steps and mean speed; all in device units."""
+    """Return one row a value of `parameter`, a voltage: steps and mean speed; in device units."""
     none = np.full(impacts_per_period.size, np.nan)
     each = np.divide(
         displacement_per_period, impacts_per_period, out=none, where=impacts_per_period > 0.0
     )
     columns = {
-        scales.label("amplitude", "V"): amplitude,
+        scales.label(parameter, "V"): voltage,
         "impacts per period": impacts_per_period,
         scales.label("displacement per period", "m"): displacement_per_period,
         scales.label("displacement per impact", "m"): each,

@@ -147,6 +147,7 @@ def speed_over_voltage(
     drive: Drive,
     amplitudes: ArrayLike,
     *,
+    parameter: str = "amplitude",
     transient: int = 300,
     periods: int = 60,
     initial: State | None = None,
@@ -159,8 +160,10 @@ def speed_over_voltage(
     ----------
     actuator : Actuator
     drive : Drive
-        Whose ``amplitude`` is varied.
     amplitudes : array_like
+        Values of the voltage.
+    parameter : str
+        Which voltage of the drive is varied, such as ``"right.amplitude"`` of a two-sided one.
     transient, periods, initial, options, workers
         As for `mems_impact.sweep`.
 
@@ -173,12 +176,13 @@ def speed_over_voltage(
     from mems_impact.studies.sweep import sweep
 
     table = sweep(
-        actuator, drive, "amplitude", amplitudes, direction="down", transient=transient,
+        actuator, drive, parameter, amplitudes, direction="down", transient=transient,
         periods=periods, initial=initial, options=options, workers=workers,
     )  # fmt: skip
     summary = tables.symbols(tables.sweep_summary(table)).iloc[::-1]
     return tables.speed(
-        summary["amplitude"].to_numpy(),
+        parameter,
+        summary[parameter].to_numpy(),
         summary["impacts per period"].to_numpy(),
         summary["displacement per period"].to_numpy(),
         drive.period,

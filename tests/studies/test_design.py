@@ -59,6 +59,16 @@ def test_step_formula_of_the_paper_set():
     assert mi.step_length(PAPER, [0.1, 0.2], 0.3).shape == (2,)
 
 
+def test_speed_over_the_voltage_of_one_side():
+    one = mi.Sine(amplitude=0.24, omega=0.5)
+    pair = mi.TwoSided(right=one, left=mi.Sine(amplitude=1e-9, omega=0.5))
+    settings = {"transient": 200, "periods": 10}
+    alone = mi.speed_over_voltage(PAPER, one, [0.2, 0.24], **settings)
+    right = mi.speed_over_voltage(PAPER, pair, [0.2, 0.24], parameter="right.amplitude", **settings)
+    assert right.columns[0] == "right.amplitude"
+    np.testing.assert_allclose(right.to_numpy(), alone.to_numpy(), rtol=1e-6)
+
+
 def test_speed_over_voltage_and_resolution():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     table = mi.speed_over_voltage(PAPER, drive, [0.16, 0.18, 0.24], transient=200, periods=10)
