@@ -404,7 +404,8 @@ def collapsed(orbit: PeriodicOrbit) -> bool:
     half, odd = divmod(len(orbit.segments), 2)
     if odd or orbit.periods % 2:
         return False
-    if any(a.code != b.code for a, b in zip(orbit.segments, orbit.segments[half:], strict=False)):
+    codes = [segment.code for segment in orbit.segments]
+    if codes[:half] != codes[half:]:
         return False
     states, _ = orbit.shooting.unpack(orbit.point.unknowns)
     apart = float(np.abs(states[:half] - states[half:]).max())

@@ -156,19 +156,16 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
     p = np.asarray(problem.parameters, dtype=float)
     automaton, time = shooting.automaton, float(point.ends[first])
     # A guard's event before the switch belongs to the voltage before it.
-    instants = {
-        segment: np.nextafter(time, 0.0) if segment.code != switch and swapped else time
-        for segment, swapped in ((one, False), (other, True))
-    }
+    earlier = time if other.code == switch else float(np.nextafter(time, 0.0))
     end = np.array(point.arcs[first].end)
     # The event that comes later in the new order has not happened yet where the other one does.
     before = end - PASSING * np.array(point.arcs[first].slope_end)
     early = np.array(before if other.code == switch else end)
-    mode = int(automaton.transition(one.mode, other.code, instants[other], early, p))
+    mode = int(automaton.transition(one.mode, other.code, earlier, early, p))
     after = np.array(end)
-    automaton.transition(one.mode, other.code, instants[other], after, p)
+    automaton.transition(one.mode, other.code, earlier, after, p)
     final = np.array(after)
-    last = int(automaton.transition(mode, one.code, instants[one], final, p))
+    last = int(automaton.transition(mode, one.code, time, final, p))
     states, _ = shooting.unpack(point.unknowns)
     following = (i + 1) % count
     free = shooting.free

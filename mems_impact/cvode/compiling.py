@@ -13,7 +13,7 @@ import inspect
 import secrets
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -83,11 +83,7 @@ def _under_a_name_of_its_own(function: Callable[..., Any]) -> FunctionType:
 def identity(functions: Iterable[Callable[..., Any]]) -> str:
     """Name `functions`, with all that they draw on, the same in every process."""
     digest = hashlib.sha256()
-    seen: set[Callable[..., Any]] = set()
-    waiting = list(functions)
-    while waiting:
-        function = waiting.pop()
-        assert isinstance(function, FunctionType), function
+    for function in _drawn_on(functions):
         values = [cell.cell_contents for cell in function.__closure__ or ()]
         values += [function.__defaults__ or (), *(function.__kwdefaults__ or {}).values()]
         numbers = [value for value in values if _is_plain(value)]
@@ -98,10 +94,20 @@ def identity(functions: Iterable[Callable[..., Any]]) -> str:
         )
         name = (function.__module__, function.__qualname__, text, numbers)
         digest.update(f"{name};".encode())
+    return digest.hexdigest()[:16]
+
+
+def _drawn_on(functions: Iterable[Callable[..., Any]]) -> Iterator[FunctionType]:
+    """Yield `functions` and all that they draw on, each once."""
+    seen: set[FunctionType] = set()
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        assert isinstance(function, FunctionType), function
         if function not in seen:
             seen.add(function)
             waiting += _callees(function)
-    return digest.hexdigest()[:16]
+            yield function
 
 
 def _is_plain(value: Any) -> bool:
@@ -129,16 +135,10 @@ def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
     """Hash the state of the engine, of the loop and of all files on which `functions` draw."""
     package = Path(__file__).resolve().parents[1]
     files = {*(package / "cvode").glob("*.py"), *(package / "hybrid").glob("*.py")}
-    seen: set[Callable[..., Any]] = set()
-    waiting = list(functions)
-    while waiting:
-        function = waiting.pop()
-        if function not in seen:
-            seen.add(function)
-            waiting += _callees(function)
-            source = Path(function.__code__.co_filename)
-            if source.exists():
-                files.add(source.resolve())
+    for function in _drawn_on(functions):
+        source = Path(function.__code__.co_filename)
+        if source.exists():
+            files.add(source.resolve())
     digest = hashlib.sha256()
     for file in sorted(files):
         stat = file.stat()

@@ -331,19 +331,29 @@ def rising(engine: Any, s: Any, guard: int, t: float, layout: Any, buffers: Any)
     """
     if layout.impact[guard] == 1:
         return False
-    g, y, slope = buffers.work[0], buffers.work[1], buffers.work[3]
+    g, y = buffers.work[0], buffers.work[1]
     arc.interpolate(engine, t, y)
     arc.margins(engine, s.mode, t, y, g)
     if g[layout.order.size + guard] <= 0.0:
         return False
     # The rate says so; but it may have been left at a constant (see `Automaton`).
     margin = g[guard]
+    h = look_ahead(engine, s, t, y, buffers)
+    return bool((g[guard] - margin) * h > 0.0)
+
+
+def look_ahead(engine: Any, s: Any, t: float, y: Any, buffers: Any) -> float:
+    """Follow the flow from `y` by a short time, which is returned; the margins are in work[0].
+
+    It is negative, the way back, where the drive is about to switch.
+    """
+    slope, ahead = buffers.work[3], buffers.work[4]
     h = FORWARD if t + FORWARD < s.stop else -FORWARD
     arc.flow(engine, s.mode, t, y, slope)
     for i in range(y.size):
-        y[i] += h * slope[i]
-    arc.margins(engine, s.mode, t + h, y, g)
-    return bool((g[guard] - margin) * h > 0.0)
+        ahead[i] = y[i] + h * slope[i]
+    arc.margins(engine, s.mode, t + h, ahead, buffers.work[0])
+    return h
 
 
 def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
@@ -496,14 +506,10 @@ def ballistic(engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, bu
     acceleration is that after the impact; with friction it changes during the flight.
     """
     m = layout.order.size
-    g, slope, ahead = buffers.work[0], buffers.work[3], buffers.work[4]
+    g = buffers.work[0]
     arc.margins(engine, s.mode, t, y, g)
     rate = g[m + guard]
-    h = FORWARD if t + FORWARD < s.stop else -FORWARD
-    arc.flow(engine, s.mode, t, y, slope)
-    for i in range(y.size):
-        ahead[i] = y[i] + h * slope[i]
-    arc.margins(engine, s.mode, t + h, ahead, g)
+    h = look_ahead(engine, s, t, y, buffers)
     acceleration = (rate - g[m + guard]) / h
     return bool(2.0 * s.hit_speed <= ABRUPT * abs(acceleration) * s.hit_interval)
 

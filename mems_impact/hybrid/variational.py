@@ -194,13 +194,7 @@ def carry_out(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
     return arc.transition(engine, mode, code, t, y)
 
 
-def put_parameters(engine: Any, values: Any) -> None:
-    """Set the leading parameters."""
-    for i in range(values.size):
-        arc.set_parameter(engine, i, values[i])
-
-
-def put_motion(engine: Any, place: int, values: Any) -> None:
+def put_parameters(engine: Any, place: int, values: Any) -> None:
     """Set the parameters from `place` on."""
     for i in range(values.size):
         arc.set_parameter(engine, place + i, values[i])
@@ -357,7 +351,7 @@ class Variational:
 
     def set_parameters(self, p: Floats, directions: Floats) -> None:
         """Go on with parameters `p` and directions in their space."""
-        self._call(put_parameters, np.concatenate([p, np.ravel(directions)]))
+        self._call(put_parameters, 0, np.concatenate([p, np.ravel(directions)]))
 
     def arc(
         self, mode: int, y: Floats, start: float, end: float, motion: Floats | None = None
@@ -386,7 +380,7 @@ class Variational:
             state[n * (1 + c) + i] = 1.0
         motion = np.zeros((self.k, 2)) if motion is None else motion
         place = self.count * (1 + self.k)
-        self._call(put_motion, place, np.ravel(motion))
+        self._call(put_parameters, place, np.ravel(motion))
         slope_start, slope_end = np.zeros(state.size), np.zeros(state.size)
         self._call(evaluate_flow, mode, start, state, slope_start)
         moved = motion @ np.array([[1.0, 1.0], [start, end]])

@@ -129,19 +129,26 @@ class System:
 
     def family(self) -> Family:
         """Return the problems for all values of the parameters, in the units of the numerics."""
-        values = {name: self.into(name, self.value(name)) for name in self.parameters}
 
         def build(inner: Mapping[str, float]) -> Any:
-            changes = {n: self.out(n, v) for n, v in inner.items() if v != values[n]}
-            here = self.changed(checked=False, **changes) if changes else self
+            here = self._at(inner)
             return assembled(here.actuator, here.drive, self.options)
 
-        return Family(build, values)
+        return Family(build, self._inner)
 
     def at_orbit(self, found: PeriodicOrbit) -> System:
         """Return the system at the values of an orbit."""
-        here = self.family().values
-        changes = {n: self.out(n, v) for n, v in found.family.values.items() if v != here[n]}
+        return self._at(found.family.values)
+
+    @cached_property
+    def _inner(self) -> dict[str, float]:
+        """All parameters in the units of the numerics."""
+        return {name: self.into(name, self.value(name)) for name in self.parameters}
+
+    def _at(self, inner: Mapping[str, float]) -> System:
+        """Return the system at values in the units of the numerics, allowed or not."""
+        here = self._inner
+        changes = {n: self.out(n, v) for n, v in inner.items() if v != here[n]}
         return self.changed(checked=False, **changes) if changes else self
 
 

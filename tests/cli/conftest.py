@@ -10,6 +10,14 @@ class Done(NamedTuple):
     out: str
     err: str
 
+    def complaint(self):
+        """Return the one line by which the command refused its input."""
+        assert self.status == 2
+        assert self.out == ""
+        assert self.err.startswith("mems-impact: ")
+        assert self.err.count("\n") == 1
+        return self.err
+
 
 @pytest.fixture
 def cli(capsys, tmp_path, monkeypatch):

@@ -11,25 +11,23 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.validation import Positive
 
 
-def _voltage(t: float, q: Any) -> float:
-    count = int(q[1])
-    phase = t - math.floor(t / q[0]) * q[0]
+def _rung(phase: float, q: Any) -> int:
     place = 0
-    for i in range(1, count):
+    for i in range(1, int(q[1])):
         if phase >= q[2 + 3 * i]:
             place = i
-    base = 2 + 3 * place
+    return 2 + 3 * place
+
+
+def _voltage(t: float, q: Any) -> float:
+    phase = t - math.floor(t / q[0]) * q[0]
+    base = _rung(phase, q)
     return q[base + 1] + q[base + 2] * (phase - q[base])
 
 
 def _rate(t: float, q: Any) -> float:
-    count = int(q[1])
     phase = t - math.floor(t / q[0]) * q[0]
-    place = 0
-    for i in range(1, count):
-        if phase >= q[2 + 3 * i]:
-            place = i
-    return q[2 + 3 * place + 2]
+    return q[_rung(phase, q) + 2]
 
 
 class Ladder(Drive):

@@ -44,22 +44,25 @@ def fold(t: float, period: float) -> float:
     return u - period if u >= period else max(u, 0.0)
 
 
-def piece_at(u: float, q: NDArray[np.float64]) -> int:
-    """Return the place in q of the piece that holds at `u`: the last that starts at or before."""
+def piece_at(u: float, q: NDArray[np.float64], width: int) -> int:
+    """Return the place in q of the piece that holds at `u`: the last that starts at or before.
+
+    A piece is `width` numbers, its start first.
+    """
     low, high = 0, int(q[COUNT])
     while high - low > 1:
         middle = (low + high) // 2
-        if q[FIRST + WIDTH * middle] <= u:
+        if q[FIRST + width * middle] <= u:
             low = middle
         else:
             high = middle
-    return FIRST + WIDTH * low
+    return FIRST + width * low
 
 
 def piecewise_voltage(t: float, q: NDArray[np.float64]) -> float:
     """Return v(t)."""
     u = fold(t, q[PERIOD])
-    i = piece_at(u, q)
+    i = piece_at(u, q, WIDTH)
     x = u - q[i]
     return q[i + 1] + x * (q[i + 2] + x * (q[i + 3] + x * q[i + 4]))
 
@@ -67,7 +70,7 @@ def piecewise_voltage(t: float, q: NDArray[np.float64]) -> float:
 def piecewise_rate(t: float, q: NDArray[np.float64]) -> float:
     """Return dv/dt at t, from the right."""
     u = fold(t, q[PERIOD])
-    i = piece_at(u, q)
+    i = piece_at(u, q, WIDTH)
     x = u - q[i]
     return q[i + 2] + x * (2.0 * q[i + 3] + x * 3.0 * q[i + 4])
 

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.drives.piecewise import fold
+from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
 
 __all__ = ["Stretch", "array_of", "behind", "repeated", "retimed"]
 
 FOREVER = 1e300
 SILENT = -1.0  # as `last`: no voltage
-PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 3  # places in q; a stretch has three numbers
+WIDTH = 3  # numbers of a stretch, which stand in q as the pieces of `piecewise` do
 
 
 class Stretch(NamedTuple):
@@ -38,14 +38,7 @@ def retimed(within: Waveform) -> Waveform:
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
         u = fold(t, q[PERIOD])
-        low, high = 0, int(q[COUNT])
-        while high - low > 1:
-            middle = (low + high) // 2
-            if q[FIRST + WIDTH * middle] <= u:
-                low = middle
-            else:
-                high = middle
-        i = FIRST + WIDTH * low
+        i = piece_at(u, q, WIDTH)
         if q[i + 2] < 0.0:
             return 0.0
         rest = FIRST + WIDTH * int(q[COUNT])
