@@ -140,7 +140,8 @@ def note(
     row[GUARD] = guard
     row[MODE_BEFORE] = mode
     row[MODE_AFTER] = s.mode
-    for i in range(y.size):
+    n = buffers.offset.size  # `past` and `y` may be rows of scratch, which are longer
+    for i in range(n):
         row[HEAD + i] = past[i] + buffers.offset[i]
-        row[HEAD + y.size + i] = y[i] + buffers.offset[i]
+        row[HEAD + n + i] = y[i] + buffers.offset[i]
     s.rows += 1
