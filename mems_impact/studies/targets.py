@@ -17,7 +17,7 @@ from mems_impact.studies.state import is_number
 if TYPE_CHECKING:
     from mems_impact.studies.run import Run
 
-__all__ = ["OF_DEVICE", "OF_RUN", "QUANTITIES", "Target"]
+__all__ = ["OF_RUN", "QUANTITIES", "Target", "of_device"]
 
 
 def _per_impact(run: Run) -> float:
@@ -49,6 +49,14 @@ OF_DEVICE: dict[str, tuple[Callable[[Actuator], float], str]] = {
     "resonance": (lambda a: math.sqrt(a.k / a.m2), "rad/s"),
 }
 QUANTITIES = (*OF_RUN, *OF_DEVICE)
+
+
+def of_device(actuator: Actuator) -> dict[str, float]:
+    """Return the quantities that need no drive, by name with the unit if the actuator is in SI."""
+    return {
+        actuator.scales.label(name, unit): value(actuator)
+        for name, (value, unit) in OF_DEVICE.items()
+    }
 
 
 @dataclass(frozen=True, kw_only=True)
