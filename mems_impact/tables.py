@@ -428,6 +428,7 @@ def fit_parameters(
     fitted: Sequence[float],
     limits: Floats,
     errors: Floats,
+    determined: NDArray[np.bool_],
     at_bound: NDArray[np.bool_],
 ) -> pd.DataFrame:
     """Return one row a free parameter of a fit; `errors` are relative."""
@@ -438,6 +439,7 @@ def fit_parameters(
         "low": limits[:, 0],
         "high": limits[:, 1],
         "standard error": np.array(fitted) * errors,
+        "determined": determined,
         "at bound": at_bound,
     }
     return pd.DataFrame(columns)

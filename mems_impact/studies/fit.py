@@ -54,7 +54,8 @@ class Fit:
         With the fitted values.
     parameters : DataFrame
         One row a free parameter: start, fitted value, bounds, standard error (infinite where the
-        data do not determine it) and whether it stands at a bound.
+        data do not react to it), whether the data determine it (to less than its own size) and
+        whether it stands at a bound.
     residuals : DataFrame
         One row a target: measured, computed, difference, and the difference over the tolerance.
     singular_values : float array
@@ -214,6 +215,7 @@ def fit(
         [getattr(best, name) for name in free],
         limits,
         errors,
+        errors <= LOOSE,
         solved.active_mask != 0,
     )
     reached = computed(best)

@@ -3,6 +3,7 @@
 import pandas as pd
 import pytest
 
+import mems_impact as mi
 from mems_impact.actuator.drives import files
 from mems_impact.cli import COMMANDS
 from mems_impact.cli.drives import FIELDS, KINDS, NUMBERS
@@ -59,6 +60,16 @@ def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):
     (tmp_path / "sine.toml").write_text('[drive]\nkind = "sine"\namplitude = 9\nomega = 5\n')
     of_file = cli("drive", "mita2003", "--drive", "sine.toml", "--frequency", "1", "--no-figure")
     assert period in of_file.out
+
+
+def test_si_without_units_is_one_line(cli, tmp_path):
+    values = mi.load_actuator("mita2003").model_dump(exclude={"units"})
+    lines = "".join(f"{name} = {value}\n" for name, value in values.items())
+    (tmp_path / "mine.toml").write_text(f"[parameters]\n{lines}")
+    done = cli("drive", "mine.toml", "--amplitude", "1", "--omega", "1", "--no-figure")
+    assert done.status == 0
+    assert done.err.startswith("mems-impact: warning: mine.toml: m1 = 1.0485e-05")
+    assert done.err.count("\n") == 1
 
 
 def test_every_command_with_a_drive_takes_a_frequency(cli):

@@ -59,6 +59,7 @@ def test_a_parameter_that_no_target_feels():
         found = mi.fit(DEVICE, [target], free=["k", "mu_s"])
     assert found.verdict == "undetermined"
     assert "the data do not determine mu_s" in found.note
+    assert found.parameters["determined"].tolist() == [True, False]
     assert found.actuator.mu_s == DEVICE.mu_s
     assert math.isclose(mi.pull_in_voltage(found.actuator), 30.0, rel_tol=1e-6)
 
@@ -120,6 +121,7 @@ def test_a_parameter_known_to_less_than_its_size_is_said():
     row = found.parameters.iloc[0]
     ratio = row["standard error"] / row["fitted"]
     assert 1.0 < ratio < 10.0
+    assert not row["determined"]
     assert found.misfit < 1e-3
     assert found.verdict == "undetermined"
     assert found.note == (
