@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         load_drive,
     )
     from mems_impact.actuator.parameters import Actuator, load_actuator
-    from mems_impact.cvode.options import Options
+    from mems_impact.engines.options import Options
     from mems_impact.errors import (
         EngineFallbackWarning,
         EngineUnavailable,
@@ -153,7 +153,7 @@ _HOMES = {
     ),
     "plotting.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
-    "cvode.options": ("Options",),
+    "engines.options": ("Options",),
     "errors": (
         "EngineFallbackWarning",
         "EngineUnavailable",

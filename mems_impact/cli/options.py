@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cvode.options import ENGINES, METHODS, Options
+from mems_impact.engines.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mems_impact.cvode import engine as arc
+from mems_impact.engines import contract as arc
 
 # What `advance` answers.
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = 0, 1, 2, 3, 4, 5, 6
@@ -115,7 +115,7 @@ def advance(
 
     Parameters
     ----------
-    engine : an engine of the contract in `mems_impact.cvode.engine`
+    engine : an engine of the contract in `mems_impact.engines.contract`
     s : CLOCK record
     y : float array, shape (n,)
         The state at ``s.t``; cyclic components count from the start of the arc.

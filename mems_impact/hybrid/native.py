@@ -8,11 +8,11 @@ from typing import Any
 
 from numba import njit
 
-from mems_impact.cvode import (  # noqa: F401 - compiled gives the contract its overloads
+from mems_impact.engines.compiling import JIT, make_callees_compilable
+from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contract its overloads
     compiled as _overloads,
 )
-from mems_impact.cvode import library
-from mems_impact.cvode.compiling import JIT, make_callees_compilable
+from mems_impact.engines.cvode import library
 
 
 @cache

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mems_impact.cvode import engine as contract
+from mems_impact.engines import contract
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem, bind

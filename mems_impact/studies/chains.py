@@ -19,7 +19,7 @@ from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import V1, V2
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.studies.simulate import simulate
 from mems_impact.studies.state import State

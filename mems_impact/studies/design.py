@@ -17,7 +17,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.studies.impacts import frame_steps
 from mems_impact.studies.state import State

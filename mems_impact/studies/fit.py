@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact import tables
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.studies.simulate import simulate

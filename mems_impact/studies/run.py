@@ -14,7 +14,7 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES, X1, X2, actuator_automaton, direction_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.units import DIMENSIONLESS, inner, unscaled_fields
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Trajectory

@@ -11,8 +11,8 @@ import numpy as np
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.cvode import library
-from mems_impact.cvode.options import Options
+from mems_impact.engines.cvode import library
+from mems_impact.engines.options import Options
 from mems_impact.errors import EngineUnavailable, InvalidParameter, SweepInterrupted
 from mems_impact.studies.chains import Case, Chain, Point, Study, in_threads, in_turn
 from mems_impact.studies.run import check_direction

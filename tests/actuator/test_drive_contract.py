@@ -135,7 +135,7 @@ def test_contract_of_random_pairs(wave, phase):
 def test_compiles_unchanged(name):
     drive = DRIVES[name]
     q = drive.parameters()
-    from mems_impact.cvode.compiling import make_callees_compilable
+    from mems_impact.engines.compiling import make_callees_compilable
 
     for pair in channels(drive):
         for function in pair:

@@ -112,7 +112,7 @@ def test_interrupted(cli, monkeypatch):
 
 
 def test_a_fallback_is_one_line(cli, monkeypatch):
-    from mems_impact.cvode import library
+    from mems_impact.engines.cvode import library
     from mems_impact.errors import EngineUnavailable
 
     def unavailable():

@@ -234,7 +234,7 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     from numba import njit, types
     from numba.core.errors import NumbaError
 
-    from mems_impact.cvode.compiling import make_callees_compilable
+    from mems_impact.engines.compiling import make_callees_compilable
 
     arguments = (types.float64, types.Array(types.float64, 1, "C"))
     try:

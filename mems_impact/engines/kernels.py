@@ -12,8 +12,7 @@ from llvmlite import ir
 from numba import cfunc, from_dtype, types
 from numba.extending import intrinsic
 
-from mems_impact.cvode import library
-from mems_impact.cvode.compiling import (
+from mems_impact.engines.compiling import (
     JIT,
     WORD,
     array,
@@ -24,6 +23,7 @@ from mems_impact.cvode.compiling import (
     matrix,
     pointer,
 )
+from mems_impact.engines.cvode import library
 
 _data = library.symbol("N_VGetArrayPointer_Serial")
 _matrix_data = library.symbol("SUNDenseMatrix_Data")

@@ -134,7 +134,7 @@ def _callees(function: Callable[..., Any]) -> list[FunctionType]:
 def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
     """Hash the state of the engine, of the loop and of all files on which `functions` draw."""
     package = Path(__file__).resolve().parents[1]
-    files = {*(package / "cvode").glob("*.py"), *(package / "hybrid").glob("*.py")}
+    files = {*(package / "engines").rglob("*.py"), *(package / "hybrid").glob("*.py")}
     for function in _drawn_on(functions):
         source = Path(function.__code__.co_filename)
         if source.exists():
