@@ -85,8 +85,6 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
     choice = given.pop("choice", "sine")
-    if "frequency" in given and "omega" in given:
-        raise click.UsageError("--frequency and --omega exclude each other; leave one out")
     for name in varied or {}:
         if name in given:
             raise click.UsageError(f"--{name} is what is varied; leave it out")
@@ -103,6 +101,8 @@ def in_fields(given: Mapping[str, float]) -> dict[str, float]:
 
     values = {name: value for name, value in given.items() if name not in FIELDS}
     if "frequency" in given:
+        if "omega" in given:
+            raise click.UsageError("--frequency and --omega exclude each other; leave one out")
         frequency = given["frequency"]
         if not (math.isfinite(frequency) and frequency > 0.0):
             raise InvalidParameter("frequency", frequency, "a finite number > 0")

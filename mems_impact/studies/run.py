@@ -109,7 +109,8 @@ class Run:
         Columns: period, time and phase (in [0, 1)) of the first impact, stopper, the number of
         impacts, whether the blow ends in rest, velocity v2 of the block before the first impact,
         energy lost, position x1 of the frame at the first impact, and the displacement of the
-        frame: the sum of the steps after the impacts (NaN if the last has not ended).
+        frame: the sum of the steps after the impacts (NaN if the last has not ended). The impacts
+        of a sequence that the end of the run cuts short stand as blows of their own.
         """
         each = each_blow(self._events("blows"), self.actuator.to_dimensionless())
         return tables.blows(

@@ -50,7 +50,8 @@ class Statistics:
     impacts_per_period : float
     blows : int
         Blows that begin in the window: a sequence of ever weaker impacts on one stopper that ends
-        in rest is one blow, as an experiment sees it; every other impact is a blow of its own.
+        in rest is one blow, as an experiment sees it; every other impact is a blow of its own, as
+        are those of a sequence that the end of the run cuts short.
     blows_per_period : float
     displacement_per_period : float
         Displacement of the frame over the window, by its length.
@@ -123,7 +124,7 @@ class Accumulator:
         self._borders = tuple(instant_of(border, period) for border in window)
         self._anchors = [start, start]
         self._last = start  # the latest event, whose mode lasts until the next one
-        self._waiting: Events | None = None  # an impact whose step has not ended, and its rest
+        self._waiting: Events | None = None  # from an impact on whose step has not ended
         self._impacts = self._chatter = 0
         self._speeds = Moments()
         self._steps = Moments()

@@ -93,6 +93,16 @@ def test_a_blow_counts_where_its_first_impact_is(chattering):
     assert last["impacts"] > last["blows"]
 
 
+def test_a_sequence_that_the_run_cuts_short_is_no_blow_yet(chattering):
+    blow = chattering.blows.iloc[5]
+    hits = chattering.impacts
+    bounces = hits[(hits["period"] == blow["period"]) & (hits["time"] >= blow["time"])]
+    middle = blow["period"] + bounces["time"].iloc[2:4].mean() / SLOW.period
+    cut = mi.simulate(SLIPPERY, SLOW, middle, initial=mi.State(v2=1.0), window=(0, middle))
+    assert cut.statistics["blows"] == len(cut.blows) == 5 + 3
+    assert cut.blows["ends in rest"].tolist()[-3:] == [False] * 3
+
+
 def test_shares_of_time(chattering):
     # Sampled: each of the few intervals is known to a sample.
     modes = chattering.samples(20_000, 2, 12)["mode"].astype(str)
