@@ -77,6 +77,7 @@ class Study:
             "direction": name,
             "section": {},
             "impacts per period": math.nan,
+            "blows per period": math.nan,
             "displacement per period": math.nan,
             "status": "ok",
         }
@@ -107,6 +108,7 @@ class Study:
         }
         moved = run.measured.displacement_per_period
         point["impacts per period"] = run.measured.impacts_per_period
+        point["blows per period"] = run.measured.blows_per_period
         point["displacement per period"] = scales.out(moved, "m")
         return point, run.final
 

@@ -73,9 +73,9 @@ def sweep(
     DataFrame
         One row a crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        displacement per period and status. A value without any crossing is one row with NaN. So
-        is one that failed; its status is the reason rather than "ok", and the chain goes on from
-        the last good state.
+        blows per period (see `mems_impact.Blows`), displacement per period and status. A value
+        without any crossing is one row with NaN. So is one that failed; its status is the reason
+        rather than "ok", and the chain goes on from the last good state.
 
     Raises
     ------
