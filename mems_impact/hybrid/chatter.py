@@ -109,7 +109,7 @@ def what_is_left(
     since, earlier, before = hits[HIT_TIME], hits[HIT_INTERVAL], hits[HIT_SPEED]
     hits[HIT_TIME], hits[HIT_INTERVAL], hits[HIT_SPEED] = t, t - since, speed
     interval = t - since
-    if interval == math.inf or before <= 0.0:
+    if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.instant > 1):
         return math.inf, interval
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.
@@ -120,8 +120,9 @@ def what_is_left(
         return math.inf, interval
     # A flight that acceleration turns round lasts 2 u/a. A body that another one throws back
     # arrives far too soon for its speed. With friction the acceleration changes during the flight.
-    a = acceleration(engine, s, s.mode, t, y, guard, 0.125 * interval, layout, buffers)
-    if 2.0 * before > ABRUPT * abs(a) * interval:
+    flight = max(interval, EPS * abs(t))
+    a = acceleration(engine, s, s.mode, t, y, guard, 0.125 * flight, layout, buffers)
+    if 2.0 * before > ABRUPT * abs(a) * flight:
         return math.inf, interval
     for k in range(m):
         other = k != guard and layout.impact[k] == 1 and buffers.hits[k, HIT_TIME] > since
