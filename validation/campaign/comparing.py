@@ -96,6 +96,8 @@ def answer(problem: Problem, start: Instant, end: float, scale: Floats, time: fl
     The problem is in units of `time` and, for the components of the state, `scale`; `start`, `end`
     and the answer are in those of the reference.
     """
+    if end <= 0.0:
+        return Answer([], "")
     first = replace(start, y=start.y * scale)
     failed = ""
     try:
@@ -156,16 +158,18 @@ def truth(follow: Callable[[float], tuple[list[Row], float]], end: float) -> Tru
         if alike:
             apart = [max(abs(r.t - one.t), float(np.abs(r.y - one.y).max())) for r in same[1:]]
             spread = max(spread, *apart)
-        before = rows[-1].t if rows else -math.inf
         if not alike or spread > 1e-2 or (one.t >= quiet and one.guard != END):
             quiet = min(quiet, *(r.t for r in same))
-            # What comes at once after an event whose time is uncertain is uncertain with it.
-            quiet = max(before, quiet - 2.0 * spread)
+            quiet -= 2.0 * spread
             break
         noise = noise + NOISE / one.fall
         rows.append(one)
         late.append(FLOOR + SHARE * spread + noise)
         off.append(late[-1] * (1.0 + float(np.abs(one.y).max())))
+    # What comes at once before an event that is uncertain is uncertain with it.
+    while rows and rows[-1].guard != END and rows[-1].t + late[-1] >= quiet:
+        quiet = rows.pop().t - late[-1]
+    quiet = max(quiet, 0.0)
     return Truth(rows, late, off, quiet, quiet / end)
 
 

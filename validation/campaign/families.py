@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from validation.campaign import corrugated, cradles, pool, tables
+from validation.campaign import automata, corrugated, cradles, pool, tables
 from validation.campaign.comparing import Verdict
 
 
@@ -27,6 +27,7 @@ FAMILIES = {
     "tables": Family(tables.check, 400, 8),
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
+    "automata": Family(automata.check, 15_600, 20),
 }
 
 _Item = tuple[str, int, int]  # family, seed, number
