@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from validation.campaign import automata, corrugated, cradles, pool, tables
+from validation.campaign import automata, corrugated, cradles, pool, scales, tables
 from validation.campaign.comparing import Verdict
 
 
@@ -28,6 +28,7 @@ FAMILIES = {
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
+    "scales": Family(scales.check, 1000, 20),
 }
 
 _Item = tuple[str, int, int]  # family, seed, number

@@ -74,6 +74,16 @@ class Follower:
             pass
         return self.rows, self.t
 
+    def carry(self, time: float) -> Floats:
+        """Return the state after `time` in which nothing can happen."""
+        return self._integrate(self.t, self.y, self.t + time)
+
+    def _integrate(self, t: float, y: Floats, end: float) -> Floats:
+        solver = self._solver(t, y, end)
+        while solver.status == "running":
+            solver.step()
+        return solver.y
+
     def _solver(self, t: float, y: Floats, end: float) -> DOP853:
         system, mode = self.system, self.mode
 
@@ -142,10 +152,7 @@ class Follower:
     def _refine(self, t: float, y: Floats, guard: int, about: float) -> None:
         """Integrate from a step's beginning to the event and carry out what it brings."""
         if about > t:
-            solver = self._solver(t, y, about)
-            while solver.status == "running":
-                solver.step()
-            y = solver.y
+            y = self._integrate(t, y, about)
         self.t = about
         values, rates = self.system.margins(self.mode, about, y)
         if rates[guard] > -STEEP:
