@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
@@ -13,6 +15,44 @@ Floats = NDArray[np.float64]
 MODES = 4  # at most; the next one is that in which everything has stopped
 ONLY_MODE, RESET, IMPACT = 0, 1, 2  # what a transition does
 SHAPES = [(n, m) for n in (4, 2, 6, 3, 5) for m in (6, 12, 3, 1)]
+
+# What is evaluated at every stage of the reference is compiled; with loops, which need no array.
+
+
+@njit(cache=True)
+def _flow(w, A, b, f, phase, c, d, t, y, slope):  # type: ignore[no-untyped-def]
+    n = y.size
+    for i in range(n):
+        total = b[i] - d[i] * y[i] ** 3
+        if f[i] != 0.0:
+            total += f[i] * math.sin(w * t + phase[i])
+        if c[i] != 0.0:
+            total += c[i] * math.sin(y[(i + 1) % n])
+        for j in range(n):
+            total += A[i, j] * y[j]
+        slope[i] = total
+
+
+@njit(cache=True)
+def _margins(  # type: ignore[no-untyped-def]
+    w, A, b, f, phase, c, d, a, q, k, turn, s, kappa, of, sign, offset, times, states, values, rates
+):
+    slope = np.empty(b.size)
+    for row in range(times.size):
+        t, y = times[row], states[row]
+        _flow(w, A, b, f, phase, c, d, t, y, slope)
+        for j in range(q.size):
+            values[row, j], rates[row, j] = math.inf, 0.0
+            if sign[j] == 0.0:
+                continue
+            wave, inner = k[j] * w * t + turn[j], kappa[j] * y[of[j]]
+            value = q[j] * math.sin(wave) + s[j] * math.sin(inner)
+            rate = q[j] * k[j] * w * math.cos(wave)
+            rate += s[j] * kappa[j] * math.cos(inner) * slope[of[j]]
+            for i in range(b.size):
+                value += a[j, i] * y[i]
+                rate += a[j, i] * slope[i]
+            values[row, j], rates[row, j] = sign[j] * value + offset[j], sign[j] * rate
 
 
 class Drawn:
@@ -30,19 +70,17 @@ class Drawn:
         self.count = int(rng.integers(2, MODES + 1))
         self.mechanical = bool(n % 2 == 0 and rng.random() < 0.6)
         self.forced = bool(rng.random() < 0.75)
-        self.nonlinear = bool(rng.random() < 0.5)
+        nonlinear = bool(rng.random() < 0.5)
         self.w = rng.uniform(0.7, 3.0)
         self.period = 2.0 * math.pi / self.w if self.forced else 10.0 ** rng.uniform(-1.0, 2.0)
         shape = (self.count, n)
         moved = np.arange(n) % 2 == 1 if self.mechanical else np.ones(n, dtype=bool)
         self.A = np.stack([self._matrix(rng) for _ in range(self.count)])
-        self.transposed = np.ascontiguousarray(self.A.transpose(0, 2, 1))
-        self.following = (np.arange(n) + 1) % n
         self.b = rng.uniform(-0.5, 0.5, shape) * moved
         self.f = rng.uniform(-1.0, 1.0, shape) * moved * self.forced
         self.phase = rng.uniform(0.0, 2.0 * math.pi, shape)
-        self.c = rng.uniform(-1.0, 1.0, shape) * moved * self.nonlinear
-        self.d = rng.uniform(0.0, 0.3, shape) * moved * self.nonlinear
+        self.c = rng.uniform(-1.0, 1.0, shape) * moved * nonlinear
+        self.d = rng.uniform(0.0, 0.3, shape) * moved * nonlinear
         self._draw_guards(rng)
         self._draw_transitions(rng)
         self.order = rng.permutation(m).astype(float)
@@ -50,7 +88,7 @@ class Drawn:
         self.start = self._start(rng)
         direction = rng.normal(size=n)
         self.direction = direction / np.linalg.norm(direction)
-        self.end = rng.uniform(5.0, 12.0)
+        self.end = rng.uniform(8.0, 25.0)
 
     def _matrix(self, rng: np.random.Generator) -> Floats:
         n = self.n
@@ -121,25 +159,24 @@ class Drawn:
     def restitution(self, guard: int) -> float:
         return float(self.e[guard])
 
-    def flow(self, mode: int, t: Any, y: Floats) -> Floats:
-        slope = y @ self.transposed[mode] + self.b[mode]
-        if self.forced:
-            wave = self.w * (t if y.ndim == 1 else t[:, None]) + self.phase[mode]
-            slope += self.f[mode] * np.sin(wave)
-        if self.nonlinear:
-            slope += self.c[mode] * np.sin(y[..., self.following]) - self.d[mode] * y * y * y
+    def flow(self, mode: int, t: float, y: Floats) -> Floats:
+        slope = np.empty(self.n)
+        _flow(*self._laws[mode], t, y, slope)
         return slope
 
     def margins(self, mode: int, t: Any, y: Floats) -> tuple[Floats, Floats]:
-        slope = self.flow(mode, t, y)
-        wave = (t if y.ndim == 1 else t[:, None]) * self.k * self.w + self.turn
-        inner = self.kappa * y[..., self.of]
-        value = y @ self.a.T + self.q * np.sin(wave) + self.s * np.sin(inner)
-        rate = slope @ self.a.T + self.q * self.k * self.w * np.cos(wave)
-        rate = rate + self.s * self.kappa * np.cos(inner) * slope[..., self.of]
-        sign = self.sign[mode]
-        value = np.where(sign == 0.0, math.inf, sign * value + self.offset[mode])
-        return value, sign * rate
+        states = np.ascontiguousarray(y.reshape(-1, self.n))
+        values, rates = np.empty((2, len(states), self.m))
+        watched = (self.a, self.q, self.k, self.turn, self.s, self.kappa, self.of)
+        placed = (self.sign[mode], self.offset[mode])
+        times = np.ravel(np.asarray(t, dtype=float))
+        _margins(*self._laws[mode], *watched, *placed, times, states, values, rates)
+        return (values[0], rates[0]) if y.ndim == 1 else (values, rates)
+
+    @cached_property
+    def _laws(self) -> list[tuple[Any, ...]]:
+        parts = (self.A, self.b, self.f, self.phase, self.c, self.d)
+        return [(self.w, *(part[mode] for part in parts)) for mode in range(self.count)]
 
     def fire(self, mode: int, guard: int, t: float, y: Floats) -> tuple[int, Floats]:
         target = int(self.target[mode, guard])

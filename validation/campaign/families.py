@@ -28,7 +28,7 @@ FAMILIES = {
     "corrugated": Family(corrugated.check, 2000, 60),
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
-    "scales": Family(scales.check, 1000, 20),
+    "scales": Family(scales.check, 1000, 10),
 }
 
 _Item = tuple[str, int, int]  # family, seed, number

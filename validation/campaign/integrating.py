@@ -24,8 +24,10 @@ GRID = np.linspace(0.0, 1.0, 25)  # of a step
 NEAR = 1e-9  # a margin that is zero
 CLEAR = 1e-4  # one that is not, below zero
 STEEP = 1e-3  # a rate that is none
+SLOW = 1e-6  # one of a gap, which closes slowly at the end of a sequence of impacts
 IN_AN_INSTANT = 8  # transitions, at most
-FLIGHT = 1e-5  # flights shorter than this are the end of a sequence of impacts
+FLIGHT = 3e-5  # flights shorter than this are the end of a sequence of impacts
+WEAKEST = 1e-5  # speed down to which the package, which has no closed form, measures impacts
 
 
 class System(Protocol):
@@ -61,6 +63,7 @@ class Follower:
     def __init__(self, system: System, mode: int, t: float, y: Floats, rtol: float = 1e-12):
         self.system, self.mode, self.t, self.y = system, mode, t, y
         self.rtol = rtol
+        self.steep = np.where(system.impact, SLOW, STEEP)
         self.rows: list[Row] = []
 
     def follow(self, end: float, most: int = 60) -> tuple[list[Row], float]:
@@ -155,7 +158,7 @@ class Follower:
             y = self._integrate(t, y, about)
         self.t = about
         values, rates = self.system.margins(self.mode, about, y)
-        if rates[guard] > -STEEP:
+        if rates[guard] > -self.steep[guard]:
             raise Undecided
         late = -values[guard] / rates[guard]
         y = y + late * self.system.flow(self.mode, about, y)
@@ -176,7 +179,7 @@ class Follower:
                 return
             values, rates = system.margins(mode, self.t, y)
             zero = np.abs(values) < NEAR
-            if np.any((values < NEAR) & (values > -CLEAR) & ~(zero & (np.abs(rates) > STEEP))):
+            if np.any((values < NEAR) & (values > -CLEAR) & ~(zero & (np.abs(rates) > self.steep))):
                 raise Undecided
             if np.any((values < -NEAR) & system.impact):
                 raise Undecided  # put into a wall
@@ -203,5 +206,5 @@ class Follower:
         self.t = t + rest
         self.y = system.contact(mode, guard, self.t, y)
         self.mode = system.stopped
-        self.rows.append(Row(self.t, guard, self.mode, self.y, FLIGHT * (1.0 - e), rest=True))
+        self.rows.append(Row(self.t, guard, self.mode, self.y, WEAKEST * (1.0 - e), rest=True))
         return True

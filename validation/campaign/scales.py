@@ -80,11 +80,11 @@ class Valve:
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.damping, self.preload = rng.uniform(0.5, 1.5), rng.uniform(5.0, 12.0)
-        self.stiffness, self.inflow = rng.uniform(10.0, 25.0), rng.uniform(1.0, 9.0)
+        self.stiffness, self.inflow = rng.uniform(3.0, 20.0), 10.0 ** rng.uniform(-1.0, 0.9)
         self.e = rng.uniform(0.2, 0.8)
         lift, excess = rng.uniform(0.5, 3.0), rng.uniform(-2.0, 5.0)
         self.start = np.array([lift, 0.0, self.preload + excess])
-        self.end = 10.0
+        self.end = 12.0
 
     def flow(self, mode: int, t: Any, y: NDArray[np.float64]) -> NDArray[np.float64]:
         lift, speed, pressure = y.T
