@@ -130,8 +130,12 @@ def falls(engine: Any, s: Any, i: int, t: float, y: Any, layout: Any, buffers: A
     return trend(engine, s, s.mode, i, t, y, layout, buffers) < 0
 
 
-def violated(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
+def violated(
+    engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any, but: int = NONE
+) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
+
+    The guard `but` is left out.
 
     Its margin is zero or below and falls; or it is clearly negative, and no gap. Overwrites LOOKED
     and what `trend` does.
@@ -142,7 +146,7 @@ def violated(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buff
     arc.margins(engine, mode, t, y, looked)
     guard = NONE
     for i in range(m):
-        if looked[i] <= 0.0 and (guard == NONE or order[i] < order[guard]):
+        if looked[i] <= 0.0 and i != but and (guard == NONE or order[i] < order[guard]):
             rate = looked[m + i]
             size, gain, rate_size = resolution(engine, s, mode, i, t, y, layout, buffers)
             rounding = ROUNDINGS * EPS * rate_size

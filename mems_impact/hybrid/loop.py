@@ -320,7 +320,9 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
         if s.cycle_events > s.max_events:
             return EVENT_BUDGET
         if comes_back(s, y, buffers) and changed and kind != SWITCH:
-            return CYCLING
+            if kind == TRANSITION:
+                return CYCLING
+            break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
         if kind == TRANSITION and impact:
             t = complete_chatter(engine, s, s.t, y, guard, layout, buffers)
             if t > s.t:
