@@ -99,7 +99,7 @@ def what_is_left(
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
-    size, gain, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
+    size, gain, _, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
     height = 0.25 * before * interval
     if height >= WEAK * size + WEAK_TOLERANCES * s.atol * gain:
         return math.inf, interval
