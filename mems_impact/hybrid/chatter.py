@@ -18,6 +18,7 @@ from mems_impact.hybrid.record import (
     ENTERED,
     EPS,
     HIT_INTERVAL,
+    HIT_REACH,
     HIT_SPEED,
     HIT_TIME,
     LEFT,
@@ -29,8 +30,9 @@ from mems_impact.hybrid.record import (
     note,
 )
 
-# A flight is weak if it is lower than this part of what makes up the gap, or than so many absolute
-# tolerances: below that its impacts are not counted one by one, while the gap still has digits.
+# A flight is weak if it is lower than this part of what makes up the gap, or of the highest flight
+# of its sequence, or than so many absolute tolerances: below that its impacts are not counted one
+# by one, while the gap still has digits.
 WEAK, WEAK_TOLERANCES = 5e-11, 5.0
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
 STEADY = 1e-6  # the end of a sequence is known to about this part of its last flight
@@ -101,7 +103,9 @@ def what_is_left(
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
     size, gain, _, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
     height = 0.25 * before * interval
-    if height >= WEAK * size + WEAK_TOLERANCES * s.atol * gain:
+    reach = max(hits[HIT_REACH], height) if interval < earlier < math.inf else height
+    hits[HIT_REACH] = reach
+    if height >= WEAK * (size + reach) + WEAK_TOLERANCES * s.atol * gain:
         return math.inf, interval
     # A flight that acceleration turns round lasts 2 u/a. A body that another one throws back
     # arrives far too soon for its speed. With friction the acceleration changes during the flight.

@@ -21,8 +21,9 @@ ROOM = 40  # rows that one step, or one transition, may add at most, beside one 
 NONE = -1
 EPS = 2.0**-52
 
-# Columns of `Buffers.hits`.
-HIT_TIME, HIT_INTERVAL, HIT_SPEED, HITS = 0, 1, 2, 3
+# Columns of `Buffers.hits`: when, how long after the one before, how fast the bodies separated, and
+# how high the flights have been since they began to shrink.
+HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH, HITS = 0, 1, 2, 3, 4
 
 # Rows of `Buffers.edge`: margins and rates where the last step began and where it ended, and how
 # fast the rates change.

@@ -172,14 +172,23 @@ class Trajectory:
         events = self.events
         begins = (events.kind != loop.APPROACH) & (events.kind != loop.SECTION_CROSSING)
         begins &= events.cycle + events.time / self.period <= first
-        # A sequence of impacts is completed by what the loop remembers of the last three: an arc
-        # that begins among them can't be run again without them.
-        for end in np.flatnonzero(events.kind == loop.ACCUMULATION):
-            impacts = (events.kind[:end] == loop.TRANSITION) & (
-                events.guard[:end] == events.guard[end]
-            )
-            among = np.flatnonzero(impacts)[-3:]
-            begins[among[0] if among.size else end : end] = False
+        # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
+        # within one can't be run again without all of it.
+        instants = events.cycle * self.period + events.time
+        cut = np.count_nonzero(events.cycle + events.time / self.period <= first)
+        for guard in range(len(self.automaton.guards)):
+            own = events.guard == guard
+            ends = np.flatnonzero(own & (events.kind == loop.ACCUMULATION))
+            coming = ends[ends >= cut]
+            if coming.size:
+                since = ends[ends < cut][-1] if coming.size < ends.size else -1
+                impacts = np.flatnonzero(own & (events.kind == loop.TRANSITION))
+                impacts = impacts[(impacts > since) & (impacts < coming[0])]
+                flights = np.diff(instants[impacts])
+                longer = np.flatnonzero(flights[1:] >= flights[:-1])
+                sequence = impacts[longer[-1] + 1 :] if longer.size else impacts
+                if sequence.size:
+                    begins[sequence[0] : coming[0]] = False
         places = np.flatnonzero(begins)
         if places.size == 0:
             return self.start

@@ -231,7 +231,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         automaton=automaton(n),
         parameters=[setting.g * unit.acceleration, setting.e, *setting.masses],
         period=unit.time,
-        options=Options(**unit.options, max_events=BUDGET),
+        options=Options(**unit.options, max_events=10 * BUDGET),
     )
     start = Instant(0, 0.0, 0, np.concatenate([setting.x, setting.v]))
     scale = np.repeat([unit.length, unit.speed], n)
