@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -95,6 +96,21 @@ guess_options = combined(
         help="Forcing periods after which the orbit closes.  [1]",
     ),
 )  # fmt: skip
+
+
+def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
+    # A log would take hundreds of updates of a bar.
+    if asked is None:
+        return sys.stderr is not None and sys.stderr.isatty()
+    return asked
+
+
+progress_option = click.option(
+    "--progress/--no-progress",
+    default=None,
+    callback=_wanted,
+    help="Say how far the work is.  [if standard error is a terminal]",
+)
 
 output_options = combined(
     click.option(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -105,12 +106,12 @@ def sweep(
     total = len(cases) * len(chains)
     run = in_turn if threads == 1 else in_threads
     interrupted = False
-    with _bar(total, shown=progress) as bar:
+    with _counting(total, shown=progress) as count:
         results = run(chains)
         try:
             for number, point in results:
                 points[number].append(point)
-                bar.update()
+                count()
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -173,7 +174,13 @@ def _count(field: str, value: Any, least: int) -> int:
     return int(value)
 
 
-def _bar(total: int, *, shown: bool) -> Any:
+@contextmanager
+def _counting(total: int, *, shown: bool) -> Iterator[Callable[[], object]]:
+    """Give what is called after every value; with a bar while it is shown."""
+    if not shown:
+        yield lambda: None
+        return
     from tqdm import tqdm
 
-    return tqdm(total=total, delay=1.0, unit=" values", disable=not shown)
+    with tqdm(total=total, delay=1.0, unit=" values") as bar:
+        yield bar.update
