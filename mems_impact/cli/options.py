@@ -100,9 +100,12 @@ guess_options = combined(
 
 def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
     # A log would take hundreds of updates of a bar.
-    if asked is None:
-        return sys.stderr is not None and sys.stderr.isatty()
-    return asked
+    return _is_terminal() if asked is None else asked
+
+
+def _is_terminal() -> bool:
+    """Return whether somebody may be watching standard error, which may be closed."""
+    return sys.stderr is not None and sys.stderr.isatty()
 
 
 progress_option = click.option(

@@ -75,8 +75,7 @@ class Study:
             "value": case.value,
             "direction": name,
             "section": {},
-            "impacts per period": math.nan,
-            "displacement per period": math.nan,
+            **dict.fromkeys(tables.SWEEP_COLUMNS, math.nan),
             "status": "ok",
         }
         period = case.drive.period
@@ -104,9 +103,10 @@ class Study:
             "v2": scales.out(log.after[:, V2], "m/s"),
             "v1": scales.out(log.after[:, V1], "m/s"),
         }
-        moved = run.measured.displacement_per_period
-        point["impacts per period"] = run.measured.impacts_per_period
-        point["displacement per period"] = scales.out(moved, "m")
+        for name in tables.SWEEP_COLUMNS:
+            value = getattr(run.measured, name.replace(" ", "_"))
+            unit = tables.COLUMN_UNITS.get(name, "")
+            point[name] = scales.out(value, unit) if unit else value
         return point, run.final
 
 

@@ -184,7 +184,7 @@ def operating_chart(
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:
-        raise ChartInterrupted(maker.chart(), len(maker.pieces), maker.total) from None
+        raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
     return maker.chart()
 
 

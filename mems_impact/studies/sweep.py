@@ -74,9 +74,10 @@ def sweep(
     DataFrame
         One row a crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        displacement per period and status. A value without any crossing is one row with NaN. So
-        is one that failed; its status is the reason rather than "ok", and the chain goes on from
-        the last good state.
+        displacement per period and per impact (the step; NaN without an impact), mean speed and
+        status. A value without any crossing is one row with NaN for what belongs to a crossing. So
+        is one that failed, with NaN for all; its status is the reason rather than "ok", and the
+        chain goes on from the last good state.
 
     Raises
     ------
