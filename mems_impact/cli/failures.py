@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import os
 import signal
@@ -41,7 +42,10 @@ def past_click() -> Iterator[None]:
 
 @contextlib.contextmanager
 def terminable() -> Iterator[list[int]]:
-    """Let SIGTERM interrupt the block as Ctrl-C does; give a list that then is not empty."""
+    """Let SIGTERM interrupt the block as Ctrl-C does, and neither be lost.
+
+    Gives a list that is not empty once SIGTERM has come.
+    """
     heard: list[int] = []
 
     def interrupt(number: int, _frame: FrameType | None) -> None:
@@ -53,9 +57,22 @@ def terminable() -> Iterator[list[int]]:
         yield heard  # whoever calls hears it, or has it ignored
         return
     signal.signal(signal.SIGTERM, interrupt)
+    shown = sys.unraisablehook
+
+    def once_more(lost: sys.UnraisableHookArgs) -> None:
+        # Python drops what is raised in a call from C, as there are many when numba loads compiled
+        # code; the work would go on. Not at once: this is such a call itself.
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            number = signal.SIGTERM if heard else signal.SIGINT
+            threading.Timer(0.05, _thread.interrupt_main, [number]).start()
+        else:
+            shown(lost)
+
+    sys.unraisablehook = once_more
     try:
         yield heard
     finally:
+        sys.unraisablehook = shown
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 

@@ -1,7 +1,6 @@
 """How commands end early: what stands on the disk then, what is said, and the exit status."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -12,7 +11,9 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.cli import options
+from mems_impact.cli.failures import terminable
 
+resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of Unix")
 
 PROGRAM = [sys.executable, "-m", "mems_impact"]
@@ -176,6 +177,26 @@ def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     table = pd.read_csv(tmp_path / "chart-boundaries.csv")
     assert set(table["boundary"]) == {"on"}
     assert table["omega"].max() == pytest.approx(0.47)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
+    class Late:
+        def __del__(self):
+            signal.raise_signal(number)
+
+    def work(heard):
+        with terminable() as signals:
+            heard.append(signals)
+            late = Late()
+            del late  # what its deletion raises is dropped
+            for _ in range(500):
+                time.sleep(0.01)
+
+    heard = []
+    with pytest.raises(KeyboardInterrupt):
+        work(heard)
+    assert bool(heard[0]) == (number == signal.SIGTERM)
 
 
 @pytest.mark.parametrize(
