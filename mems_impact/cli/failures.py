@@ -58,20 +58,27 @@ def terminable() -> Iterator[list[int]]:
         return
     signal.signal(signal.SIGTERM, interrupt)
     shown = sys.unraisablehook
+    pending: list[threading.Timer] = []
+
+    def raise_again() -> None:
+        pending.clear()  # first, for this one may be dropped as well
+        _thread.interrupt_main(signal.SIGTERM if heard else signal.SIGINT)
 
     def once_more(lost: sys.UnraisableHookArgs) -> None:
         # Python drops what is raised in a call from C, as there are many when numba loads compiled
         # code; the work would go on. Not at once: this is such a call itself.
-        if issubclass(lost.exc_type, KeyboardInterrupt):
-            number = signal.SIGTERM if heard else signal.SIGINT
-            threading.Timer(0.05, _thread.interrupt_main, [number]).start()
-        else:
+        if not issubclass(lost.exc_type, KeyboardInterrupt):
             shown(lost)
+        elif not pending:
+            pending.append(threading.Timer(0.05, raise_again))
+            pending[0].start()
 
     sys.unraisablehook = once_more
     try:
         yield heard
     finally:
+        for timer in list(pending):
+            timer.cancel()
         sys.unraisablehook = shown
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
