@@ -6,6 +6,7 @@ answers at once; a command imports what it needs when it runs.
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -18,9 +19,9 @@ from mems_impact.cli.failures import (
     INTERRUPTED,
     PROGRAM,
     TERMINATED,
+    interruptible,
     past_click,
     report,
-    terminable,
 )
 
 __all__ = ["main"]
@@ -88,12 +89,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Exit statuses: 0, done; 1, the run could not go on, or the disk or standard output is full; 2,
     bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM; 141, nobody reads standard output.
     """
-    with terminable() as terminated:
+    with interruptible() as signals:
         try:
             # Outside click's own mode, which would print several lines for a usage error.
             status = _group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
         except (Exception, KeyboardInterrupt) as error:
             status = report(error)
-    if status == INTERRUPTED and terminated:
+    if status == INTERRUPTED and signal.SIGTERM in signals:
         status = TERMINATED
     sys.exit(status if isinstance(status, int) else 0)

@@ -10,6 +10,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator
+from importlib.machinery import ExtensionFileLoader
 from types import FrameType
 
 import click
@@ -21,6 +22,11 @@ PROGRAM = "mems-impact"
 FAILED, BAD_INPUT = 1, 2
 # As a shell counts what a signal ends: 128 and its number, here of SIGINT, SIGPIPE and SIGTERM.
 INTERRUPTED, NO_READER, TERMINATED = 130, 141, 143
+
+_IMPORTS = {
+    ExtensionFileLoader.create_module.__code__,
+    ExtensionFileLoader.exec_module.__code__,
+}
 
 
 class PastClick(Exception):
@@ -41,46 +47,70 @@ def past_click() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def terminable() -> Iterator[list[int]]:
-    """Let SIGTERM interrupt the block as Ctrl-C does, and neither be lost.
+def interruptible() -> Iterator[list[signal.Signals]]:
+    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt in the block, and neither be lost.
 
-    Gives a list that is not empty once SIGTERM has come.
+    Gives the list of the signals that have come. A signal that is ignored, or that somebody else
+    handles, is left alone.
     """
-    heard: list[int] = []
-
-    def interrupt(number: int, _frame: FrameType | None) -> None:
-        heard.append(number)
-        raise KeyboardInterrupt
-
-    here = threading.current_thread() is threading.main_thread()
-    if not here or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
-        yield heard  # whoever calls hears it, or has it ignored
-        return
-    signal.signal(signal.SIGTERM, interrupt)
-    shown = sys.unraisablehook
+    heard: list[signal.Signals] = []
     pending: list[threading.Timer] = []
+    before = {
+        number: signal.getsignal(number)
+        for number in (signal.SIGINT, signal.SIGTERM)
+        if signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler)
+    }
 
-    def raise_again() -> None:
-        pending.clear()  # first, for this one may be dropped as well
-        _thread.interrupt_main(signal.SIGTERM if heard else signal.SIGINT)
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        heard.append(signal.Signals(number))
+        if _importing(frame):
+            later()
+        else:
+            raise KeyboardInterrupt
 
-    def once_more(lost: sys.UnraisableHookArgs) -> None:
-        # Python drops what is raised in a call from C, as there are many when numba loads compiled
-        # code; the work would go on. Not at once: this is such a call itself.
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            shown(lost)
-        elif not pending:
-            pending.append(threading.Timer(0.05, raise_again))
+    def later() -> None:
+        if not pending:
+            pending.append(threading.Timer(0.05, again))
             pending[0].start()
 
-    sys.unraisablehook = once_more
+    def again() -> None:
+        pending.clear()  # first, for this one may be dropped as well
+        _thread.interrupt_main(heard[0])
+
+    def dropped(lost: sys.UnraisableHookArgs) -> None:
+        # Python drops what is raised in a call from C, as there are many when numba loads compiled
+        # code. Not at once: this is such a call itself.
+        if heard and issubclass(lost.exc_type, KeyboardInterrupt):
+            later()
+        else:
+            shown(lost)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield heard  # signals come to the main thread alone
+        return
+    shown, sys.unraisablehook = sys.unraisablehook, dropped
+    for number in before:
+        signal.signal(number, interrupt)
     try:
         yield heard
     finally:
         for timer in list(pending):
             timer.cancel()
         sys.unraisablehook = shown
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _importing(frame: FrameType | None) -> bool:
+    """Return whether an extension module is just being imported.
+
+    Such modules drop what is raised meanwhile, and the work would go on.
+    """
+    while frame is not None:
+        if frame.f_code in _IMPORTS:
+            return True
+        frame = frame.f_back
+    return False
 
 
 def say(text: str) -> None:
