@@ -11,13 +11,17 @@ from os import PathLike, fspath
 from typing import Any
 
 __all__ = [
+    "ChartInterrupted",
     "EngineFallbackWarning",
     "EngineUnavailable",
+    "FileNotWritten",
     "FitWarning",
+    "Interrupted",
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
     "RunError",
+    "RunInterrupted",
     "SweepInterrupted",
     "UnitsWarning",
 ]
@@ -86,7 +90,7 @@ class InvalidParameter(MemsImpactError, ValueError):
 
 
 class InvalidFile(MemsImpactError, ValueError):
-    """A file cannot be read, or is not what it should be.
+    """A file cannot be read, is not what it should be, or cannot stand where it is wanted.
 
     Parameters
     ----------
@@ -108,6 +112,31 @@ class InvalidFile(MemsImpactError, ValueError):
         self.reason = reason
         self.remedy = remedy
         super().__init__(f"{_label(self.path)}: {reason}; {remedy}")
+
+
+class FileNotWritten(MemsImpactError):
+    """A file could not be written, though its place is a good one: the disk is full, for example.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file. What stood there before stands there still.
+    reason : str
+        What happened.
+    remedy : str
+        What to do about it.
+
+    Attributes
+    ----------
+    path, reason, remedy : str
+        As given.
+    """
+
+    def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
+        self.path = fspath(path)
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{_label(self.path)}: cannot be written ({reason}); {remedy}")
 
 
 class RunError(MemsImpactError, RuntimeError):
@@ -181,7 +210,19 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
-class RunInterrupted(KeyboardInterrupt):
+class Interrupted(KeyboardInterrupt):
+    """Work was interrupted (Ctrl-C); what was done is kept.
+
+    Attributes
+    ----------
+    after : str
+        How far it had come, worded to follow "after".
+    """
+
+    after: str
+
+
+class RunInterrupted(Interrupted):
     """A run was interrupted (Ctrl-C); what was done is kept.
 
     Parameters
@@ -200,13 +241,14 @@ class RunInterrupted(KeyboardInterrupt):
     def __init__(self, trajectory: object, periods: float) -> None:
         self.trajectory = trajectory
         self.periods = periods
-        super().__init__(f"run interrupted after {periods:g} periods; they are in .trajectory")
+        self.after = f"{periods:g} periods"
+        super().__init__(f"run interrupted after {self.after}; they are in .trajectory")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.trajectory, self.periods)
 
 
-class SweepInterrupted(KeyboardInterrupt):
+class SweepInterrupted(Interrupted):
     """A sweep was interrupted (Ctrl-C); what was done is kept.
 
     Parameters
@@ -226,10 +268,39 @@ class SweepInterrupted(KeyboardInterrupt):
         self.table = table
         self.done = done
         self.total = total
-        super().__init__(f"sweep interrupted after {done} of {total} values; they are in .table")
+        self.after = f"{done} of {total} values"
+        super().__init__(f"sweep interrupted after {self.after}; they are in .table")
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.table, self.done, self.total)
+
+
+class ChartInterrupted(Interrupted):
+    """A chart was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    chart : object
+        The chart with the boundaries that were done, and what there is of the next one.
+    done, total : int
+        Number of boundaries that were done, and of all; the latter is 0 as long as the types of
+        the range, and so their number, were not known.
+
+    Attributes
+    ----------
+    chart, done, total
+        As given.
+    """
+
+    def __init__(self, chart: object, done: int, total: int) -> None:
+        self.chart = chart
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total or 'all'} boundaries"
+        super().__init__(f"chart interrupted after {self.after}; they are in .chart")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.chart, self.done, self.total)
 
 
 class EngineFallbackWarning(UserWarning):
@@ -263,7 +334,8 @@ def shown(value: object) -> str:
     try:
         # str() of a NumPy number is the number alone, without its type.
         text = repr(value) if isinstance(value, str) else str(value)
-    except ValueError:  # Python refuses to print integers of more than 4300 digits
+    except (ValueError, RecursionError):
+        # Python refuses to print integers of more than 4300 digits, and lists within lists.
         text = f"a huge {type(value).__name__}"
     if isinstance(value, float):
         text = text.removesuffix(".0")

@@ -23,6 +23,7 @@ from mems_impact.hybrid.trajectory import Events, Floats, Samples
 
 __all__ = [
     "COLUMN_UNITS",
+    "SWEEP_COLUMNS",
     "blows",
     "branch",
     "chart",
@@ -332,6 +333,16 @@ def statistics(values: Mapping[str, float], scales: Scales = DIMENSIONLESS) -> p
     return pd.Series(_in_units(named, scales), dtype=float, name="statistics")
 
 
+SWEEP_COLUMNS = (
+    "impacts per period",
+    "blows per period",
+    "displacement per period",
+    "displacement per impact",
+    "mean speed",
+)
+"""What a sweep says of every value: statistics, as a run has them."""
+
+
 def sweep(
     parameter: str,
     points: Sequence[Mapping[str, Any]],
@@ -346,8 +357,7 @@ def sweep(
         Name of the parameter that was swept.
     points : sequence of mapping
         One for each value, in order: ``value``, ``direction``, ``section`` (period, v2 and v1 of
-        the crossings), ``impacts per period``, ``blows per period``, ``displacement per period``
-        and ``status``; all in the units of the device.
+        the crossings), `SWEEP_COLUMNS` and ``status``; all in the units of the device.
     unit : str, optional
         The SI unit of the parameter.
     scales : Scales, optional
@@ -372,11 +382,10 @@ def sweep(
         "period": crossing("period"),
         scales.label("v2", "m/s"): crossing("v2"),
         scales.label("v1", "m/s"): crossing("v1"),
-        "impacts per period": repeated("impacts per period").astype(float),
-        "blows per period": repeated("blows per period").astype(float),
-        scales.label("displacement per period", "m"): repeated("displacement per period").astype(
-            float
-        ),
+        **{
+            scales.label(name, COLUMN_UNITS.get(name, "")): repeated(name).astype(float)
+            for name in SWEEP_COLUMNS
+        },
         "status": repeated("status").astype(str).astype(object),
     }
     return pd.DataFrame(columns)
@@ -394,8 +403,8 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         Parameter, direction, status, impacting (impacts in the measured periods; False where the
-        point failed), impacts, blows and displacement per period, smallest and largest v2 on the
-        section and the number of crossings.
+        point failed), `SWEEP_COLUMNS`, smallest and largest v2 on the section and the number of
+        crossings.
     """
     parameter = table.columns[0]
     # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
@@ -404,15 +413,15 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     changed = (keys != keys.shift()).any(axis=1)
     changed |= table["period"] < table["period"].shift()
     groups = table.groupby(changed.cumsum(), sort=False)
-    v2, moved = heading(table, "v2"), heading(table, "displacement per period")
+    v2 = heading(table, "v2")
+    # A file may have been written before there were all of them.
+    statistics = [name for name in table.columns if _symbol(name) in SWEEP_COLUMNS]
     summary = groups.agg(
         **{
             parameter: (parameter, "first"),
             "direction": ("direction", "first"),
             "status": ("status", "first"),
-            "impacts per period": ("impacts per period", "first"),
-            "blows per period": ("blows per period", "first"),
-            moved: (moved, "first"),
+            **{name: (name, "first") for name in statistics},
             v2.replace("v2", "v2 min"): (v2, "min"),
             v2.replace("v2", "v2 max"): (v2, "max"),
             "crossings": (v2, "count"),

@@ -3,13 +3,19 @@ import pickle
 import pytest
 
 from mems_impact.errors import (
+    ChartInterrupted,
     EngineFallbackWarning,
     EngineUnavailable,
+    FileNotWritten,
+    Interrupted,
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
     RunError,
+    RunInterrupted,
+    SweepInterrupted,
 )
+from mems_impact.validation.suite import SuiteInterrupted
 
 RUN_ERROR = RunError(
     reason="too many events",
@@ -27,6 +33,14 @@ ERRORS = [
     InvalidFile("my.toml", "is a directory", "give a file"),
     RUN_ERROR,
     EngineUnavailable("no C API", "use the interpreted engine"),
+    FileNotWritten("table.csv", "no space left on device", "make room"),
+]
+INTERRUPTIONS = [
+    (RunInterrupted([1, 2], 2.5), "2.5 periods"),
+    (SweepInterrupted([1, 2], 2, 5), "2 of 5 values"),
+    (ChartInterrupted([1, 2], 1, 6), "1 of 6 boundaries"),
+    (ChartInterrupted([], 0, 0), "0 of all boundaries"),
+    (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]
 
 
@@ -36,6 +50,17 @@ def test_pickling_keeps_message_and_attributes(error):
     copy = pickle.loads(pickle.dumps(error))
     assert type(copy) is type(error)
     assert str(copy) == str(error)
+    assert vars(copy) == vars(error)
+
+
+@pytest.mark.parametrize(("error", "after"), INTERRUPTIONS)
+def test_interruptions_say_how_far_it_came(error, after):
+    assert isinstance(error, Interrupted)
+    assert isinstance(error, KeyboardInterrupt)
+    assert error.after == after
+    assert f"interrupted after {after}; they are in ." in str(error)
+    copy = pickle.loads(pickle.dumps(error))
+    assert type(copy) is type(error)
     assert vars(copy) == vars(error)
 
 

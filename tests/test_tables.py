@@ -66,9 +66,8 @@ def point(value, direction="up", crossings=2, status="ok"):
         "value": value,
         "direction": direction,
         "section": section if crossings else {},
+        **dict.fromkeys(tables.SWEEP_COLUMNS, 0.5),
         "impacts per period": 1.0 if status == "ok" else np.nan,
-        "blows per period": 0.5 if status == "ok" else np.nan,
-        "displacement per period": 0.5,
         "status": status,
     }
 
@@ -101,3 +100,11 @@ def test_sweep_summary(tmp_path):
     table.to_csv(tmp_path / "sweep.csv", index=False)
     again = mi.sweep_summary(pd.read_csv(tmp_path / "sweep.csv"))
     pd.testing.assert_frame_equal(again, summary, check_dtype=False)
+    assert (
+        summary["mean speed"].tolist() == summary["displacement per impact"].tolist() == 4 * [0.5]
+    )
+    # A file of an earlier version has neither.
+    older = mi.sweep_summary(table.drop(columns=["mean speed", "displacement per impact"]))
+    assert list(older.columns) == [
+        name for name in summary.columns if name not in ("mean speed", "displacement per impact")
+    ]

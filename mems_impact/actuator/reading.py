@@ -15,6 +15,7 @@ __all__ = ["parse_toml", "read_bytes", "read_columns", "read_text"]
 
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
 _LARGEST_TABLE = 50_000_000  # bytes
+_DEEPEST = 20  # tables in each other; a burst within a burst takes one more
 
 
 def read_bytes(
@@ -54,11 +55,27 @@ def parse_toml(raw: bytes, source: str, remedy: str) -> dict[str, Any]:
     """Return the tables of a TOML file."""
     text = read_text(raw, source)
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # Not TOMLDecodeError alone: absurdly long integers and deep nesting raise the others.
         reason = f"not valid TOML ({str(error).splitlines()[0]})"
         raise InvalidFile(source, reason, f"mend it there: {remedy}") from None
+    if _deeper_than(_DEEPEST, content):
+        reason = f"holds tables within tables, more than {_DEEPEST} deep"
+        raise InvalidFile(source, reason, f"mend it there: {remedy}")
+    return content
+
+
+def _deeper_than(most: int, content: Any) -> bool:
+    """Return whether tables and lists stand in each other more than `most` deep.
+
+    A dotted name may hold thousands of tables, over which all that looks into them would fail.
+    """
+    level = [content]
+    for _ in range(most):
+        holders = [one.values() if isinstance(one, dict) else one for one in level]
+        level = [one for each in holders for one in each if isinstance(one, dict | list)]
+    return bool(level)
 
 
 def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:

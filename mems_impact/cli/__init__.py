@@ -6,15 +6,23 @@ answers at once; a command imports what it needs when it runs.
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from keyword import iskeyword
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
-from mems_impact.cli.failures import PROGRAM, report
+from mems_impact.cli.failures import (
+    INTERRUPTED,
+    PROGRAM,
+    TERMINATED,
+    interruptible,
+    past_click,
+    report,
+)
 
 __all__ = ["main"]
 
@@ -44,6 +52,14 @@ class _Commands(click.Group):
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return command
+
+    def make_context(self, *arguments: Any, **more: Any) -> click.Context:
+        with past_click():  # help pages are written here
+            return super().make_context(*arguments, **more)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        with past_click():
+            return super().invoke(ctx)
 
 
 def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
@@ -81,12 +97,16 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
     Notes
     -----
-    Exit statuses: 0, done; 1, the run could not go on or its verdict is not the one wanted; 2, bad
-    input; 130, interrupted.
+    Exit statuses: 0, done; 1, the run could not go on, its verdict is not the one wanted, or the
+    disk or standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM;
+    141, nobody reads standard output.
     """
-    try:
-        # Outside click's own mode, which would print several lines for a usage error.
-        status = _group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
-    except (Exception, KeyboardInterrupt) as error:
-        sys.exit(report(error))
+    with interruptible() as signals:
+        try:
+            # Outside click's own mode, which would print several lines for a usage error.
+            status = _group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
+        except (Exception, KeyboardInterrupt) as error:
+            status = report(error)
+    if status == INTERRUPTED and signal.SIGTERM in signals:
+        status = TERMINATED
     sys.exit(status if isinstance(status, int) else 0)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from mems_impact.cli.failures import say, show_warnings_briefly
@@ -10,7 +12,13 @@ from mems_impact.cli.options import (
     device_options,
     orbit_integrator_options,
     output_options,
+    progress_option,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    import mems_impact as mi
 
 
 @click.command(short_help="Chart where a device switches on and off.")
@@ -26,6 +34,7 @@ from mems_impact.cli.options import (
     help="Forcing periods for which an attractor has to persist there.  [2000]",
 )  # fmt: skip
 @orbit_integrator_options
+@progress_option
 @output_options
 def command(
     *,
@@ -40,6 +49,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    progress: bool,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -61,27 +71,31 @@ def command(
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, figure, no_figure, "chart")
-    chart = mi.operating_chart(
-        actuator,
-        drive,
-        omega=(low, high),
-        crises=crises,
-        periods=periods,
-        options=options,
-        progress=say,
-    )
-    click.echo(chart.types.to_string(index=False, float_format="{:.9g}".format) + "\n")
-    if len(chart.special_table):
-        points = chart.special_table.to_string(index=False, float_format="{:.12g}".format)
-        click.echo(points + "\n")
-    for note in chart.notes:
-        say(f"warning: {note}")
-    files.table("boundaries", chart.table)
-    files.table("types", chart.types)
-    files.table("points", chart.special_table)
+    with Output(output, figure, no_figure, "chart") as files:
+        try:
+            chart = mi.operating_chart(
+                actuator,
+                drive,
+                omega=(low, high),
+                crises=crises,
+                periods=periods,
+                options=options,
+                progress=say if progress else False,
+            )
+        except mi.ChartInterrupted as stop:
+            if stop.total > 0 and isinstance(stop.chart, mi.Chart):
+                files.tables(_tables(stop.chart))
+            raise
+        files.tables(_tables(chart))
+        files.draw(lambda: mi.plot_chart(chart).figure)
+        for note in chart.notes:
+            say(f"warning: {note}")
+        click.echo(chart.types.to_string(index=False, float_format="{:.9g}".format) + "\n")
+        if len(chart.special_table):
+            points = chart.special_table.to_string(index=False, float_format="{:.12g}".format)
+            click.echo(points + "\n")
+        click.echo(files.said())
 
-    from mems_impact.plotting.chart import plot_chart
 
-    files.draw(lambda: plot_chart(chart).figure)
-    click.echo(files.said())
+def _tables(chart: mi.Chart) -> dict[str, pd.DataFrame]:
+    return {"boundaries": chart.table, "types": chart.types, "points": chart.special_table}

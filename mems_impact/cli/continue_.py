@@ -14,9 +14,12 @@ from mems_impact.cli.options import (
     guess_options,
     orbit_integrator_options,
     output_options,
+    progress_option,
 )
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     import mems_impact as mi
 
 
@@ -36,6 +39,7 @@ if TYPE_CHECKING:
 )
 @click.option("--doubled", is_flag=True, help="Follow the orbits of twice the period as well.")
 @orbit_integrator_options
+@progress_option
 @output_options
 def command(
     *,
@@ -56,6 +60,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    progress: bool,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -79,31 +84,33 @@ def command(
     actuator = actuator_from(device, changes)
     guess = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, figure, no_figure, "continue")
-    orbit = mi.find_orbit(
-        actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-    )
-    branch = mi.continue_orbit(
-        orbit, parameter, stop, back=back, through_grazing=through_grazing, progress=True
-    )
-    branches = [branch]
-    if doubled:
-        for special in branch.special_points:
-            if special.label == "PD":
-                try:
-                    branches.append(mi.switch_branch(special, progress=True))
-                except mi.OrbitError as error:
-                    say(f"warning: period doubling at {special.value:.9g}: {error}")
-    for number, part in enumerate(branches):
-        _show(part)
-        end = f"-{number}" if number else ""
-        files.table(f"branch{end}", part.table)
-        files.table(f"points{end}", part.special_table)
+    with Output(output, figure, no_figure, "continue") as files:
+        orbit = mi.find_orbit(
+            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+        )
+        branch = mi.continue_orbit(
+            orbit, parameter, stop, back=back, through_grazing=through_grazing, progress=progress
+        )
+        files.tables(_tables(branch))
+        branches = [branch]
+        if doubled:
+            for special in branch.special_points:
+                if special.label == "PD":
+                    try:
+                        part = mi.switch_branch(special, progress=progress)
+                    except mi.OrbitError as error:
+                        say(f"warning: period doubling at {special.value:.9g}: {error}")
+                        continue
+                    files.tables(_tables(part, f"-{len(branches)}"))
+                    branches.append(part)
+        files.draw(lambda: mi.plot_branch(branches).figure)
+        for part in branches:
+            _show(part)
+        click.echo(files.said())
 
-    from mems_impact.plotting.branch import plot_branch
 
-    files.draw(lambda: plot_branch(branches).figure)
-    click.echo(files.said())
+def _tables(branch: mi.Branch, end: str = "") -> dict[str, pd.DataFrame]:
+    return {f"branch{end}": branch.table, f"points{end}": branch.special_table}
 
 
 def _show(branch: mi.Branch) -> None:

@@ -37,7 +37,6 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    files = Output(output, figure, no_figure, "drive")
     forces = [force for stretch in seen(drive, actuator) for force in stretch.force]
     shown = ", ".join(f"{time:.9g}" for time in drive.switches[:8])
     more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
@@ -48,7 +47,8 @@ def command(
         "switches": f"{shown}{more}" if shown else "none",
         "force at x2 = 0": f"{min(forces):.9g} to {max(forces):.9g}",
     }
-    for name, text in lines.items():
-        click.echo(f"  {name:<18}{text}")
-    files.draw(lambda: plot_drive(drive, actuator)[0].figure)
-    click.echo(f"\n{files.said()}" if files.written else "")
+    with Output(output, figure, no_figure, "drive") as files:
+        files.draw(lambda: plot_drive(drive, actuator)[0].figure)
+        for name, text in lines.items():
+            click.echo(f"  {name:<18}{text}")
+        click.echo(f"\n{files.said()}" if files.written else "")

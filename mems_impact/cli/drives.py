@@ -70,6 +70,15 @@ drive_options = combined(
         help=f"Waveform of the voltage: {', '.join(KINDS)}, or a file: TOML with a table [drive], "
         "or a measured voltage as CSV.  [sine]",
     ),
+    click.option(
+        "--allow-code",
+        f"{PREFIX}allow_code",
+        is_flag=True,
+        callback=_collect,
+        expose_value=False,
+        help="Run the Python code that a drive file names. It can do all that you can: read it "
+        "first.",
+    ),
     *(_number(name, text) for name, text in NUMBERS.items()),
 )
 
@@ -85,6 +94,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
     choice = given.pop("choice", "sine")
+    allow_code = given.pop("allow_code", False)
     for name in varied or {}:
         if name in given:
             raise click.UsageError(f"--{name} is what is varied; leave it out")
@@ -92,7 +102,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
             raise click.UsageError("--frequency sets omega, which is varied; leave it out")
     if choice in KINDS:
         return _of_kind(choice, given, varied or {})
-    return _of_file(choice, given, varied or {})
+    return _of_file(choice, given, varied or {}, allow_code)
 
 
 def in_fields(given: Mapping[str, float]) -> dict[str, float]:
@@ -128,7 +138,9 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
         raise
 
 
-def _of_file(path: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
+def _of_file(
+    path: str, given: dict[str, float], varied: Mapping[str, float], allow_code: bool
+) -> Drive:
     from pathlib import Path
 
     from mems_impact.actuator.drive import Sampled, load_drive
@@ -143,7 +155,7 @@ def _of_file(path: str, given: dict[str, float], varied: Mapping[str, float]) ->
         measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
         drive: Drive = Sampled.from_csv(path, **measured)
     else:
-        drive = load_drive(path)
+        drive = load_drive(path, allow_code=allow_code)
     for name in given:
         if FIELDS.get(name, name) not in drive.names:
             known = ", ".join(drive.names)

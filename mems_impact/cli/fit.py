@@ -106,24 +106,23 @@ def command(
     actuator = actuator_from(device, changes)
     measured = [_target(text) for text in targets]
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, None, True, "fit")
-    found = mi.fit(
-        actuator,
-        measured,
-        free,
-        bounds=bounds,
-        transient=transient,
-        periods=periods,
-        initial=mi.State(x2=x2, v1=v1, v2=v2),
-        options=options,
-    )
-    click.echo(f"{found}\n")
-    fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
-    settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-    click.echo(f"The fitted device, for other commands: {device} {settings}\n")
-    files.table("parameters", found.parameters)
-    files.table("residuals", found.residuals)
-    click.echo(files.said())
+    with Output(output, None, True, "fit") as files:
+        found = mi.fit(
+            actuator,
+            measured,
+            free,
+            bounds=bounds,
+            transient=transient,
+            periods=periods,
+            initial=mi.State(x2=x2, v1=v1, v2=v2),
+            options=options,
+        )
+        files.tables({"parameters": found.parameters, "residuals": found.residuals})
+        click.echo(f"{found}\n")
+        fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
+        settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
+        click.echo(f"The fitted device, for other commands: {device} {settings}\n")
+        click.echo(files.said())
     if found.verdict != "good":
         ctx.exit(FAILED)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +107,25 @@ directory_option = click.option(
     metavar="DIR",
     help="Where tables and figure go; created if need be.  [./out]",
 )
+
+
+def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
+    # A log would take hundreds of updates of a bar.
+    return _is_terminal() if asked is None else asked
+
+
+def _is_terminal() -> bool:
+    """Return whether somebody may be watching standard error, which may be closed."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
+progress_option = click.option(
+    "--progress/--no-progress",
+    default=None,
+    callback=_wanted,
+    help="Say how far the work is.  [if standard error is a terminal]",
+)
+
 output_options = combined(
     directory_option,
     click.option(

@@ -60,19 +60,15 @@ def command(
     drive = drive_from()
     guess = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, figure, no_figure, "orbit")
-    orbit = mi.find_orbit(
-        actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-    )
-    _show(orbit)
-    files.table("impacts", orbit.impacts)
-    files.table("segments", orbit.segments)
-    files.table("samples", orbit.samples(400))
-
-    from mems_impact.plotting.orbit import plot_orbit
-
-    files.draw(lambda: plot_orbit(orbit).figure)
-    click.echo(files.said())
+    with Output(output, figure, no_figure, "orbit") as files:
+        orbit = mi.find_orbit(
+            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+        )
+        samples = orbit.samples(400)
+        files.tables({"impacts": orbit.impacts, "segments": orbit.segments, "samples": samples})
+        files.draw(lambda: mi.plot_orbit(orbit).figure)
+        _show(orbit)
+        click.echo(files.said())
 
 
 def _show(orbit: mi.Orbit) -> None:

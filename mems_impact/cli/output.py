@@ -1,25 +1,33 @@
-"""Where results go: a directory of tables and a figure, checked before the work begins."""
+"""Where results go: a directory of tables and a figure, checked before the work begins.
+
+All files are written before anything is shown on the screen, whose reader may have gone.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import click
 
+from mems_impact.writing import replacing
+
 FIGURES = (".png", ".pdf", ".svg")
+MOST_NAMED = 10
 REMEDY = "give another place with --output or --figure"
 
 
 class Output:
-    """The files of one command.
+    """The files of one command; what ends the command early is told which of them stand.
 
     Parameters
     ----------
     directory : str
-        Where they go; created.
+        Where they go; created, and removed again if nothing is written.
     figure : str or None
         Path of the figure; by default `name` with ``.png`` in the directory.
     no_figure : bool
@@ -30,6 +38,12 @@ class Output:
     ------
     click.ClickException
         If a file could not be written there.
+
+    Examples
+    --------
+    >>> with Output("out", None, False, "sweep") as files:
+    ...     files.tables({"table": table})
+    ...     files.draw(lambda: plot_sweep(table).figure)
     """
 
     def __init__(self, directory: str, figure: str | None, no_figure: bool, name: str) -> None:
@@ -43,48 +57,71 @@ class Output:
             if self.figure.suffix.lower() not in FIGURES:
                 allowed = f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
                 raise click.UsageError(f"--figure {self.figure}: the name must end in {allowed}")
-        # Now, not after minutes of work.
-        _make(self.directory)
-        if self.figure is not None:
-            _make(self.figure.parent)
         self.written: list[Path] = []
+        self._made: list[Path] = []
+        # Now, not after minutes of work.
+        self._make(self.directory)
+        if self.figure is not None:
+            self._make(self.figure.parent)
 
-    def table(self, what: str, table: Any) -> None:
-        """Write a pandas table as CSV."""
-        path = self.directory / f"{self.name}-{what}.csv"
-        self._write(path, lambda: table.to_csv(path, index=False))
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        if not self.written:
+            self._remove_made()
+        elif error is not None:
+            error.add_note(self.said())
+
+    def tables(self, tables: Mapping[str, Any]) -> None:
+        """Write pandas tables as CSV, by the last part of their names: all of them, or none."""
+        paths = [self.directory / f"{self.name}-{what}.csv" for what in tables]
+        with ExitStack() as stack:
+            for path, table in zip(paths, tables.values(), strict=True):
+                table.to_csv(stack.enter_context(replacing(path)), index=False)
+        self.written += paths
 
     def draw(self, draw: Callable[[], Any]) -> None:
         """Write the figure that `draw` makes, if one is wanted."""
         if self.figure is None:
             return
-        path = self.figure
         figure = draw()
-        self._write(path, lambda: figure.savefig(path, dpi=150))
+        with replacing(self.figure) as temporary:
+            figure.savefig(temporary, dpi=150)
+        self.written.append(self.figure)
 
     def said(self) -> str:
         """Return what was written, as a sentence."""
+        if not self.written:
+            return "nothing was written"
+        if len(self.written) > MOST_NAMED:
+            return f"written: {len(self.written)} files in {self.directory}"
         return f"written: {', '.join(map(str, self.written))}"
 
-    def _write(self, path: Path, write: Callable[[], Any]) -> None:
+    def _make(self, directory: Path) -> None:
+        missing = [place for place in (directory, *directory.parents) if not place.exists()]
         try:
-            write()
+            directory.mkdir(parents=True, exist_ok=True)
+        except FileExistsError:
+            raise click.ClickException(f"{directory}: is not a directory; {REMEDY}") from None
         except OSError as error:
-            raise _unwritable(path, error) from None
-        self.written.append(path)
+            reason = (error.strerror or str(error)).lower()
+            raise click.ClickException(
+                f"{directory}: cannot be made ({reason}); {REMEDY}"
+            ) from None
+        if not os.access(directory, os.W_OK | os.X_OK):
+            raise click.ClickException(f"{directory}: cannot be written to; {REMEDY}")
+        self._made += missing
 
-
-def _make(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise click.ClickException(f"{directory}: is not a directory; {REMEDY}") from None
-    except OSError as error:
-        raise _unwritable(directory, error) from None
-    if not os.access(directory, os.W_OK | os.X_OK):
-        raise click.ClickException(f"{directory}: cannot be written to; {REMEDY}")
-
-
-def _unwritable(path: Path, error: OSError) -> click.ClickException:
-    reason = (error.strerror or str(error)).lower()
-    return click.ClickException(f"{path}: cannot be written ({reason}); {REMEDY}")
+    def _remove_made(self) -> None:
+        """Remove the directories that were made here, innermost first, unless they hold files."""
+        for place in self._made:
+            try:
+                place.rmdir()
+            except OSError:
+                return

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import FAILED, INTERRUPTED, say, show_warnings_briefly
+from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
     integrator_options,
     output_options,
+    progress_option,
     state_options,
 )
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
-    from mems_impact.cli.output import Output
 
 FIRST_ROWS = 6
 
@@ -37,10 +37,9 @@ FIRST_ROWS = 6
     help="Forcing periods that the statistics are taken over.  [the last part of the run]",
 )
 @integrator_options
+@progress_option
 @output_options
-@click.pass_context
 def command(
-    ctx: click.Context,
     *,
     device: str,
     changes: dict[str, float],
@@ -53,6 +52,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    progress: bool,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -75,30 +75,25 @@ def command(
     drive = drive_from()
     initial = mi.State(x2=x2, v1=v1, v2=v2)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, figure, no_figure, "simulate")
-    try:
-        run = mi.simulate(
-            actuator,
-            drive,
-            periods,
-            initial=initial,
-            window=window,
-            options=options,
-            progress=True,
-        )
-    except (mi.RunError, mi.RunInterrupted) as error:
-        if not isinstance(error.trajectory, mi.Run):
+    with Output(output, figure, no_figure, "simulate") as files:
+        try:
+            run = mi.simulate(
+                actuator,
+                drive,
+                periods,
+                initial=initial,
+                window=window,
+                options=options,
+                progress=progress,
+            )
+        except (mi.RunError, mi.RunInterrupted) as error:
+            if isinstance(error.trajectory, mi.Run):
+                files.tables(_tables(error.trajectory))
             raise
-        _write(files, error.trajectory)
-        if isinstance(error, mi.RunInterrupted):
-            say(f"interrupted after {error.periods:.1f} forcing periods; {files.said()}")
-            ctx.exit(INTERRUPTED)
-        say(f"{error}; up to there, {files.said()}")
-        ctx.exit(FAILED)
-    _show(run)
-    _write(files, run)
-    files.draw(lambda: mi.plot_run(run)[0].figure)
-    click.echo(files.said())
+        files.tables(_tables(run))
+        files.draw(lambda: mi.plot_run(run)[0].figure)
+        _show(run)
+        click.echo(files.said())
 
 
 def _show(run: mi.Run) -> None:
@@ -127,9 +122,11 @@ def _first_rows(table: pd.DataFrame) -> str:
     return table.head(FIRST_ROWS).to_string(index=False, float_format="{:.6g}".format)
 
 
-def _write(files: Output, run: mi.Run) -> None:
-    files.table("impacts", run.impacts)
-    files.table("blows", run.blows)
-    files.table("events", run.events)
-    statistics = run.statistics
-    files.table("statistics", statistics.rename_axis("quantity").reset_index(name="value"))
+def _tables(run: mi.Run) -> dict[str, pd.DataFrame]:
+    statistics = run.statistics.rename_axis("quantity").reset_index(name="value")
+    return {
+        "impacts": run.impacts,
+        "blows": run.blows,
+        "events": run.events,
+        "statistics": statistics,
+    }

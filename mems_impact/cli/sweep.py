@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import INTERRUPTED, say, show_warnings_briefly
+from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
     integrator_options,
     output_options,
+    progress_option,
 )
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from mems_impact.cli.output import Output
 
 DIRECTIONS = ("up", "down", "both")
 WORDS = {"up": "increased", "down": "decreased"}
@@ -41,10 +40,9 @@ SHOWN_FAILURES = 3
 )
 @click.option("--periods", type=int, default=60, help="Forcing periods to measure then.  [60]")
 @integrator_options
+@progress_option
 @output_options
-@click.pass_context
 def command(
-    ctx: click.Context,
     *,
     device: str,
     changes: dict[str, float],
@@ -59,6 +57,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    progress: bool,
     output: str,
     figure: str | None,
     no_figure: bool,
@@ -82,28 +81,33 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from({parameter: low})
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    files = Output(output, figure, no_figure, "sweep")
-    try:
-        table = mi.sweep(
-            actuator,
-            drive,
-            parameter,
-            np.linspace(low, high, points),
-            direction=direction,
-            transient=transient,
-            periods=periods,
-            options=options,
-            progress=True,
-        )
-    except mi.SweepInterrupted as stop:
-        if stop.done == 0:
+    with Output(output, figure, no_figure, "sweep") as files:
+        try:
+            table = mi.sweep(
+                actuator,
+                drive,
+                parameter,
+                np.linspace(low, high, points),
+                direction=direction,
+                transient=transient,
+                periods=periods,
+                options=options,
+                progress=progress,
+            )
+        except mi.SweepInterrupted as stop:
+            if stop.done > 0:
+                files.tables(_tables(stop.table))
             raise
-        _write(files, stop.table)
-        say(f"interrupted after {stop.done} of {stop.total} values; {files.said()}")
-        ctx.exit(INTERRUPTED)
-    _show(table)
-    _write(files, table)
-    click.echo(files.said())
+        files.tables(_tables(table))
+        files.draw(lambda: mi.plot_sweep(table).figure)
+        _show(table)
+        click.echo(files.said())
+
+
+def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    from mems_impact.tables import sweep_summary
+
+    return {"table": table, "summary": sweep_summary(table)}
 
 
 def _show(table: pd.DataFrame) -> None:
@@ -111,6 +115,7 @@ def _show(table: pd.DataFrame) -> None:
     from mems_impact.tables import sweep_summary
 
     summary = sweep_summary(table)
+    click.echo(summary.to_string(index=False, float_format="{:.6g}".format) + "\n")
     parameter = summary.columns[0]
     turns = {direction: (value, begins) for direction, value, begins in switches(table)}
     for direction, chain in summary.groupby("direction", sort=False):
@@ -127,11 +132,3 @@ def _show(table: pd.DataFrame) -> None:
         for value, reason in islice(reasons, SHOWN_FAILURES):
             click.echo(f"  failed at {value:.9g}: {reason}")
     click.echo("")
-
-
-def _write(files: Output, table: pd.DataFrame) -> None:
-    files.table("table", table)
-
-    from mems_impact.plotting.bifurcation import plot_sweep
-
-    files.draw(lambda: plot_sweep(table).figure)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+from mems_impact.cli.options import progress_option
 
 
 @click.command(short_help="Reproduce the paper, figure by figure, with verdicts.")
@@ -30,6 +33,7 @@ from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
     help="Fail if a verdict is not the one in this table (verdicts.csv of an earlier run).",
 )
 @click.option("--workers", type=click.IntRange(1, 64), default=2, help="Processes.  [2]")
+@progress_option
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -39,6 +43,7 @@ def command(
     output: str,
     expect: str | None,
     workers: int,
+    progress: bool,
 ) -> None:
     """Compute the figures of Zhao et al. (2004) and judge what the paper states about them.
 
@@ -54,6 +59,7 @@ def command(
     from mems_impact.validation.outcome import Effort
     from mems_impact.validation.suite import (
         FIGURES,
+        SuiteInterrupted,
         changed_verdicts,
         expected_verdicts,
         run_suite,
@@ -62,16 +68,21 @@ def command(
     show_warnings_briefly()
     wanted = sorted(set(figures)) or list(FIGURES)
     expected = None if expect is None else expected_verdicts(expect)
-    Output(output, None, True, "validate")  # whether it can be written to, before the work
-    report = run_suite(
-        wanted,
-        output=output,
-        effort=Effort(quick=quick, workers=workers),
-        processes=workers,
-        progress=lambda number: say(f"figure {number} done"),
-    )
-    click.echo(str(report))
-    click.echo(f"written: {len(report.written)} files in {output}; read {output}/report.md first")
+    with Output(output, None, True, "validate") as files:
+        try:
+            report = run_suite(
+                wanted,
+                output=output,
+                effort=Effort(quick=quick, workers=workers),
+                processes=workers,
+                progress=(lambda number: say(f"figure {number} done")) if progress else None,
+            )
+        except SuiteInterrupted as stop:
+            files.written += map(Path, stop.report.written)
+            raise
+        files.written += map(Path, report.written)
+        click.echo(str(report))
+        click.echo(f"{files.said()}; read {output}/report.md first")
     if expected is not None:
         changes = changed_verdicts(report, expected)
         if changes:

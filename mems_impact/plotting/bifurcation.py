@@ -1,4 +1,4 @@
-"""The sweep as in Fig. 4 of the paper: block speed on the Poincaré section over a parameter."""
+"""The sweep as in Fig. 4 of the paper: block speed on the section, step and speed of the frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables import sweep_summary, symbols
+from mems_impact.tables import heading, sweep_summary, symbols
 
 __all__ = ["plot_sweep"]
 
@@ -19,72 +19,143 @@ MARKS: dict[str, dict[str, Any]] = {
     "down": {"color": ORANGE, "marker": "o", "markersize": 4.6, "fillstyle": "none", "zorder": 2},
 }
 WORDS = {"up": "increased", "down": "decreased"}
+QUANTITIES = {
+    "v2": ("v2", "$v_2$ at $x_2 = 0$"),
+    "step": ("displacement per impact", "step per impact"),
+    "speed": ("mean speed", "mean speed"),
+}
+"""What may be drawn: its column, and what the axis says."""
 
 
-def plot_sweep(table: pd.DataFrame, ax: Any = None) -> Any:
-    """Draw v2 on the section x2 = 0 over the parameter of a sweep.
+def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = None) -> Any:
+    """Draw a sweep over its parameter: v2 on the section x2 = 0, step and speed of the frame.
 
-    The first value at which a chain begins or ceases to impact is marked by a thin line. Values
-    that failed are crosses at the foot.
+    The first value at which a chain begins or ceases to impact is marked by a thin line. At the
+    foot of v2 stand the values without: triangles where the block never crosses the section,
+    crosses where the value failed. Where nothing strikes there is no step.
 
     Parameters
     ----------
     table : DataFrame
         From `mems_impact.sweep`, or read back from a file.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Where to draw one quantity; a new figure by default.
+    quantity : {"v2", "step", "speed"}, optional
+        What to draw: v2 on the section, displacement of the frame per impact, or its mean speed. By
+        default all of them, one below the other, on a new figure, and v2 on given axes.
 
     Returns
     -------
     Axes
-        ``ax.figure.savefig(…)`` writes the figure.
+        The uppermost; ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `table` is none of a sweep, or there is no such quantity.
+
+    Examples
+    --------
+    >>> plot_sweep(table).figure.savefig("sweep.png")
+    >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
     """
     if "v2" not in symbols(table):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)
-    if ax is None:
-        ax = new_figure(7.0, 4.2).subplots()
-    units = [f" {name[name.index('[') :]}" if " [" in name else "" for name in table.columns]
-    unit, speed = units[0], units[[*symbols(table).columns].index("v2")]
-    table = symbols(table)
-    parameter = table.columns[0]
+    drawn = [name for name, (column, _) in QUANTITIES.items() if column in symbols(table)]
+    if quantity is not None and quantity not in drawn:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(drawn)}")
+    if quantity is not None or ax is not None:
+        drawn = [quantity or "v2"]
+    if ax is not None:
+        panels = [ax]
+    else:
+        figure = new_figure(7.0, 4.2 if len(drawn) == 1 else 7.4)
+        heights = [2.0 if name == "v2" and len(drawn) > 1 else 1.0 for name in drawn]
+        grid = {"height_ratios": heights}
+        panels = figure.subplots(len(drawn), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
+    first = panels[0]
+    for panel, name in zip(panels, drawn, strict=True):
+        size = _draw_dots(panel, table, name)
+        _draw_switches(panel, table, named=panel is first)
+        if panel is first and panel.get_legend_handles_labels()[0]:
+            panel.legend(frameon=False, markerscale=1.0 / size)
+        tidy(panel)
+    parameter = symbols(table).columns[0]
+    name = symbol(parameter)
+    panels[-1].set_xlabel(
+        (name if name == parameter else f"{parameter} {name}") + _unit(table.columns[0])
+    )
+    return first
+
+
+def _draw_dots(ax: Any, table: pd.DataFrame, quantity: str) -> float:
+    """Draw one quantity, and below v2 the values that have none; return the size of its dots."""
+    column, words = QUANTITIES[quantity]
+    ax.set_ylabel(words + _unit(heading(table, column)))
+    rows = symbols(table if quantity == "v2" else sweep_summary(table))
+    parameter = rows.columns[0]
     # Many dots are drawn small, or the rings run into a band; those that coincide count once.
-    spread = max(table["v2"].max() - table["v2"].min(), 1e-300)
-    places = (table["v2"] / spread * 300.0).round()
-    dots = len(pd.DataFrame({"at": table[parameter], "v2": places}).drop_duplicates())
+    spread = max(1e-300, rows[column].max() - rows[column].min())
+    places = (rows[column] / spread * 300.0).round()
+    dots = len(pd.DataFrame({"at": rows[parameter], "place": places}).drop_duplicates())
     scale = min(1.0, max(0.35, math.sqrt(150.0 / max(1, dots))))
     for direction, style in MARKS.items():
-        mark = {**style, "markersize": scale * style["markersize"]}
-        rows = table[table["direction"] == direction]
-        if len(rows):
+        mark = {**style, "markersize": scale * style["markersize"], "linestyle": "none"}
+        chain = rows[rows["direction"] == direction]
+        if len(chain):
             label = f"{symbol(parameter)} {WORDS[direction]}"
             ax.plot(
-                rows[parameter], rows["v2"], linestyle="none", label=label,
-                markeredgewidth=0.7 * scale, rasterized=len(rows) > 20_000, **mark,
+                chain[parameter], chain[column], label=label, markeredgewidth=0.7 * scale,
+                rasterized=len(chain) > 20_000, **mark,
             )  # fmt: skip
-    failed = table.loc[table["status"] != "ok", parameter].unique()
-    foot = ax.get_xaxis_transform()
+    if quantity == "v2":
+        _draw_feet(ax, rows, scale)
+    else:
+        ax.ticklabel_format(axis="y", scilimits=(-2, 4))
+    return scale
+
+
+def _draw_feet(ax: Any, rows: pd.DataFrame, scale: float) -> None:
+    """Mark the values that have no v2 on the axis, as what lies below all that is drawn."""
+    parameter, good = rows.columns[0], rows["status"] == "ok"
+    foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
+    label = "never crosses $x_2 = 0$"
+    for direction, style in MARKS.items():
+        here = good & rows["v2"].isna() & (rows["direction"] == direction)
+        values = rows.loc[here, parameter]
+        if len(values):
+            mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
+            mark["zorder"] += 3  # above the axis
+            ax.plot(values, [0.0] * len(values), label=label, **foot, **mark)
+            label = "_"  # one line of the legend is enough
+    failed = rows.loc[~good, parameter].unique()
     if len(failed):
-        crosses = {"linestyle": "none", "marker": "x", "color": GREY, "markersize": 4}
-        ax.plot(failed, [0.02] * len(failed), transform=foot, label="failed", **crosses)
+        cross = {"marker": "x", "color": GREY, "markersize": 4, "label": "failed"}
+        ax.plot(failed, [0.02] * len(failed), **foot, **cross)
+
+
+def _draw_switches(ax: Any, table: pd.DataFrame, *, named: bool) -> None:
+    """Draw a line where each chain begins or ceases to impact, maybe with its value above it."""
+    parameter = symbol(symbols(table).columns[0])
     marks = sorted(switches(table), key=lambda mark: mark[1])
     for place, (direction, value, impacting) in enumerate(marks):
         color = MARKS[direction]["color"]
         ax.axvline(value, color=color, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
-        text = f"{'on' if impacting else 'off'} at {symbol(parameter)} = {value:.5g}"
+        if not named:
+            continue
+        text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
         # Two labels lean away from each other, however near the values are.
         side = "center" if len(marks) == 1 else ("right", "left")[place]
         ax.annotate(
-            text, (value, 1.0), xycoords=foot, xytext=(0, 3), textcoords="offset points",
-            ha=side, va="bottom", color=color, fontsize="small",
+            text, (value, 1.0), xycoords=ax.get_xaxis_transform(), xytext=(0, 3),
+            textcoords="offset points", ha=side, va="bottom", color=color, fontsize="small",
         )  # fmt: skip
-    name = symbol(parameter)
-    ax.set_xlabel((name if name == parameter else f"{parameter} {name}") + unit)
-    ax.set_ylabel("$v_2$ at $x_2 = 0$" + speed)
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(frameon=False, markerscale=1.0 / scale)
-    tidy(ax)
-    return ax
+
+
+def _unit(name: str) -> str:
+    """Return the unit of a heading, as an axis shows it."""
+    return f" {name[name.index('[') :]}" if " [" in name else ""
 
 
 def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:

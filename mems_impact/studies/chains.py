@@ -9,9 +9,7 @@ from __future__ import annotations
 import contextlib
 import math
 import queue
-import threading
-from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +21,7 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.studies.simulate import simulate
 from mems_impact.studies.state import State
+from mems_impact.studies.threads import Watch, stoppable_threads
 
 __all__ = ["Case", "Chain", "Point", "Study", "in_threads", "in_turn"]
 
@@ -69,16 +68,14 @@ class Study:
         return PARAMETER_UNITS.get(self.parameter, "")
 
     def point(
-        self, case: Case, name: str, start: State, watch: Callable[[float], None] | None
+        self, case: Case, name: str, start: State, watch: Watch | None
     ) -> tuple[Point, State]:
         """Compute one value; return its part of the table and the last good state."""
         point: Point = {
             "value": case.value,
             "direction": name,
             "section": {},
-            "impacts per period": math.nan,
-            "blows per period": math.nan,
-            "displacement per period": math.nan,
+            **dict.fromkeys(tables.SWEEP_COLUMNS, math.nan),
             "status": "ok",
         }
         period = case.drive.period
@@ -106,10 +103,10 @@ class Study:
             "v2": scales.out(log.after[:, V2], "m/s"),
             "v1": scales.out(log.after[:, V1], "m/s"),
         }
-        moved = run.measured.displacement_per_period
-        point["impacts per period"] = run.measured.impacts_per_period
-        point["blows per period"] = run.measured.blows_per_period
-        point["displacement per period"] = scales.out(moved, "m")
+        for name in tables.SWEEP_COLUMNS:
+            value = getattr(run.measured, name.replace(" ", "_"))
+            unit = tables.COLUMN_UNITS.get(name, "")
+            point[name] = scales.out(value, unit) if unit else value
         return point, run.final
 
 
@@ -122,7 +119,7 @@ class Chain:
     cases: list[Case]
     initial: State
 
-    def points(self, watch: Callable[[float], None] | None = None) -> Iterator[Point]:
+    def points(self, watch: Watch | None = None) -> Iterator[Point]:
         """Compute value after value. `watch` is called now and then and may raise."""
         state, period = self.initial, self.cases[0].drive.period
         for case in self.cases:
@@ -131,10 +128,6 @@ class Chain:
                 period = case.drive.period
             point, state = self.study.point(case, self.name, state, watch)
             yield point
-
-
-class _Stopped(Exception):
-    """Ends a run in a thread whose result nobody waits for any more."""
 
 
 def in_turn(chains: list[Chain]) -> Results:
@@ -147,14 +140,9 @@ def in_turn(chains: list[Chain]) -> Results:
 def in_threads(chains: list[Chain]) -> Results:
     """Run every chain in a thread of its own; the points come as they are done."""
     compile_once(chains[0])
-    stop = threading.Event()
     results: queue.Queue[tuple[int, Point | BaseException | None]] = queue.Queue()
 
-    def watch(_: float) -> None:
-        if stop.is_set():
-            raise _Stopped
-
-    def work(number: int) -> None:
+    def work(number: int, watch: Watch) -> None:
         try:
             for point in chains[number].points(watch):
                 results.put((number, point))
@@ -162,22 +150,18 @@ def in_threads(chains: list[Chain]) -> Results:
         except BaseException as error:
             results.put((number, error))
 
-    with ThreadPoolExecutor(len(chains), thread_name_prefix="sweep") as threads:
-        try:
-            for number in range(len(chains)):
-                threads.submit(work, number)
-            running = len(chains)
-            while running:
-                number, point = results.get()
-                if isinstance(point, BaseException):
-                    raise point
-                if point is None:
-                    running -= 1
-                else:
-                    yield number, point
-        finally:
-            # Reached on Ctrl-C too, which comes to the main thread: leave no thread at work.
-            stop.set()
+    with stoppable_threads(len(chains)) as (threads, watch):
+        for number in range(len(chains)):
+            threads.submit(work, number, watch)
+        running = len(chains)
+        while running:
+            number, point = results.get()
+            if isinstance(point, BaseException):
+                raise point
+            if point is None:
+                running -= 1
+            else:
+                yield number, point
 
 
 def compile_once(chain: Chain) -> None:

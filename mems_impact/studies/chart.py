@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from mems_impact.continuation import grazing
 from mems_impact.continuation.branch import Steps
 from mems_impact.continuation.curve import CurvePoint, OrbitCurve
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
 from mems_impact.orbits import orbit as orbits
 from mems_impact.orbits.family import Family
 from mems_impact.studies.branches import CodimensionTwo, GrazingType, curve_of
@@ -29,6 +28,7 @@ from mems_impact.studies.orbits import ORBIT_OPTIONS, System, whole
 from mems_impact.studies.simulate import instant_of_state, simulate
 from mems_impact.studies.state import State, is_number
 from mems_impact.studies.sweep import kicked
+from mems_impact.studies.threads import Watch, stoppable_threads
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -41,9 +41,12 @@ CRISIS = "crisis"
 FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
 RAMP = 21  # amplitudes from where the attractor is first looked for to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
+SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 SIMULATION = Options()
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+
+Point = tuple[float, float]  # omega and amplitude
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,9 +69,7 @@ class Chart:
     special_points: tuple[CodimensionTwo, ...]
     notes: tuple[str, ...]
     regions: tuple[tuple[GrazingType, float, float], ...]
-    pieces: tuple[tuple[str, GrazingType, str, tuple[tuple[float, float], ...]], ...] = field(
-        repr=False
-    )
+    pieces: tuple[tuple[str, GrazingType, str, tuple[Point, ...]], ...] = field(repr=False)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -166,6 +167,8 @@ def operating_chart(
         If an argument is out of range.
     OrbitError
         If the orbit without impacts does not graze at either end of the range.
+    ChartInterrupted
+        On Ctrl-C; its ``chart`` holds what was done.
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
     system = System.of(actuator, drive, options)
@@ -177,7 +180,12 @@ def operating_chart(
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     tell = _teller(progress)
-    return _Maker(system, steps, tell).make(low, high, crises, periods, workers)
+    maker = _Maker(system, steps, tell, (system.into(OMEGA, low), system.into(OMEGA, high)))
+    try:
+        maker.make(crises, periods, workers)
+    except KeyboardInterrupt:
+        raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
+    return maker.chart()
 
 
 def crisis(
@@ -190,6 +198,7 @@ def crisis(
     tolerance: float = 1e-6,
     periods: int = 2000,
     options: Options = SIMULATION,
+    watch: Watch | None = None,
 ) -> float:
     """Find by simulation the amplitude at which an attractor with impacts ceases to exist.
 
@@ -214,6 +223,9 @@ def crisis(
         Forcing periods for which the attractor has to persist. Just below the crisis a transient
         may last as long, so that the result is a little low; it rises with `periods`.
     options : Options, optional
+    watch : callable, optional
+        Called with the periods of the present run that are done, several times a second; an
+        exception that it raises ends the search.
 
     Returns
     -------
@@ -225,13 +237,15 @@ def crisis(
     OrbitError
         If there is no such attractor at `below`, or it is still there `width` lower.
     """
+    progress = watch or False
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
         """Return states of the attractor at `amplitude`; none if all `starts` lead off it."""
         here = drive.replace(amplitude=amplitude)
         for start in starts:
             run = simulate(actuator, here, periods, initial=start, keep="statistics",
-                           window=(0.75 * periods, periods), options=options)  # fmt: skip
+                           window=(0.75 * periods, periods), options=options,
+                           progress=progress)  # fmt: skip
             if run.statistics["impacts"] > 0.0:
                 states = [run.final]
                 for _ in range(TRIALS - 1):
@@ -272,26 +286,42 @@ def crisis(
 class _Maker:
     """The parts of the chart, in the units of the numerics."""
 
-    def __init__(self, system: System, steps: Steps, tell: Callable[[str], None]) -> None:
-        self.system, self.steps, self.tell = system, steps, tell
+    def __init__(
+        self,
+        system: System,
+        steps: Steps,
+        tell: Callable[[str], None],
+        omega: tuple[float, float],
+    ) -> None:
+        self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
         self.family: Family = system.family()
         self.notes: list[str] = []
         self.met: dict[float, list[branches.SpecialPoint]] = {}
+        self.special_points: tuple[CodimensionTwo, ...] = ()
+        self.marks: set[float] = set()  # frequencies of these
+        self.regions: list[tuple[GrazingType, float, float]] = []
+        self.pieces: list[tuple[str, GrazingType, str, Sequence[Point]]] = []
+        self.done = self.total = 0  # pieces that are whole, and that there will be
         actuator = system.actuator
         pull_in = math.sqrt(4.0 * actuator.k * actuator.d**3 / (27.0 * actuator.alpha))
         self.pull_in = system.into(AMPLITUDE, pull_in)
 
-    def make(self, low: float, high: float, crises: int, periods: int, workers: int) -> Chart:
-        low, high = (self.system.into(OMEGA, value) for value in (low, high))
+    def make(self, crises: int, periods: int, workers: int) -> None:
+        """Compute the parts, those last that take longest; `chart` gives what is done."""
+        low, high = self.omega
         curve = self._grazings(low, high)
-        marks = [
-            s for s in curve.special_points if s.kind in ("grazing-fold", "degenerate grazing")
-        ]
+        marks = [s for s in curve.special_points if s.kind in SEPARATING]
         marks.sort(key=lambda s: s.values[1])
+        self.special_points = tuple(
+            sorted(
+                (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
+                key=lambda s: s.values[OMEGA],
+            )
+        )
         self.marks = {s.values[1] for s in marks}
         edges = [low, *(s.values[1] for s in marks), high]
-        pieces: list[Any] = []
-        regions = []
+        self.total = 2 * (len(edges) - 1)
+        simulated = []
         for left, right in pairwise(edges):
             slack = 1e-9 * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
@@ -299,27 +329,36 @@ class _Maker:
             inside.sort(key=lambda p: p.values[1])
             region = self._type(left, right)
             self.tell(f"omega {left:.6g} to {right:.6g}: type {region.paper}")
-            regions.append((region, left, right))
-            pieces += self._boundaries(region, left, right, _values(inside), crises, periods,
-                                       workers)  # fmt: skip
+            self.regions.append((region, left, right))
+            for piece in self._followed(region, left, right, _values(inside)):
+                self.pieces.append(piece)
+                self.done += 1
+                if piece[:3] == (ON, region, "fold"):
+                    simulated.append((region, left, right, piece[3]))
+        for region, left, right, folds in simulated:
+            found: list[Point] = []
+            self.pieces.append((OFF, region, CRISIS, found))
+            if crises:
+                self._crises(left, right, folds, crises, periods, workers, found)
+            self.done += 1
+
+    def chart(self) -> Chart:
+        """Return the chart of what is done."""
         order = {ON: 0, OFF: 1}
+        pieces = [(side, region, kind, tuple(sorted(points)))
+                  for side, region, kind, points in self.pieces]  # fmt: skip
         pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
-        special = curve_of(self.system, curve).special_points
+        low, high = self.omega
         return Chart(
             system=self.system,
             omega=(self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
-            special_points=tuple(
-                sorted(
-                    (s for s in special if s.kind in ("grazing-fold", "degenerate grazing")),
-                    key=lambda s: s.values[OMEGA],
-                )
-            ),
+            special_points=self.special_points,
             notes=tuple(self.notes),
-            regions=tuple(regions),
+            regions=tuple(self.regions),
             pieces=tuple(pieces),
         )
 
-    def _special(self, omega: float) -> list[branches.SpecialPoint]:
+    def _special(self, omega: float, watch: Watch | None = None) -> list[branches.SpecialPoint]:
         """Return what the orbit without impacts meets on the way up, at one frequency."""
         if omega in self.met:
             return self.met[omega]
@@ -331,8 +370,9 @@ class _Maker:
         rest = instant_of_state(here.actuator, here.drive, State())
         orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
         branch = branches.follow(
-            orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps
-        )
+            orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps,
+            progress=watch,
+        )  # fmt: skip
         self.met[omega] = branch.special_points
         return branch.special_points
 
@@ -364,24 +404,20 @@ class _Maker:
         touching = next(s for s in self._special(0.5 * (left + right)) if _grazes(s))
         return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
 
-    def _boundaries(
-        self,
-        region: GrazingType,
-        left: float,
-        right: float,
-        grazings: tuple[tuple[float, float], ...],
-        crises: int,
-        periods: int,
-        workers: int,
-    ) -> list[Any]:
+    def _followed(
+        self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
+    ) -> Iterator[tuple[str, GrazingType, str, tuple[Point, ...]]]:
+        """Give the boundaries of one type that are curves: all but a crisis."""
         if region == GrazingType.CONTINUOUS:
-            return [(side, region, "grazing", grazings) for side in (ON, OFF)]
-        if region == GrazingType.JUMP:
+            yield ON, region, "grazing", grazings
+            yield OFF, region, "grazing", grazings
+        elif region == GrazingType.JUMP:
+            yield ON, region, "grazing", grazings
             folds = self._folds(left, right, without_impact=False, ends=grazings)
-            return [(ON, region, "grazing", grazings), (OFF, region, "fold", folds)]
-        folds = self._folds(left, right, without_impact=True, ends=grazings)
-        found = self._crises(left, right, folds, crises, periods, workers) if crises else ()
-        return [(ON, region, "fold", folds), (OFF, region, CRISIS, found)]
+            yield OFF, region, "fold", folds
+        else:
+            folds = self._folds(left, right, without_impact=True, ends=grazings)
+            yield ON, region, "fold", folds
 
     def _folds(
         self,
@@ -389,8 +425,8 @@ class _Maker:
         right: float,
         *,
         without_impact: bool,
-        ends: tuple[tuple[float, float], ...],
-    ) -> tuple[tuple[float, float], ...]:
+        ends: tuple[Point, ...],
+    ) -> tuple[Point, ...]:
         """Return the fold curve of the orbit with or without impacts between two frequencies."""
         middle = 0.5 * (left + right)
         what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
@@ -428,23 +464,25 @@ class _Maker:
         self,
         left: float,
         right: float,
-        folds: tuple[tuple[float, float], ...],
+        folds: tuple[Point, ...],
         crises: int,
         periods: int,
         workers: int,
-    ) -> tuple[tuple[float, float], ...]:
-        """Simulate the crisis at equal distances, each begun just above the fold."""
+        found: list[Point],
+    ) -> None:
+        """Simulate the crisis at equal distances, each begun just above the fold, into `found`."""
         if not folds:
-            return ()
+            return
+        found += [end for end in folds if end[0] in self.marks]
         # Where the type ends in a point of codimension two, the two boundaries meet.
         known = len(self.marks & {left, right})
         omegas = np.linspace(left, right, crises + known)
         omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
         out = self.system.out
 
-        def one(omega: float) -> tuple[float, float] | str:
+        def one(omega: float) -> Point | str:
             try:
-                fold = next(s for s in self._special(omega) if s.kind == "fold").value
+                fold = next(s for s in self._special(omega, watch) if s.kind == "fold").value
                 here = self.system.changed(omega=out(OMEGA, omega))
                 value = crisis(
                     here.actuator,
@@ -453,28 +491,26 @@ class _Maker:
                     begin=out(AMPLITUDE, fold * (1.0 + ABOVE)),
                     width=0.2 * out(AMPLITUDE, fold),
                     periods=periods,
+                    watch=watch,
                 )
                 return omega, self.system.into(AMPLITUDE, value)
             except (OrbitError, StopIteration) as error:
                 return f"crisis at omega {omega:.6g}: {error}"
 
-        found = []
         self.tell(f"the crisis, simulated at {crises} frequencies")
-        with ThreadPoolExecutor(workers) as threads:
+        with stoppable_threads(workers) as (threads, watch):
             for result in threads.map(one, omegas.tolist()):
                 if isinstance(result, str):
                     self.notes.append(result)
                 else:
                     found.append(result)
-        meeting = [end for end in folds if end[0] in self.marks]
-        return tuple(sorted([*found, *meeting]))
 
 
 def _grazes(special: branches.SpecialPoint) -> bool:
     return special.label == "G" and special.monitor.role == "approach"
 
 
-def _values(points: list[CurvePoint]) -> tuple[tuple[float, float], ...]:
+def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
     """Return (omega, amplitude) in ascending omega."""
     return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -73,9 +74,10 @@ def sweep(
     DataFrame
         One row a crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        blows per period (see `mems_impact.Blows`), displacement per period and status. A value
-        without any crossing is one row with NaN. So is one that failed; its status is the reason
-        rather than "ok", and the chain goes on from the last good state.
+        blows per period (see `mems_impact.Blows`), displacement per period and per impact (the
+        step; NaN without an impact), mean speed and status. A value without any crossing is one
+        row with NaN for what belongs to a crossing. So is one that failed, with NaN for all; its
+        status is the reason rather than "ok", and the chain goes on from the last good state.
 
     Raises
     ------
@@ -105,12 +107,12 @@ def sweep(
     total = len(cases) * len(chains)
     run = in_turn if threads == 1 else in_threads
     interrupted = False
-    with _bar(total, shown=progress) as bar:
+    with _counting(total, shown=progress) as count:
         results = run(chains)
         try:
             for number, point in results:
                 points[number].append(point)
-                bar.update()
+                count()
         except KeyboardInterrupt:
             interrupted = True
         finally:
@@ -173,7 +175,13 @@ def _count(field: str, value: Any, least: int) -> int:
     return int(value)
 
 
-def _bar(total: int, *, shown: bool) -> Any:
+@contextmanager
+def _counting(total: int, *, shown: bool) -> Iterator[Callable[[], object]]:
+    """Give what is called after every value; with a bar while it is shown."""
+    if not shown:
+        yield lambda: None
+        return
     from tqdm import tqdm
 
-    return tqdm(total=total, delay=1.0, unit=" values", disable=not shown)
+    with tqdm(total=total, delay=1.0, unit=" values") as bar:
+        yield bar.update

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import io
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+import signal
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
 from mems_impact.validation.outcome import Devices, Effort, Outcome
 from mems_impact.validation.report import summary, to_html, to_markdown
 from mems_impact.validation.statements import Judgement, Value, judge, load_statements
+from mems_impact.writing import replacing, unwritable
 
-__all__ = ["FIGURES", "Report", "changed_verdicts", "expected_verdicts", "run_suite"]
+__all__ = [
+    "FIGURES",
+    "Report",
+    "SuiteInterrupted",
+    "changed_verdicts",
+    "expected_verdicts",
+    "run_suite",
+]
 
 FIGURES = (2, 3, 4, 5, 6, 7)
 
@@ -49,6 +59,33 @@ class Report:
         return summary(self.judgements)
 
 
+class SuiteInterrupted(Interrupted):
+    """The suite was interrupted (Ctrl-C); the figures that were done are judged and written.
+
+    Parameters
+    ----------
+    report : Report
+        Of the figures that were done.
+    done, total : int
+        Number of figures that were done, and of all.
+
+    Attributes
+    ----------
+    report, done, total
+        As given.
+    """
+
+    def __init__(self, report: Report, done: int, total: int) -> None:
+        self.report = report
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total} figures"
+        super().__init__(f"suite interrupted after {self.after}; they are in .report")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.report, self.done, self.total)
+
+
 def run_suite(
     figures: Sequence[int] = FIGURES,
     *,
@@ -78,6 +115,15 @@ def run_suite(
     Returns
     -------
     Report
+
+    Raises
+    ------
+    InvalidParameter
+        If the paper has no such figure to reproduce.
+    InvalidFile, FileNotWritten
+        If a file cannot be written.
+    SuiteInterrupted
+        On Ctrl-C, which is heard at once; its ``report`` is that of the figures done.
     """
     devices = Devices() if devices is None else devices
     for number in figures:
@@ -86,18 +132,33 @@ def run_suite(
             raise InvalidParameter("figure", number, allowed)
     here = None if output is None else Path(output)
     if here is not None:
-        here.mkdir(parents=True, exist_ok=True)
+        try:
+            here.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(here, error) from None
     done: dict[int, _Done] = {}
-    with _pool(min(processes, len(figures))) as submit:
-        # The figures that take longest stand last in the paper.
-        waiting = {
-            submit(_figure, number, devices, effort, here): number
-            for number in sorted(figures, reverse=True)
-        }
-        for future in as_completed(waiting):
-            done[waiting[future]] = future.result()
-            if progress is not None:
-                progress(waiting[future])
+    interrupted = False
+    try:
+        drawn = here is not None
+        with contextlib.closing(
+            _computed(figures, devices, effort, drawn, min(processes, len(figures)))
+        ) as results:
+            for number, one in results:
+                if here is not None:
+                    _write(here, one.files)
+                done[number] = one
+                if progress is not None:
+                    progress(number)
+    except KeyboardInterrupt:
+        interrupted = True
+    report = _judged(done, effort, here)
+    if interrupted:
+        raise SuiteInterrupted(report, len(done), len(figures))
+    return report
+
+
+def _judged(done: Mapping[int, _Done], effort: Effort, here: Path | None) -> Report:
+    """Return the report of the figures that were computed, and write it."""
     numbers = sorted(done)
     values = {name: value for one in done.values() for name, value in one.values.items()}
     judged = tuple(
@@ -106,10 +167,20 @@ def run_suite(
         if statement.figure in done
     )
     notes = {number: done[number].notes for number in numbers}
-    written = [name for number in numbers for name in done[number].written]
-    if here is not None:
-        written += _write_report(here, judged, notes, effort)
-    return Report(judgements=judged, notes=notes, written=tuple(written))
+    written: tuple[str, ...] = ()
+    if here is not None and done:
+        files = _report_files(judged, notes, effort)
+        _write(here, files)
+        names = [name for number in numbers for name in done[number].files]
+        written = tuple(str(here / name) for name in (*names, *files))
+    return Report(judgements=judged, notes=notes, written=written)
+
+
+def _write(here: Path, files: Mapping[str, bytes]) -> None:
+    """Write files by their names, each whole or not at all."""
+    for name, content in files.items():
+        with replacing(here / name) as temporary:
+            temporary.write_bytes(content)
 
 
 class _Done(NamedTuple):
@@ -117,61 +188,99 @@ class _Done(NamedTuple):
 
     values: dict[str, Value | None]
     notes: tuple[str, ...]
-    written: tuple[str, ...]
+    files: dict[str, bytes]  # not written there, so that the process may be ended at any time
 
 
-def _figure(number: int, devices: Devices, effort: Effort, directory: Path | None) -> _Done:
-    """Compute one figure and write its files."""
+def _computed(
+    figures: Sequence[int], devices: Devices, effort: Effort, drawn: bool, processes: int
+) -> Generator[tuple[int, _Done], None, None]:
+    """Compute figures, in other processes if there are to be several; give each when it is done."""
+    # The figures that take longest stand last in the paper.
+    latest_first = sorted(figures, reverse=True)
+    if processes <= 1:
+        for number in latest_first:
+            yield number, _figure(number, devices, effort, drawn)
+        return
+    with _pool(processes) as executor:
+        with _ctrl_c_for_us_alone():
+            waiting = {
+                executor.submit(_figure, number, devices, effort, drawn): number
+                for number in latest_first
+            }
+        for future in as_completed(waiting):
+            yield waiting[future], future.result()
+
+
+def _figure(number: int, devices: Devices, effort: Effort, drawn: bool) -> _Done:
+    """Compute one figure, and draw it if that is wanted."""
     outcome: Outcome = import_module(f"mems_impact.validation.figure{number}").compute(
         devices, effort
     )
-    written: list[Path] = []
-    if directory is not None:
-        figure = outcome.draw()
-        for suffix in ("png", "svg"):
-            written.append(directory / f"figure{number}.{suffix}")
-            figure.savefig(written[-1], dpi=150)
-        for name, table in outcome.tables.items():
-            written.append(directory / f"figure{number}-{name}.csv")
-            table.to_csv(written[-1], index=False)
-    return _Done(outcome.values, outcome.notes, tuple(map(str, written)))
+    files: dict[str, bytes] = {}
+    if not drawn:
+        return _Done(outcome.values, outcome.notes, files)
+    figure = outcome.draw()
+    for suffix in ("png", "svg"):
+        picture = io.BytesIO()
+        figure.savefig(picture, format=suffix, dpi=150)
+        files[f"figure{number}.{suffix}"] = picture.getvalue()
+    for name, table in outcome.tables.items():
+        files[f"figure{number}-{name}.csv"] = table.to_csv(index=False).encode()
+    return _Done(outcome.values, outcome.notes, files)
 
 
-@contextmanager
-def _pool(processes: int) -> Iterator[Callable[..., Future[_Done]]]:
-    """Give what submits a figure: to other processes, or to be computed on the spot."""
-    if processes > 1:
-        # Spawned, since the threads of a parent do not survive a fork.
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(processes, mp_context=context) as executor:
-            yield executor.submit
+@contextlib.contextmanager
+def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
+    """Give a pool of processes that end at once where the block is left early.
+
+    Left alone, an executor waits for the figures that are being computed, half a minute.
+    """
+    others = set(multiprocessing.active_children())
+    # Spawned, since the threads of a parent do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(processes, mp_context=context) as executor:
+        try:
+            yield executor
+        except BaseException:
+            for worker in set(multiprocessing.active_children()) - others:
+                worker.kill()
+            executor.shutdown(cancel_futures=True)
+            raise
+
+
+@contextlib.contextmanager
+def _ctrl_c_for_us_alone() -> Iterator[None]:
+    """Let processes that are started in the block be deaf to Ctrl-C, which a terminal sends to all.
+
+    They would answer with tracebacks; it is for this process to end them.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
         return
-
-    def at_once(function: Callable[..., _Done], *arguments: Any) -> Future[_Done]:
-        future: Future[_Done] = Future()
-        future.set_result(function(*arguments))
-        return future
-
-    yield at_once
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _write_report(
-    here: Path,
-    judged: Sequence[Judgement],
-    notes: Mapping[int, tuple[str, ...]],
-    effort: Effort,
-) -> list[str]:
-    """Write the verdicts and the report."""
-    with open(here / "verdicts.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("id", "paper", "computed", "difference", "verdict"))
-        for j in judged:
-            row = (j.statement.id, j.statement.value, j.computed, j.difference, j.verdict)
-            writer.writerow(row)
+def _report_files(
+    judged: Sequence[Judgement], notes: Mapping[int, tuple[str, ...]], effort: Effort
+) -> dict[str, bytes]:
+    """Return the verdicts and the report by the names of their files."""
+    verdicts = io.StringIO()
+    writer = csv.writer(verdicts)
+    writer.writerow(("id", "paper", "computed", "difference", "verdict"))
+    for j in judged:
+        row = (j.statement.id, j.statement.value, j.computed, j.difference, j.verdict)
+        writer.writerow(row)
     words = "quick, coarse sweeps" if effort.quick else "full"
-    (here / "report.md").write_text(to_markdown(judged, notes, words), encoding="utf-8")
-    (here / "report.html").write_text(to_html(judged, notes, words), encoding="utf-8")
-    return [str(here / name) for name in ("verdicts.csv", "report.md", "report.html")]
+    texts = {
+        "verdicts.csv": verdicts.getvalue(),
+        "report.md": to_markdown(judged, notes, words),
+        "report.html": to_html(judged, notes, words),
+    }
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def expected_verdicts(path: str | Path) -> dict[str, str]:

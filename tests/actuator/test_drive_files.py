@@ -48,15 +48,15 @@ def written(folder, text, name="drive.toml"):
 @pytest.mark.parametrize("name", FILES)
 def test_load(folder, name):
     text, kind = FILES[name]
-    drive = mi.load_drive(written(folder, f'name = "x"\n[drive]\n{text}\n'))
+    drive = mi.load_drive(written(folder, f'name = "x"\n[drive]\n{text}\n'), allow_code=True)
     assert type(drive) is kind
-    assert mi.load_drive(str(folder / "drive.toml")).period == drive.period
+    assert mi.load_drive(str(folder / "drive.toml"), allow_code=True).period == drive.period
 
 
 def test_the_values_arrive(folder):
     drive = mi.load_drive(written(folder, "[drive]\n" + FILES["burst"][0]))
     assert drive == mi.Burst(wave=mi.Sine(amplitude=0.2, omega=1), on=3, off=2)
-    custom = mi.load_drive(written(folder, "[drive]\n" + FILES["custom"][0]))
+    custom = mi.load_drive(written(folder, "[drive]\n" + FILES["custom"][0]), allow_code=True)
     assert custom.value([0.0, math.pi]).tolist() == [0.2, -0.2]
     run = mi.simulate(mi.load_actuator("zhao2004"), custom, 1)
     sine = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=1), 1)
@@ -107,6 +107,8 @@ BAD = {
     '[drive]\nkind = "custom"\nsource = "none.py"': ["none.py", "no such file"],
     '[drive]\nkind = "custom"\nsource = "empty.py"': ["empty.py", "no function voltage"],
     '[drive]\nkind = "custom"\nsource = "broken.py"': ["broken.py", "SyntaxError"],
+    '[drive]\nkind = "custom"\nsource = "leaving.py"': ["leaving.py", "SystemExit"],
+    '[drive]\nkind = "custom"\nsource = "\\u0000.py"': ["no path"],
     "[drive": ["not valid TOML"],
 }  # fmt: skip
 
@@ -115,12 +117,78 @@ BAD = {
 def test_bad_files(folder, text):
     (folder / "empty.py").write_text("")
     (folder / "broken.py").write_text("def")
+    (folder / "leaving.py").write_text("raise SystemExit(0)")
     with pytest.raises((mi.InvalidFile, mi.InvalidParameter)) as caught:
-        mi.load_drive(written(folder, text))
+        mi.load_drive(written(folder, text), allow_code=True)
     message = str(caught.value)
     assert "\n" not in message
     for word in BAD[text]:
         assert word in message
+
+
+RUNS = "open('it-ran', 'w').close()" + CODE
+INSIDE_A_BURST = '[drive]\nkind = "burst"\non = 1\noff = 1\n[drive.wave]\n'
+
+
+@pytest.mark.parametrize("above", ["[drive]\n", INSIDE_A_BURST])
+def test_code_runs_only_when_it_is_allowed(folder, above):
+    (folder / "wave.py").write_text(RUNS)
+    path = written(folder, above + FILES["custom"][0])
+    with pytest.raises(mi.InvalidFile) as caught:
+        mi.load_drive(path)
+    assert not (folder / "it-ran").exists()
+    for word in ("drive.toml", "source = 'wave.py'", "--allow-code", "allow_code=True"):
+        assert word in str(caught.value)
+    mi.load_drive(path, allow_code=True)
+    assert (folder / "it-ran").exists()
+
+
+@pytest.mark.parametrize("way", ["../elsewhere/wave.py", "{}/elsewhere/wave.py", "link.py",
+                                 "linked/wave.py"])  # fmt: skip
+def test_code_from_elsewhere_never_runs(folder, way):
+    own = folder / "own"
+    for place in (own, folder / "elsewhere"):
+        place.mkdir()
+    (folder / "elsewhere" / "wave.py").write_text(RUNS)
+    (own / "link.py").symlink_to(folder / "elsewhere" / "wave.py")
+    (own / "linked").symlink_to(folder / "elsewhere")
+    text = f'[drive]\nkind = "custom"\nsource = "{way.format(folder)}"\nperiod = 3.0\n'
+    with pytest.raises(mi.InvalidFile, match="outside the folder of the drive file"):
+        mi.load_drive(written(own, text), allow_code=True)
+    assert not (folder / "it-ran").exists()
+
+
+def test_code_below_the_folder_runs(folder):
+    (folder / "below").mkdir()
+    (folder / "below" / "wave.py").write_text(CODE)
+    text = "[drive]\n" + FILES["custom"][0].replace("wave.py", "below/wave.py")
+    assert isinstance(mi.load_drive(written(folder, text), allow_code=True), mi.Custom)
+
+
+def test_the_code_is_that_of_the_text(folder):
+    """Bytecode kept beside a file is taken for current by its date and size alone."""
+    import os
+    import py_compile
+
+    (folder / "wave.py").write_text(RUNS)
+    py_compile.compile(str(folder / "wave.py"))
+    stamp = (folder / "wave.py").stat()
+    (folder / "wave.py").write_text(CODE.ljust(len(RUNS)))
+    os.utime(folder / "wave.py", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    mi.load_drive(written(folder, "[drive]\n" + FILES["custom"][0]), allow_code=True)
+    assert not (folder / "it-ran").exists()
+
+
+DEEP = ".".join(["a"] * 20_000)
+
+
+@pytest.mark.parametrize("text", [f"[{DEEP}]\nx = 1", f"[drive.{DEEP}]\nx = 1", f"{DEEP} = 1",
+                                  f"[parameters.{DEEP}]\nx = 1"])  # fmt: skip
+@pytest.mark.parametrize("load", [mi.load_drive, mi.load_actuator])
+def test_tables_far_within_tables(folder, load, text):
+    with pytest.raises(mi.InvalidFile, match=r"drive\.toml: holds tables within tables") as caught:
+        load(written(folder, text))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,25 @@ def test_every_command_with_a_drive_takes_a_frequency(cli):
         assert ("--omega" in page) == ("--frequency" in page), command
 
 
+def test_code_runs_only_when_asked_for(cli, tmp_path):
+    wave = "import math\ndef voltage(t, q):\n    return math.cos(t)\n"
+    wave += "def voltage_rate(t, q):\n    return -math.sin(t)\nopen('it-ran', 'w').close()\n"
+    (tmp_path / "wave.py").write_text(wave)
+    (tmp_path / "own.toml").write_text(
+        '[drive]\nkind = "custom"\nsource = "wave.py"\nperiod = 3.141592653589793\n'
+    )
+    show = ["drive", "zhao2004", "--drive", "own.toml", "--no-figure"]
+    assert "--allow-code" in cli(*show).complaint()
+    assert not (tmp_path / "it-ran").exists()
+    assert "Custom" in cli(*show, "--allow-code").out
+    assert (tmp_path / "it-ran").exists()
+
+
+@pytest.mark.parametrize("command", ["simulate", "sweep", "orbit", "continue", "drive"])
+def test_every_command_that_takes_a_file_asks(cli, command):
+    assert "--allow-code" in cli(command, "--help").out
+
+
 WRONG = [
     (["--drive", "sqare"], ["sqare", "neither a file"]),
     (["--drive", "burst"], ["burst", "TOML"]),

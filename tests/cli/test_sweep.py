@@ -16,10 +16,24 @@ def test_summary_table_and_figure(cli, tmp_path):
     assert done.status == 0
     assert "amplitude increased, 3 values: 1 with impacts, which begin at 0.24" in done.out
     assert "amplitude decreased, 3 values: 2 with impacts, which cease at 0.16" in done.out
-    assert "out/sweep-table.csv, out/sweep.png" in done.out.splitlines()[-1]
+    written = "written: out/sweep-table.csv, out/sweep-summary.csv, out/sweep.png"
+    assert done.out.splitlines()[-1] == written
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
     assert set(table["direction"]) == {"up", "down"}
+    summary = pd.read_csv(tmp_path / "out" / "sweep-summary.csv")
+    pd.testing.assert_frame_equal(summary, mi.sweep_summary(table), rtol=1e-15)
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_screen_shows_one_row_a_value(cli):
+    lines = cli(*ARGUMENTS, "--no-figure").out.splitlines()
+    assert lines[0].split()[:2] == ["amplitude", "direction"]
+    rows = [tuple(line.split()[:2]) for line in lines[1:7]]
+    assert rows == [
+        *(("0.16", "up"), ("0.2", "up"), ("0.24", "up")),
+        *(("0.24", "down"), ("0.2", "down"), ("0.16", "down")),
+    ]
+    assert lines[7] == ""
 
 
 def test_a_parameter_of_the_device(cli, tmp_path):
@@ -51,7 +65,7 @@ def test_failed_values_are_said(cli, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_interrupted_sweep_keeps_what_is_done(tmp_path):
-    command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000"]
+    command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000", "--progress"]
     sweep = subprocess.Popen(
         [*command, "--output", str(tmp_path)],
         stderr=subprocess.PIPE,

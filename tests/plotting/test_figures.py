@@ -81,6 +81,53 @@ def test_sweep(statuses, tmp_path):
     ax.figure.savefig(tmp_path / "sweep.png")
 
 
+def silent_table():
+    """Return a table whose last value of each chain never crosses the section, with speeds."""
+    table = made_table()
+    table.loc[table["amplitude"] == 0.1, "v2"] = np.nan
+    table["displacement per impact"] = np.where(table["impacts per period"] > 0, 1e-4, np.nan)
+    table["mean speed"] = 2e-5 * table["impacts per period"]
+    return table
+
+
+def drawn(ax, marker):
+    lines = [line for line in ax.lines if line.get_marker() == marker]
+    return sorted(x for line in lines for x in line.get_xdata())
+
+
+def test_sweep_shows_values_that_never_cross_the_section(tmp_path):
+    ax = mi.plot_sweep(silent_table())
+    assert drawn(ax, "v") == [0.1, 0.1]  # one for each direction
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["$f$ increased", "$f$ decreased", "never crosses $x_2 = 0$"]
+    ax.figure.savefig(tmp_path / "sweep.png")
+
+
+def test_sweep_shows_step_and_speed():
+    top, step, speed = mi.plot_sweep(silent_table()).figure.axes
+    assert [ax.get_ylabel() for ax in (top, step, speed)] == [
+        "$v_2$ at $x_2 = 0$", "step per impact", "mean speed"]  # fmt: skip
+    for ax, expected in ((step, [1e-4] * 3), (speed, [0, 0, 0, 2e-5, 2e-5, 2e-5])):
+        dots = [line for line in ax.lines if line.get_marker() == "o"]
+        values = np.concatenate([line.get_ydata() for line in dots])
+        assert sorted(values[~np.isnan(values)]) == expected
+        assert len(ax.texts) == 0
+    assert speed.get_xlabel() == "amplitude $f$"
+
+
+def test_sweep_of_one_quantity():
+    ax = mi.plot_sweep(silent_table(), quantity="speed")
+    assert ax.figure.axes == [ax]
+    assert ax.get_ylabel() == "mean speed"
+    given = Figure().subplots()
+    assert mi.plot_sweep(silent_table(), given, quantity="step") is given
+    with pytest.raises(mi.InvalidParameter, match="one of v2, step, speed"):
+        mi.plot_sweep(silent_table(), quantity="x1")
+    # A file of an earlier version has neither step nor speed.
+    with pytest.raises(mi.InvalidParameter, match="one of v2"):
+        mi.plot_sweep(made_table(), quantity="speed")
+
+
 def test_sweep_in_one_direction_on_given_axes():
     table = made_table()
     ax = Figure().subplots()

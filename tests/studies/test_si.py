@@ -107,9 +107,9 @@ def test_sweep(parameter, tmp_path):
     np.testing.assert_allclose(scaled["displacement per period [m]"], steps, rtol=1e-6, atol=1e-20)
     summary = mi.sweep_summary(scaled)
     assert "v2 max [m/s]" in summary
-    axes = mi.plot_sweep(scaled)
-    assert axes.get_xlabel().endswith(f"[{unit}]")
-    assert axes.get_ylabel().endswith("[m/s]")
+    axes = mi.plot_sweep(scaled).figure.axes
+    assert axes[-1].get_xlabel().endswith(f"[{unit}]")
+    assert [ax.get_ylabel().rpartition(" ")[2] for ax in axes] == ["[m/s]", "[m]", "[m/s]"]
 
 
 def test_plot_of_a_run(pair):

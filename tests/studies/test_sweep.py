@@ -45,7 +45,7 @@ def test_hysteresis_of_the_paper(hysteresis):
 def test_table(hysteresis):
     assert list(hysteresis.columns) == [
         "amplitude", "direction", "period", "v2", "v1", "impacts per period", "blows per period",
-        "displacement per period", "status",
+        "displacement per period", "displacement per impact", "mean speed", "status",
     ]  # fmt: skip
     assert len(hysteresis) == 2 * 17 * 20
     assert (hysteresis["status"] == "ok").all()
@@ -53,6 +53,14 @@ def test_table(hysteresis):
     assert sorted(set(hysteresis["period"])) == list(range(20))
     down = hysteresis[hysteresis["direction"] == "down"]
     assert down["amplitude"].is_monotonic_decreasing
+
+
+def test_step_and_speed_are_those_of_the_runs():
+    table = swept((0.24,), initial=mi.State(v2=1.0))
+    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0), window=(10, 14))
+    for name in ("displacement per period", "displacement per impact", "mean speed"):
+        assert set(table[name]) == {run.statistics[name]}
+    assert run.statistics["displacement per impact"] > 0.0
 
 
 def test_both_is_up_and_down():

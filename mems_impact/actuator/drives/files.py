@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 from os import PathLike, fspath
 from pathlib import Path
-from types import FunctionType
+from types import FunctionType, ModuleType
 from typing import Any
 
 from mems_impact.actuator.drives.base import Drive
@@ -18,7 +17,7 @@ from mems_impact.actuator.drives.square import Square
 from mems_impact.actuator.drives.trapezoid import Trapezoid
 from mems_impact.actuator.drives.two_sided import TwoSided
 from mems_impact.actuator.reading import parse_toml, read_bytes
-from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.errors import InvalidFile, InvalidParameter, shown
 
 __all__ = ["KINDS", "TABLES", "drive_of_kind", "load_drive"]
 
@@ -37,12 +36,13 @@ KINDS: dict[str, type[Drive]] = {
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
 
+PYTHON = "Python file with functions voltage(t, q) and voltage_rate(t, q)"
 REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
 _BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
 _LARGEST_FILE = 10_000_000  # bytes
 
 
-def load_drive(path: str | PathLike[str]) -> Drive:
+def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     """Load a drive from a file.
 
     Parameters
@@ -52,6 +52,10 @@ def load_drive(path: str | PathLike[str]) -> Drive:
         those of a waveform within as a table in it (``[drive.wave]`` of a burst, ``[drive.right]``
         and ``[drive.left]``). A sampled one takes ``file``, a custom one ``source``, relative to
         the TOML file. The file may be that of a device. Or a CSV file for `Sampled.from_csv`.
+    allow_code : bool, optional
+        Whether a custom drive may be loaded: its ``source`` is Python code, which is run and can do
+        all that you can. Allow it for files whose code you have read. It must lie in the folder of
+        the TOML file or below, links followed.
 
     Returns
     -------
@@ -60,13 +64,15 @@ def load_drive(path: str | PathLike[str]) -> Drive:
     Raises
     ------
     InvalidFile
-        If the file cannot be read, or is no such file.
+        If the file cannot be read, or is no such file; if it names code that is not allowed, or
+        that lies elsewhere.
     InvalidParameter
         If it holds a wrong, missing or unknown entry.
 
-    Notes
-    -----
-    The file named by ``source`` is Python code, which is run.
+    Examples
+    --------
+    >>> load_drive("burst.toml")
+    >>> load_drive("wave.toml", allow_code=True)  # it says source = "wave.py"
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a TOML or CSV file")
@@ -86,7 +92,7 @@ def load_drive(path: str | PathLike[str]) -> Drive:
                 raise InvalidParameter(name, value, "in the table [drive]")
         if not isinstance(content.get("drive"), dict):
             raise InvalidFile(source, "holds no table [drive]", REMEDY)
-        drive = _drive(content["drive"], Path(source).parent)
+        drive = _drive(content["drive"], Path(source), allow_code)
         drive.check()
         return drive
     except InvalidParameter as error:
@@ -100,20 +106,21 @@ def drive_of_kind(kind: str) -> type[Drive]:
     return KINDS[kind]
 
 
-def _drive(table: dict[str, Any], folder: Path) -> Drive:
+def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     values = dict(table)
     if "kind" not in values:
         allowed = f"one of {', '.join(KINDS)}"
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
     if kind is Sampled and "file" in values:
-        return _measured(values, folder)
+        return _measured(values, file.parent)
     if kind is Custom:
-        values.update(_functions(values.pop("source", None), folder))
+        code = _code(values.pop("source", None), file, allow_code)
+        values.update(_functions(code))
     for name, field in kind.model_fields.items():
         if field.annotation is Drive and isinstance(values.get(name), dict):
             try:
-                values[name] = _drive(values[name], folder)
+                values[name] = _drive(values[name], file, allow_code)
             except InvalidParameter as error:
                 field_name = f"{name}.{error.field}"
                 raise InvalidParameter(
@@ -133,23 +140,38 @@ def _measured(values: dict[str, Any], folder: Path) -> Sampled:
     return Sampled.from_csv(folder / file, **values)
 
 
-def _functions(source: Any, folder: Path) -> dict[str, FunctionType]:
-    """Run the Python file `source` and return its functions."""
+def _code(source: Any, file: Path, allowed: bool) -> Path:
+    """Return the Python file `source` that the drive file `file` names, if it may be run."""
     if not isinstance(source, str) or not source.endswith(".py"):
-        allowed = "a Python file with functions voltage(t, q) and voltage_rate(t, q)"
-        raise InvalidParameter("source", source, allowed)
-    path = folder / source
-    remedy = "give a Python file with functions voltage(t, q) and voltage_rate(t, q)"
-    if not path.is_file():
-        raise InvalidFile(path, "no such file", remedy)
-    # Not among the importable modules: two files may have the same name.
-    spec = importlib.util.spec_from_file_location(f"mems_impact_drive_{path.stem}", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
+        raise InvalidParameter("source", source, f"a {PYTHON}")
+    if not allowed:
+        reason = f"names Python code, source = {shown(source)}, which would be run"
+        remedy = "read it, then allow it (--allow-code, or allow_code=True in load_drive)"
+        raise InvalidFile(file, reason, remedy)
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:
+        path = (file.parent / source).resolve()
+        inside = path.is_relative_to(file.parent.resolve())
+    except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a null character
+        reason = f"source = {shown(source)} is no path ({error})"
+        raise InvalidFile(file, reason, f"give a {PYTHON}") from None
+    if not inside:
+        reason = f"source = {shown(source)} lies outside the folder of the drive file"
+        raise InvalidFile(file, reason, "read it, then copy it into that folder")
+    if not path.is_file():
+        raise InvalidFile(path, "no such file", f"give a {PYTHON}")
+    return path
+
+
+def _functions(path: Path) -> dict[str, FunctionType]:
+    """Run the Python file `path` and return its functions."""
+    remedy = f"give a {PYTHON}"
+    # Not imported: two files may have the same name, and compiled code kept beside the file need
+    # not be that of the text that was read.
+    module = ModuleType(f"mems_impact_drive_{path.stem}")
+    module.__file__ = str(path)
+    try:
+        exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), vars(module))
+    except (Exception, SystemExit) as error:
         raise InvalidFile(path, f"fails ({type(error).__name__}: {error})", remedy) from None
     found = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):

@@ -1,0 +1,243 @@
+"""How commands end early: what stands on the disk then, what is said, and the exit status."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+from mems_impact.cli import failures, options
+from mems_impact.cli.failures import interruptible
+
+resource = pytest.importorskip("resource")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of Unix")
+
+PROGRAM = [sys.executable, "-m", "mems_impact"]
+SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "200"]
+SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.16", "--to", "0.24"]
+SWEEP += ["--points", "3", "--omega", "0.5", "--transient", "20", "--periods", "5"]
+CHART = ["chart", "zhao2004"]
+TABLES = ["simulate-events.csv", "simulate-impacts.csv", "simulate-statistics.csv"]
+
+
+def hears_interrupts():
+    # A shell that starts something in the background lets its children ignore them.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def started(*arguments, **more):
+    return subprocess.Popen(
+        [*PROGRAM, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=hears_interrupts,
+        **more,
+    )
+
+
+def stopped(process, number):
+    """Send a signal; return the seconds until the end, and standard error."""
+    begin = time.perf_counter()
+    process.send_signal(number)
+    try:
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    return time.perf_counter() - begin, errors
+
+
+def names(directory):
+    return sorted(path.name for path in directory.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "files"),
+    [
+        (SIMULATE, [*TABLES, "simulate.png"]),
+        (SWEEP, ["sweep-summary.csv", "sweep-table.csv", "sweep.png"]),
+    ],
+    ids=["simulate", "sweep"],
+)
+def test_a_reader_that_goes_away_loses_no_file(tmp_path, arguments, files):
+    command = started(*arguments, "--output", str(tmp_path))
+    command.stdout.close()
+    assert command.stderr.read() == ""
+    assert command.wait() == 141
+    assert names(tmp_path) == files
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_full_standard_output(tmp_path, unbuffered):
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [*PROGRAM, *SIMULATE, "--no-figure", "--output", str(tmp_path)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        )
+    assert done.returncode == 1
+    assert done.stderr.startswith("mems-impact: standard output cannot be written (no space left")
+    assert done.stderr.count("\n") == 1
+    assert "simulate-impacts.csv" in done.stderr
+    assert names(tmp_path) == TABLES
+
+
+def test_a_help_page_into_a_closed_pipe():
+    help_page = started("--help")
+    help_page.stdout.close()
+    assert help_page.stderr.read() == ""
+    assert help_page.wait() == 141
+
+
+def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path):
+    for table in TABLES:
+        (tmp_path / table).write_text("the run before")
+    done = subprocess.run(
+        [*PROGRAM, *SIMULATE, "--no-figure", "--output", str(tmp_path)],
+        capture_output=True,
+        text=True,
+        # No file may be longer: writing fails as on a full disk.
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000)),
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "simulate-impacts.csv: cannot be written (file too large); make room" in done.stderr
+    assert names(tmp_path) == TABLES
+    for table in TABLES:
+        assert (tmp_path / table).read_text() == "the run before"
+
+
+def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
+    directory = tmp_path / "new" / "out"
+    command = started("validate", "--quick", "--output", str(directory))
+    while not directory.exists():
+        time.sleep(0.01)
+    time.sleep(0.3)
+    seconds, errors = stopped(command, signal.SIGINT)
+    assert command.returncode == 130
+    assert errors.strip() == ("mems-impact: interrupted after 0 of 6 figures; nothing was written")
+    assert names(tmp_path) == []
+    assert seconds < 5.0
+
+
+def test_sigterm_is_heard_like_ctrl_c(tmp_path):
+    directory = tmp_path / "out"
+    command = started(*SIMULATE, "--periods", "1e8", "--output", str(directory), "--progress")
+    assert "periods" in read_until(command.stderr, "periods/s")
+    _, errors = stopped(command, signal.SIGTERM)
+    assert command.returncode == 143
+    line = errors.splitlines()[-1]
+    assert line.startswith("mems-impact: interrupted after ")
+    assert names(directory) == TABLES
+    assert len(pd.read_csv(directory / "simulate-impacts.csv")) > 0
+
+
+def read_until(stream, words):
+    """Return what a process says up to `words`."""
+    said = ""
+    while words not in said:
+        more = stream.read(1)
+        assert more, f"the process ended after saying {said!r}"
+        said += more
+    return said
+
+
+def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
+    arguments = ["--quick", "--figure", "3", "--figure", "7", "--progress"]
+    command = started("validate", *arguments, "--output", str(tmp_path))
+    read_until(command.stderr, "figure 3 done")
+    seconds, errors = stopped(command, signal.SIGINT)
+    assert command.returncode == 130
+    assert seconds < 5.0  # a second on a machine that does nothing else; figure 7 takes thirty
+    line = errors.splitlines()[-1]
+    assert line.startswith("mems-impact: interrupted after 1 of 2 figures; written: ")
+    assert {"figure3.png", "report.md", "verdicts.csv"} < set(names(tmp_path))
+    assert not any("figure7" in name for name in names(tmp_path))
+    assert "3.displacement" in (tmp_path / "report.md").read_text()
+    assert "leaked" not in errors
+
+
+def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
+    # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
+    arguments = ["--from", "0.46", "--to", "0.47", "--periods", "1000000", "--progress"]
+    command = started("chart", "zhao2004", *arguments, "--output", str(tmp_path))
+    read_until(command.stderr, "the crisis, simulated")
+    time.sleep(0.5)
+    seconds, errors = stopped(command, signal.SIGINT)
+    assert command.returncode == 130
+    assert seconds < 5.0
+    assert "interrupted after 1 of 2 boundaries; written: " in errors.splitlines()[-1]
+    table = pd.read_csv(tmp_path / "chart-boundaries.csv")
+    assert set(table["boundary"]) == {"on"}
+    assert table["omega"].max() == pytest.approx(0.47)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
+    class Late:
+        def __del__(self):
+            signal.raise_signal(number)
+
+    def work(heard):
+        with interruptible() as signals:
+            heard.append(signals)
+            for _ in range(2):
+                late = Late()
+                del late  # what its deletion raises is dropped
+            for _ in range(500):
+                time.sleep(0.01)
+
+    heard = []
+    with pytest.raises(KeyboardInterrupt):
+        work(heard)
+    assert set(heard[0]) == {number}
+
+
+def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
+    """Such modules drop what is raised while they are imported."""
+    imported = []
+
+    def importing(_module):  # what the loader does, in a module that imports others
+        signal.raise_signal(signal.SIGINT)
+        imported.append(True)
+
+    monkeypatch.setattr(failures, "_IMPORTS", {importing.__code__})
+
+    def work():
+        with interruptible():
+            importing(None)
+            time.sleep(5)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert imported == [True]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "terminal", "shown"),
+    [([], False, False), ([], True, True), (["--progress"], False, True),
+     (["--no-progress"], True, False)],
+)  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "command"), [("simulate", SIMULATE), ("sweep", SWEEP), ("operating_chart", CHART)]
+)
+def test_progress_is_for_terminals_or_who_asks(
+    cli, monkeypatch, name, command, arguments, terminal, shown
+):
+    asked = []
+
+    def heard(*_arguments, progress, **_more):
+        asked.append(bool(progress))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mi, name, heard)
+    monkeypatch.setattr(options, "_is_terminal", lambda: terminal)
+    assert cli(*command, *arguments).status == 130
+    assert asked == [shown]
