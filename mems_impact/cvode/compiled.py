@@ -19,7 +19,7 @@ from numba.extending import overload
 
 from mems_impact.cvode import engine as contract
 from mems_impact.cvode import library
-from mems_impact.cvode.compiling import INNER, JIT, address, integers, mark_compilable, pointer
+from mems_impact.cvode.compiling import INNER, JIT, address, integers, pointer
 from mems_impact.cvode.kernels import (
     HANDLE,
     call_kernel,
@@ -29,6 +29,7 @@ from mems_impact.cvode.kernels import (
     kernels,
 )
 from mems_impact.cvode.options import Options
+from mems_impact.cvode.snapshot import mark_overloaded
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -170,7 +171,7 @@ def _is_handle(kind: Any) -> bool:
     return isinstance(kind, types.Record) and "cvode" in kind.fields
 
 
-mark_compilable(
+mark_overloaded(
     contract.step,
     contract.time,
     contract.state,

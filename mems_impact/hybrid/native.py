@@ -6,23 +6,18 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import njit
-
 from mems_impact.cvode import (  # noqa: F401 - compiled gives the contract its overloads
     compiled as _overloads,
 )
 from mems_impact.cvode import library
-from mems_impact.cvode.compiling import JIT, make_callees_compilable
+from mems_impact.cvode.cache import compile_loop
+from mems_impact.cvode.snapshot import take
 
 
 @cache
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function`, written over the engine's contract, compiled; it releases the GIL.
-
-    The handle of the engine carries the fingerprint of all sources in its type, and so in the key
-    of numba's cache on disk.
-    """
+    """Return `function`, written over the engine's contract, compiled; it releases the GIL."""
     library.load()
-    make_callees_compilable(function)
-    result: Callable[..., Any] = njit(nogil=True, cache=True, **JIT)(function)
-    return result
+    snapshot = take(function)
+    (frozen,) = snapshot.frozen()
+    return compile_loop(frozen, snapshot.name if snapshot.lasting else None)
