@@ -43,6 +43,7 @@ RAMP = 21  # amplitudes from where the attractor is first looked for to the on-b
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
 SIMULATION = Options()
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
+SAME = 1e-9  # part of the frequency within which two points are one, located twice
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
 
 
@@ -293,15 +294,14 @@ class _Maker:
         pieces: list[Any] = []
         regions = []
         for left, right in pairwise(edges):
-            slack = 1e-9 * right
+            slack = SAME * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
-            inside += [CurvePoint(s.orbit, s.values) for s in marks if s.values[1] in (left, right)]
-            inside.sort(key=lambda p: p.values[1])
+            ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
+            grazings = _joined(dict(_values(inside)), ends)
             region = self._type(left, right)
             self.tell(f"omega {left:.6g} to {right:.6g}: type {region.paper}")
             regions.append((region, left, right))
-            pieces += self._boundaries(region, left, right, _values(inside), crises, periods,
-                                       workers)  # fmt: skip
+            pieces += self._boundaries(region, left, right, grazings, crises, periods, workers)
         order = {ON: 0, OFF: 1}
         pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
         special = curve_of(self.system, curve).special_points
@@ -417,7 +417,7 @@ class _Maker:
                 self.notes.append(f"{what} ends at omega {reached:.9g}: {curve.ended}")
         values = dict(_values(points))
         touching = [end for end in ending if self._ends_in_grazing(end, values)]
-        return tuple(sorted({**values, **dict(touching)}.items()))
+        return _joined(values, touching)
 
     def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
         """Return whether a curve comes to the end of the grazing curve."""
@@ -477,6 +477,17 @@ def _grazes(special: branches.SpecialPoint) -> bool:
 def _values(points: list[CurvePoint]) -> tuple[tuple[float, float], ...]:
     """Return (omega, amplitude) in ascending omega."""
     return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
+
+
+def _joined(
+    values: dict[float, float], ends: list[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return a boundary with its ends, each in place of what was located next to it.
+
+    A point in which two curves end is located on both, at numbers that differ by rounding.
+    """
+    kept = {w: a for w, a in values.items() if all(abs(w - end) > SAME * end for end, _ in ends)}
+    return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
 def _range(omega: tuple[float, float]) -> tuple[float, float]:
