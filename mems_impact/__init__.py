@@ -19,10 +19,11 @@ if TYPE_CHECKING:
         load_drive,
     )
     from mems_impact.actuator.parameters import Actuator, load_actuator
-    from mems_impact.cvode.options import Options
+    from mems_impact.engines.options import Options
     from mems_impact.errors import (
         EngineFallbackWarning,
         EngineUnavailable,
+        FitWarning,
         InvalidFile,
         InvalidParameter,
         MemsImpactError,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
         RunError,
         RunInterrupted,
         SweepInterrupted,
+        UnitsWarning,
     )
     from mems_impact.plotting.bifurcation import plot_sweep
     from mems_impact.plotting.branch import plot_branch
@@ -60,12 +62,13 @@ if TYPE_CHECKING:
         step_length,
         step_lengths,
     )
-    from mems_impact.studies.fit import Fit, Target, fit
+    from mems_impact.studies.fit import Fit, fit
     from mems_impact.studies.orbits import Orbit, find_orbit
     from mems_impact.studies.run import Run
     from mems_impact.studies.simulate import simulate
     from mems_impact.studies.state import State
     from mems_impact.studies.sweep import kicked, sweep
+    from mems_impact.studies.targets import Target
     from mems_impact.tables import sweep_summary
 
 __all__ = [
@@ -80,6 +83,7 @@ __all__ = [
     "EngineFallbackWarning",
     "EngineUnavailable",
     "Fit",
+    "FitWarning",
     "GrazingType",
     "InvalidFile",
     "InvalidParameter",
@@ -101,6 +105,7 @@ __all__ = [
     "Target",
     "Trapezoid",
     "TwoSided",
+    "UnitsWarning",
     "Window",
     "blows",
     "continue_curve",
@@ -148,10 +153,11 @@ _HOMES = {
     ),
     "plotting.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
-    "cvode.options": ("Options",),
+    "engines.options": ("Options",),
     "errors": (
         "EngineFallbackWarning",
         "EngineUnavailable",
+        "FitWarning",
         "InvalidFile",
         "InvalidParameter",
         "MemsImpactError",
@@ -159,6 +165,7 @@ _HOMES = {
         "RunError",
         "RunInterrupted",
         "SweepInterrupted",
+        "UnitsWarning",
     ),
     "plotting.branch": ("plot_branch",),
     "plotting.chart": ("plot_chart",),
@@ -189,11 +196,12 @@ _HOMES = {
         "step_length",
         "step_lengths",
     ),
-    "studies.fit": ("Fit", "Target", "fit"),
+    "studies.fit": ("Fit", "fit"),
     "studies.run": ("Run",),
     "studies.simulate": ("simulate",),
     "studies.state": ("State",),
     "studies.sweep": ("kicked", "sweep"),
+    "studies.targets": ("Target",),
     "tables": ("sweep_summary",),
 }
 

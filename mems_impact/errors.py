@@ -13,11 +13,13 @@ from typing import Any
 __all__ = [
     "EngineFallbackWarning",
     "EngineUnavailable",
+    "FitWarning",
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
     "RunError",
     "SweepInterrupted",
+    "UnitsWarning",
 ]
 
 # What a message shows of a wrong value and of a name, in characters.
@@ -232,6 +234,14 @@ class SweepInterrupted(KeyboardInterrupt):
 
 class EngineFallbackWarning(UserWarning):
     """The engine that was asked for is unavailable, and a slower one does its work."""
+
+
+class FitWarning(UserWarning):
+    """A fit does not reach what was measured, or the data do not determine what was fitted."""
+
+
+class UnitsWarning(UserWarning):
+    """The numbers of a device file look like SI, but it does not say so."""
 
 
 def _restore(

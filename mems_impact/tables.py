@@ -23,6 +23,7 @@ from mems_impact.hybrid.trajectory import Events, Floats, Samples
 
 __all__ = [
     "COLUMN_UNITS",
+    "blows",
     "branch",
     "chart",
     "chart_points",
@@ -51,13 +52,15 @@ __all__ = [
 
 COLUMN_UNITS = {
     **dict.fromkeys(["time", "t", "start", "end"], "s"),
-    **dict.fromkeys(["x1", "x2", "step"], "m"),
+    **dict.fromkeys(["x1", "x2", "step", "displacement"], "m"),
     **dict.fromkeys(["v1", "v1 before", "v1 after", "v2", "v2 before", "v2 after"], "m/s"),
     **dict.fromkeys(["v2 min", "v2 max"], "m/s"),
     "energy lost": "J",
     "impact speed": "m/s",
     # statistics
-    **dict.fromkeys(["displacement per period", "displacement per impact", "step std"], "m"),
+    "displacement per period": "m",
+    **dict.fromkeys(["displacement per impact", "displacement per impact std"], "m"),
+    **dict.fromkeys(["displacement per blow", "displacement per blow std"], "m"),
     **dict.fromkeys(["impact speed min", "impact speed mean", "impact speed max"], "m/s"),
     "mean speed": "m/s",
     "closest approach": "m",
@@ -89,7 +92,7 @@ def impacts(
     columns = {
         **_when(rows.cycle, rows.time),
         "phase": rows.time / period,
-        "stopper": _words(["right", "left"], (rows.guard != RIGHT_IMPACT).astype(np.int64)),
+        "stopper": _stopper(rows),
         "v1 before": rows.before[:, V1],
         "v1 after": rows.after[:, V1],
         "v2 before": rows.before[:, V2],
@@ -97,6 +100,47 @@ def impacts(
         "energy lost": energy,
         "x1": rows.after[:, X1],
         "step": steps,
+    }
+    return _table(columns, scales)
+
+
+def blows(
+    first: Events,
+    impacts: NDArray[np.int64],
+    rests: NDArray[np.bool_],
+    displacement: Floats,
+    energy: Floats,
+    period: float,
+    scales: Scales = DIMENSIONLESS,
+) -> pd.DataFrame:
+    """Return one row a blow.
+
+    Parameters
+    ----------
+    first : Events
+        The first impact of each.
+    impacts : int array
+        How many it has.
+    rests : bool array
+        Whether it ends in rest on the stopper.
+    displacement : float array
+        What it moves the frame by.
+    energy : float array
+        Kinetic energy lost in each.
+    period : float
+        Forcing period.
+    scales : Scales, optional
+    """
+    columns = {
+        **_when(first.cycle, first.time),
+        "phase": first.time / period,
+        "stopper": _stopper(first),
+        "impacts": impacts,
+        "ends in rest": rests,
+        "v2 before": first.before[:, V2],
+        "energy lost": energy,
+        "x1": first.after[:, X1],
+        "displacement": displacement,
     }
     return _table(columns, scales)
 
@@ -302,8 +346,8 @@ def sweep(
         Name of the parameter that was swept.
     points : sequence of mapping
         One for each value, in order: ``value``, ``direction``, ``section`` (period, v2 and v1 of
-        the crossings), ``impacts per period``, ``displacement per period`` and ``status``; all in
-        the units of the device.
+        the crossings), ``impacts per period``, ``blows per period``, ``displacement per period``
+        and ``status``; all in the units of the device.
     unit : str, optional
         The SI unit of the parameter.
     scales : Scales, optional
@@ -329,6 +373,7 @@ def sweep(
         scales.label("v2", "m/s"): crossing("v2"),
         scales.label("v1", "m/s"): crossing("v1"),
         "impacts per period": repeated("impacts per period").astype(float),
+        "blows per period": repeated("blows per period").astype(float),
         scales.label("displacement per period", "m"): repeated("displacement per period").astype(
             float
         ),
@@ -349,8 +394,8 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         Parameter, direction, status, impacting (impacts in the measured periods; False where the
-        point failed), impacts and displacement per period, smallest and largest v2 on the section
-        and the number of crossings.
+        point failed), impacts, blows and displacement per period, smallest and largest v2 on the
+        section and the number of crossings.
     """
     parameter = table.columns[0]
     # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
@@ -366,6 +411,7 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
             "direction": ("direction", "first"),
             "status": ("status", "first"),
             "impacts per period": ("impacts per period", "first"),
+            "blows per period": ("blows per period", "first"),
             moved: (moved, "first"),
             v2.replace("v2", "v2 min"): (v2, "min"),
             v2.replace("v2", "v2 max"): (v2, "max"),
@@ -382,6 +428,7 @@ def fit_parameters(
     fitted: Sequence[float],
     limits: Floats,
     errors: Floats,
+    determined: NDArray[np.bool_],
     at_bound: NDArray[np.bool_],
 ) -> pd.DataFrame:
     """Return one row a free parameter of a fit; `errors` are relative."""
@@ -392,6 +439,7 @@ def fit_parameters(
         "low": limits[:, 0],
         "high": limits[:, 1],
         "standard error": np.array(fitted) * errors,
+        "determined": determined,
         "at bound": at_bound,
     }
     return pd.DataFrame(columns)
@@ -442,20 +490,24 @@ def speed(
     parameter: str,
     voltage: Floats,
     impacts_per_period: Floats,
+    blows_per_period: Floats,
     displacement_per_period: Floats,
     period: float,
     scales: Scales = DIMENSIONLESS,
 ) -> pd.DataFrame:
     """Return one row a value of `parameter`, a voltage: steps and mean speed; in device units."""
-    none = np.full(impacts_per_period.size, np.nan)
-    each = np.divide(
-        displacement_per_period, impacts_per_period, out=none, where=impacts_per_period > 0.0
-    )
+
+    def each(number: Floats) -> Floats:
+        none = np.full(number.size, np.nan)
+        return np.divide(displacement_per_period, number, out=none, where=number > 0.0)
+
     columns = {
         scales.label(parameter, "V"): voltage,
         "impacts per period": impacts_per_period,
+        "blows per period": blows_per_period,
         scales.label("displacement per period", "m"): displacement_per_period,
-        scales.label("displacement per impact", "m"): each,
+        scales.label("displacement per impact", "m"): each(impacts_per_period),
+        scales.label("displacement per blow", "m"): each(blows_per_period),
         scales.label("mean speed", "m/s"): displacement_per_period / period,
     }
     return pd.DataFrame(columns)
@@ -471,8 +523,8 @@ def displacement(rows: Sequence[tuple[float, float, float, float]]) -> pd.DataFr
     columns = [
         "frequency [Hz]",
         "amplitude [V]",
-        "displacement per impact [m]",
-        "impacts per period",
+        "displacement per blow [m]",
+        "blows per period",
     ]
     return pd.DataFrame(rows, columns=columns)
 
@@ -520,6 +572,10 @@ def _in_units(columns: Mapping[str, Any], scales: Scales) -> dict[str, Any]:
 
 def _when(cycle: NDArray[np.int64], time: Floats) -> dict[str, Any]:
     return {"period": cycle, "time": time}
+
+
+def _stopper(impacts: Events) -> Any:
+    return _words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
 
 
 def _states(y: Floats) -> dict[str, Any]:

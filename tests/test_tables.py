@@ -67,6 +67,7 @@ def point(value, direction="up", crossings=2, status="ok"):
         "direction": direction,
         "section": section if crossings else {},
         "impacts per period": 1.0 if status == "ok" else np.nan,
+        "blows per period": 0.5 if status == "ok" else np.nan,
         "displacement per period": 0.5,
         "status": status,
     }
@@ -78,6 +79,7 @@ def test_sweep():
     assert table["period"].tolist()[:2] == [0.0, 1.0]
     assert table["v2"].isna().tolist() == [False, False, True, False, False]
     assert table["status"].tolist() == ["ok", "ok", "lost", "ok", "ok"]
+    assert table["blows per period"].isna().tolist() == [False, False, True, False, False]
 
 
 def test_sweep_of_nothing():
@@ -95,6 +97,7 @@ def test_sweep_summary(tmp_path):
     assert summary["crossings"].tolist() == [2, 2, 0, 2]
     assert summary["impacting"].tolist() == [True, True, False, True]
     assert summary["v2 min"].tolist()[0] == 3.25
+    assert summary["blows per period"].tolist()[0] == 0.5
     table.to_csv(tmp_path / "sweep.csv", index=False)
     again = mi.sweep_summary(pd.read_csv(tmp_path / "sweep.csv"))
     pd.testing.assert_frame_equal(again, summary, check_dtype=False)

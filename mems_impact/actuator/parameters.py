@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
@@ -19,12 +20,13 @@ from mems_impact.actuator.validation import (
     Positive,
     ValidatedModel,
 )
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter, UnitsWarning, shown
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
 
 _DEVICES = files("mems_impact.actuator") / "devices"
 _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fills the memory
+_LIGHT = 1e-3  # masses below: kilograms of a device in SI; scaled ones are of the order of 1
 
 
 class Actuator(ValidatedModel):
@@ -189,6 +191,11 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         If there is no such preset or file, or the file cannot be read as TOML.
     InvalidParameter
         If the file holds a wrong, missing or unknown entry; `source` names the file.
+
+    Warns
+    -----
+    UnitsWarning
+        If the file says nothing of units, and its masses look like kilograms.
     """
     if not isinstance(name_or_path, str | PathLike) or isinstance(fspath(name_or_path), bytes):
         allowed = "the name of a preset or the path of a TOML file"
@@ -204,9 +211,17 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
         if "units" in file.parameters:
             allowed = "above the table [parameters]"
             raise InvalidParameter("units", file.parameters["units"], allowed)
-        return Actuator(**file.parameters, units=file.units)
+        actuator = Actuator(**file.parameters, units=file.units)
     except InvalidParameter as error:
         raise error.located(source) from None
+    if "units" not in content and max(actuator.m1, actuator.m2) < _LIGHT:
+        message = (
+            f"{source}: m1 = {actuator.m1:g} and m2 = {actuator.m2:g} look like kilograms, but "
+            'without units they are dimensionless; write units = "SI" above [parameters], or '
+            'units = "dimensionless" if they are'
+        )
+        warnings.warn(message, UnitsWarning, stacklevel=2)
+    return actuator
 
 
 def _read(source: str) -> bytes:

@@ -18,7 +18,18 @@ from mems_impact.cli.failures import PROGRAM, report
 
 __all__ = ["main"]
 
-COMMANDS = ("chart", "continue", "devices", "drive", "orbit", "simulate", "sweep", "validate")
+COMMANDS = (
+    "chart",
+    "continue",
+    "devices",
+    "drive",
+    "fit",
+    "orbit",
+    "pull-in",
+    "simulate",
+    "sweep",
+    "validate",
+)
 
 
 class _Commands(click.Group):
@@ -30,7 +41,7 @@ class _Commands(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
             return None
-        module = f"{name}_" if iskeyword(name) else name
+        module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return command
 
@@ -70,7 +81,8 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
     Notes
     -----
-    Exit statuses: 0, done; 1, the run could not go on; 2, bad input; 130, interrupted.
+    Exit statuses: 0, done; 1, the run could not go on or its verdict is not the one wanted; 2, bad
+    input; 130, interrupted.
     """
     try:
         # Outside click's own mode, which would print several lines for a usage error.

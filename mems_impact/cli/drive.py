@@ -7,6 +7,7 @@ import math
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options, output_options
 
 
@@ -33,6 +34,7 @@ def command(
     from mems_impact.cli.output import Output
     from mems_impact.plotting.drive import plot_drive, seen
 
+    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     files = Output(output, figure, no_figure, "drive")

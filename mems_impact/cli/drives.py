@@ -5,6 +5,7 @@ They are collected in click's context, so that a command need not name each of t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +30,8 @@ KINDS = {
 
 NUMBERS = {
     "amplitude": "Amplitude f of the voltage; top of a square wave or pulse.",
-    "omega": "Angular frequency of the voltage.",
+    "omega": "Angular frequency of the voltage: rad/s for a device in SI.",
+    "frequency": "The same as omega/(2 pi): Hz for a device in SI.",
     "bias": "Constant part of a sine or trapezoid.  [0]",
     "phase": "How far the voltage is ahead, in radians.  [0]",
     "duty": "Share of the period that a square wave is high.  [0.5]",
@@ -40,6 +42,10 @@ NUMBERS = {
     "width": "Width of a pulse.",
     "period": "Period of pulses, or of a measured voltage.",
 }
+
+
+FIELDS = {"frequency": "omega"}
+"""The field that an option sets, where it has not the name of the field."""
 
 
 def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -82,9 +88,26 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     for name in varied or {}:
         if name in given:
             raise click.UsageError(f"--{name} is what is varied; leave it out")
+        if name == "omega" and "frequency" in given:
+            raise click.UsageError("--frequency sets omega, which is varied; leave it out")
     if choice in KINDS:
         return _of_kind(choice, given, varied or {})
     return _of_file(choice, given, varied or {})
+
+
+def in_fields(given: Mapping[str, float]) -> dict[str, float]:
+    """Return options as fields of a drive: a frequency as the angular frequency."""
+    from mems_impact.errors import InvalidParameter
+
+    values = {name: value for name, value in given.items() if name not in FIELDS}
+    if "frequency" in given:
+        if "omega" in given:
+            raise click.UsageError("--frequency and --omega exclude each other; leave one out")
+        frequency = given["frequency"]
+        if not (math.isfinite(frequency) and frequency > 0.0):
+            raise InvalidParameter("frequency", frequency, "a finite number > 0")
+        values["omega"] = 2.0 * math.pi * frequency
+    return values
 
 
 def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
@@ -92,15 +115,16 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
     from mems_impact.errors import InvalidParameter
 
     for name in given:
-        if name not in KINDS[kind]:
+        if FIELDS.get(name, name) not in KINDS[kind]:
             takes = ", ".join(f"--{known}" for known in KINDS[kind])
             raise click.UsageError(f"--{name} does not belong to a {kind}, which takes {takes}")
-    values = {**given, **{name: v for name, v in varied.items() if name in KINDS[kind]}}
+    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in KINDS[kind]}}
     try:
         return drive_of_kind(kind)(**values)
     except InvalidParameter as error:
         if error.field in KINDS[kind] and error.field not in values:
-            raise click.UsageError(f"missing option '--{error.field}'") from None
+            either = " or '--frequency'" if error.field == "omega" else ""
+            raise click.UsageError(f"missing option '--{error.field}'{either}") from None
         raise
 
 
@@ -120,10 +144,9 @@ def _of_file(path: str, given: dict[str, float], varied: Mapping[str, float]) ->
         drive: Drive = Sampled.from_csv(path, **measured)
     else:
         drive = load_drive(path)
-    for name, value in {**given, **varied}.items():
-        if name in drive.names:
-            drive = drive.varied({name: value})
-        elif name in given:
+    for name in given:
+        if FIELDS.get(name, name) not in drive.names:
             known = ", ".join(drive.names)
             raise click.UsageError(f"--{name} is no parameter of the drive in {path}: {known}")
-    return drive
+    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
+    return drive.varied(values) if values else drive

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cvode.options import ENGINES, METHODS, Options
+from mems_impact.engines.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
@@ -26,19 +26,22 @@ def combined(*decorators: Decorator) -> Decorator:
     return decorate
 
 
+def assignment(text: str) -> tuple[str, float]:
+    """Return name and number of a text such as e=0.7."""
+    name, _, number = (part.strip() for part in text.partition("="))
+    try:
+        value = float(number)
+    except ValueError:
+        name = ""
+    if not name:
+        raise click.BadParameter(f"{text!r} must be NAME=NUMBER, such as e=0.7")
+    return name, value
+
+
 def _assignments(
     _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
 ) -> dict[str, float]:
-    changes = {}
-    for text in texts:
-        name, _, number = (part.strip() for part in text.partition("="))
-        try:
-            changes[name] = float(number)
-        except ValueError:
-            name = ""
-        if not name:
-            raise click.BadParameter(f"{text!r} must be NAME=NUMBER, such as e=0.7")
-    return changes
+    return dict(map(assignment, texts))
 
 
 device_options = combined(
@@ -96,14 +99,15 @@ guess_options = combined(
     ),
 )  # fmt: skip
 
+directory_option = click.option(
+    "--output",
+    type=click.Path(),
+    default="out",
+    metavar="DIR",
+    help="Where tables and figure go; created if need be.  [./out]",
+)
 output_options = combined(
-    click.option(
-        "--output",
-        type=click.Path(),
-        default="out",
-        metavar="DIR",
-        help="Where tables and figure go; created if need be.  [./out]",
-    ),
+    directory_option,
     click.option(
         "--figure",
         type=click.Path(dir_okay=False),

@@ -17,6 +17,8 @@ from mems_impact.cli.options import (
 )
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
@@ -57,8 +59,9 @@ def command(
 ) -> None:
     """Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
 
-    Shows the statistics and the first impacts, and writes the tables of impacts, events and
-    statistics as CSV and the last periods of the motion as a figure.
+    Shows the statistics, the first impacts and the first blows (a sequence of impacts that ends in
+    rest is one), and writes the tables of impacts, blows, events and statistics as CSV and the
+    last periods of the motion as a figure.
 
     \b
     Example:
@@ -111,12 +114,22 @@ def _show(run: mi.Run) -> None:
         click.echo("\nNo impact.")
     else:
         click.echo(f"\nThe first of {len(impacts)} impacts:")
-        click.echo(impacts.head(FIRST_ROWS).to_string(index=False, float_format="{:.6g}".format))
+        click.echo(_first_rows(impacts))
+        if len(run.blows) == len(impacts):
+            click.echo("\nEach is a blow of its own.")
+        else:
+            click.echo(f"\nThe first of the {len(run.blows)} blows that they make:")
+            click.echo(_first_rows(run.blows))
     click.echo("")
+
+
+def _first_rows(table: pd.DataFrame) -> str:
+    return table.head(FIRST_ROWS).to_string(index=False, float_format="{:.6g}".format)
 
 
 def _write(files: Output, run: mi.Run) -> None:
     files.table("impacts", run.impacts)
+    files.table("blows", run.blows)
     files.table("events", run.events)
     statistics = run.statistics
     files.table("statistics", statistics.rename_axis("quantity").reset_index(name="value"))

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from mems_impact.cvode import (  # noqa: F401 - compiled gives the contract its overloads
+from mems_impact.engines.cache import compile_loop
+from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contract its overloads
     compiled as _overloads,
 )
-from mems_impact.cvode import library
-from mems_impact.cvode.cache import compile_loop
-from mems_impact.cvode.snapshot import take
+from mems_impact.engines.cvode import library
+from mems_impact.engines.snapshot import take
 
 
 @cache

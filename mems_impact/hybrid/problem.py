@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 
@@ -76,8 +76,9 @@ class Bound:
     Attributes
     ----------
     call : callable
-        ``call(function, *arguments)`` calls `function`, written over `mems_impact.cvode.engine`,
-        with the engine as its first argument; compiled, if the engine is.
+        ``call(function, *arguments)`` calls `function`, written over
+        `mems_impact.engines.contract`, with the engine as its first argument; compiled, if the
+        engine is.
     close : callable
         Frees the engine's memory.
     record : callable
@@ -126,7 +127,7 @@ def bind(problem: Problem) -> Bound:
 
 
 def _compiled(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.cvode import compiled
+    from mems_impact.engines.cvode import compiled
     from mems_impact.hybrid import native
 
     engine = compiled.Engine(**arguments)
@@ -141,7 +142,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.cvode import interpreted
+    from mems_impact.engines.cvode import interpreted
 
     engine = interpreted.Engine(**arguments)
 

@@ -8,15 +8,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mems_impact.cvode import engine as contract
+from mems_impact.engines import contract
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem, bind
+from mems_impact.hybrid.record import buffers_for
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
 __all__ = ["Problem", "run"]
 
 EVENT_ROWS = 4096
+MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
+NAMED = (loop.INADMISSIBLE, loop.WITHOUT_EFFECT, loop.NOT_FINITE)  # failures at a guard
 
 
 def run(
@@ -63,6 +66,12 @@ def run(
     if start.mode not in range(len(automaton.modes)):
         allowed = f"0 to {len(automaton.modes) - 1}"
         raise InvalidParameter(field="start.mode", value=start.mode, allowed=allowed)
+    if not (math.isfinite(start.time) and start.time >= 0.0):
+        allowed = "finite and not negative: time since the start of a period"
+        raise InvalidParameter(field="start.time", value=start.time, allowed=allowed)
+    if start.cycle != int(start.cycle) or abs(start.cycle) > MAX_CYCLE:
+        allowed = f"a whole number of periods, up to {MAX_CYCLE:g}"
+        raise InvalidParameter(field="start.cycle", value=start.cycle, allowed=allowed)
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
     end = Instant(start.cycle + whole, phase, start.mode, start.y)
@@ -114,22 +123,19 @@ class _Run:
             last = (end.cycle - start.cycle) * per_period
             last += math.floor(end.time / problem.period * per_period + 1e-9)
             rows = max(0, last - first + 1)
-        self.buffers = loop.Buffers(
-            offset=np.zeros(n),
-            events=np.zeros((EVENT_ROWS, loop.HEAD + 2 * n)),
-            samples=np.zeros((rows, 3 + n)),
-            work=np.zeros((6, max(n, 2 * m))),
-        )
+        self.buffers = buffers_for(n, m, EVENT_ROWS + m, rows)
         clock = self.bound.record(loop.CLOCK)
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
+        clock.modes = len(automaton.modes)
         clock.period = problem.period
+        clock.scale = problem.time_scale or problem.period
+        clock.rtol, clock.atol = problem.options.rtol, problem.options.atol
         clock.end_cycle, clock.end_phase = end.cycle, end.time
         clock.fresh, clock.restart = 1, 1
         clock.stop = math.inf
         clock.max_steps = problem.options.max_steps
         clock.max_events = problem.options.max_events
         clock.events_from = start.cycle
-        clock.hit_guard = loop.NONE
         clock.per_period, clock.sample_cycle, clock.sample = per_period, start.cycle, first
         self.clock = clock
 
@@ -197,11 +203,15 @@ class _Run:
             _sampler=_sampler(self.problem),
         )
 
+    def _name_of(self, code: int) -> str:
+        """Return the name of a guard, or of the switch of the drive."""
+        guards = self.problem.automaton.guards
+        return guards[code].name if code < len(guards) else "drive switch"
+
     def _failure(self, status: int) -> RunError:
         clock, options = self.clock, self.problem.options
         automaton = self.problem.automaton
-        named = status in (loop.INADMISSIBLE, loop.WITHOUT_EFFECT)
-        name = automaton.guards[int(clock.failure)].name if named else ""
+        name = self._name_of(int(clock.failure)) if status in NAMED else ""
         reason, remedy = {
             loop.FAILED: (
                 contract.FAILURES.get(int(clock.failure), f"CVODE failed ({clock.failure})"),
@@ -212,12 +222,13 @@ class _Run:
                 "raise max_steps, loosen rtol, or use method 'bdf' if the system is stiff",
             ),
             loop.EVENT_BUDGET: (
-                f"one period held more than max_events = {options.max_events} events",
+                f"one period held more than max_events = {options.max_events} events"
+                + (f", {clock.instant} of them in its last instant" if clock.instant > 1 else ""),
                 "raise max_events if so many events are expected; a body that is pressed against a "
                 "stop never rests if its impacts lose nothing (restitution 1)",
             ),
             loop.CYCLING: (
-                f"more than {loop.MAX_SIMULTANEOUS} transitions in one instant",
+                f"the same state comes back after {clock.instant} transitions in one instant",
                 "the transitions of the automaton undo each other: check guards and transition",
             ),
             loop.INADMISSIBLE: (
@@ -227,6 +238,14 @@ class _Run:
             loop.WITHOUT_EFFECT: (
                 f"the transition of the guard {name!r} changes nothing, and its margin falls on",
                 "let the transition turn the closing speed round, or take it away",
+            ),
+            loop.NO_SUCH_MODE: (
+                f"a transition returned the mode {clock.failure}; there are {len(automaton.modes)}",
+                f"let it return 0 to {len(automaton.modes) - 1}",
+            ),
+            loop.NOT_FINITE: (
+                f"the transition of {name!r} left a state that is not finite",
+                "check the transition and the parameters",
             ),
         }[status]
         trajectory = self._trajectory()

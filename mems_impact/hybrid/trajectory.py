@@ -172,10 +172,14 @@ class Trajectory:
         events = self.events
         begins = (events.kind != loop.APPROACH) & (events.kind != loop.SECTION_CROSSING)
         begins &= events.cycle + events.time / self.period <= first
-        # The loop remembers the last impact, to tell when a sequence of them accumulates: an arc
-        # within such a sequence can't be run again without those before it.
-        instants = events.cycle * self.period + events.time
-        begins[:-1] &= np.diff(instants) > 10.0 * loop.CHATTER_TIME
+        # A sequence of impacts is completed by what the loop remembers of the last three: an arc
+        # that begins among them can't be run again without them.
+        for end in np.flatnonzero(events.kind == loop.ACCUMULATION):
+            impacts = (events.kind[:end] == loop.TRANSITION) & (
+                events.guard[:end] == events.guard[end]
+            )
+            among = np.flatnonzero(impacts)[-3:]
+            begins[among[0] if among.size else end : end] = False
         places = np.flatnonzero(begins)
         if places.size == 0:
             return self.start

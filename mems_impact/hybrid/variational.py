@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mems_impact.cvode import engine as arc
+from mems_impact.engines import contract as arc
 from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, bind

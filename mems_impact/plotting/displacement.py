@@ -1,4 +1,4 @@
-"""Displacement per impact over the voltage, and one cycle of it (Fig. 3 of the paper)."""
+"""Displacement per blow over the voltage, and one cycle of it (Fig. 3 of the paper)."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ PER_PERIOD = 2000
 def plot_displacement(
     table: pd.DataFrame, run: Motion, pull_in: float, axes: Any = None
 ) -> tuple[Any, Any, Any]:
-    """Draw displacement per impact over the amplitude, and the motion over one voltage cycle.
+    """Draw displacement per blow over the amplitude, and the motion over one voltage cycle.
 
     Parameters
     ----------
     table : DataFrame
-        From `tables.displacement`: frequency, amplitude, displacement per impact.
+        From `tables.displacement`: frequency, amplitude, displacement per blow.
     run : Run
         Of at least two forcing periods after the transient, in SI.
     pull_in : float
@@ -59,7 +59,7 @@ def plot_displacement(
     measured: dict[str, Any] = {"marker": "x", "color": "black", "linestyle": "none"}
     response.plot([100.0], [20.0], markersize=9, zorder=5, label="measured, 1 Hz", **measured)
     response.set_xlabel("amplitude [V]")
-    response.set_ylabel("displacement per impact [nm]")
+    response.set_ylabel("displacement per blow [nm]")
     response.legend(frameon=False)
 
     begin = run.extent[1] - 2.0

@@ -19,7 +19,7 @@ from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import V1, V2
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.studies.simulate import simulate
 from mems_impact.studies.state import State
@@ -77,6 +77,7 @@ class Study:
             "direction": name,
             "section": {},
             "impacts per period": math.nan,
+            "blows per period": math.nan,
             "displacement per period": math.nan,
             "status": "ok",
         }
@@ -107,6 +108,7 @@ class Study:
         }
         moved = run.measured.displacement_per_period
         point["impacts per period"] = run.measured.impacts_per_period
+        point["blows per period"] = run.measured.blows_per_period
         point["displacement per period"] = scales.out(moved, "m")
         return point, run.final
 

@@ -20,7 +20,7 @@ from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
 from mems_impact.continuation.branch import Steps
 from mems_impact.continuation.curve import CurvePoint, OrbitCurve
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits import orbit as orbits
 from mems_impact.orbits.family import Family

@@ -17,7 +17,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.studies.impacts import frame_steps
 from mems_impact.studies.state import State
@@ -170,8 +170,8 @@ def speed_over_voltage(
     Returns
     -------
     DataFrame
-        One row an amplitude, ascending: impacts per period, displacement per period and per
-        impact, mean speed.
+        One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
+        displacement per period, per impact and per blow, mean speed.
     """
     from mems_impact.studies.sweep import sweep
 
@@ -184,6 +184,7 @@ def speed_over_voltage(
         parameter,
         summary[parameter].to_numpy(),
         summary["impacts per period"].to_numpy(),
+        summary["blows per period"].to_numpy(),
         summary["displacement per period"].to_numpy(),
         drive.period,
         actuator.scales,
@@ -191,15 +192,49 @@ def speed_over_voltage(
 
 
 def resolution(speeds: pd.DataFrame) -> float:
-    """Return the smallest forward step in a table of `speed_over_voltage`; NaN if there is none.
+    """Return the smallest forward step in a table of `speed_over_voltage`.
 
-    Of periods with one impact: there, each step is the same.
+    Of the voltages with one blow in a forcing period: there, each step is the same.
+
+    Parameters
+    ----------
+    speeds : DataFrame
+
+    Returns
+    -------
+    float
+        Displacement per blow [m].
+
+    Raises
+    ------
+    InvalidParameter
+        If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
+        period that moves the frame forward.
     """
     table = tables.symbols(speeds)
-    if "displacement per impact" not in table:
+    if "displacement per blow" not in table:
         raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
-    one = np.isclose(table["impacts per period"], 1.0) & (table["displacement per impact"] > 0.0)
-    return float(table.loc[one, "displacement per impact"].min())
+    blows, moved = table["blows per period"], table["displacement per blow"]
+    one = np.isclose(blows, 1.0)
+    forward = moved[one & (moved > 0.0)]
+    if forward.empty:
+        problem = _no_step(blows, one)
+        raise InvalidParameter("speeds", None, "", problem=problem)
+    return float(forward.min())
+
+
+def _no_step(blows: pd.Series, one: pd.Series) -> str:
+    """Return why no row of a table tells the resolution."""
+    if one.any():
+        return (
+            f"the frame moves forward at none of the {int(one.sum())} voltages with one blow in a "
+            "period; take a drive that pulls the block to the right"
+        )
+    seen = f", but {blows.min():g} to {blows.max():g}" if blows.notna().any() else ""
+    return (
+        f"no voltage in the table makes one blow in a period{seen}; add voltages at which the "
+        "device walks (see period_one_window), or a longer transient"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,99 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from mems_impact import tables
-from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.cvode.options import Options
-from mems_impact.errors import InvalidParameter, MemsImpactError
+from mems_impact.engines.options import Options
+from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.studies.blows import blows
-from mems_impact.studies.design import pull_in_voltage, resting_voltage
 from mems_impact.studies.simulate import simulate
-from mems_impact.studies.state import State, is_number
+from mems_impact.studies.state import State
+from mems_impact.studies.targets import Target
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.studies.run import Run
-
-__all__ = ["QUANTITIES", "Fit", "Target", "fit"]
+__all__ = ["Fit", "Verdict", "fit"]
 
 DIFFERENCE = 1e-4  # relative step of the derivatives; runs are exact to far less
 # SciPy steps by a part of the unknown itself: unknowns are counted from here, never near zero.
 ORIGIN = 10.0
 WIDE = 10.0  # by which a parameter without bounds may grow or shrink
 NEGLIGIBLE = 1e-3  # a combination that moves the data less than this part of the most telling one
+MISFIT = 3.0  # tolerances, which are standard errors: a difference beyond is not chance
+LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
+BARRIER = 1e6  # what is worse than any start, by this factor: where no run is possible
 BOUNDED = {"e": 1.0}  # parameters with an upper bound of their own
 
-# What can be measured with a run, and its unit; what follows from the device alone, and its unit.
-OF_RUN: dict[str, tuple[Callable[[Run], float], str]] = {
-    "displacement per impact": (lambda run: blows(run).displacement_per_blow, "m"),
-    "impacts per period": (lambda run: blows(run).per_period, ""),
-    "displacement per period": (
-        lambda run: run.actuator.scales.out(run.measured.displacement_per_period, "m"),
-        "m",
-    ),
-    "mean speed": (
-        lambda run: run.actuator.scales.out(run.measured.mean_speed, "m/s"),
-        "m/s",
-    ),
+Verdict = Literal["good", "undetermined", "misfit", "not converged"]
+
+REMEDIES: dict[Verdict, str] = {
+    "undetermined": "add targets that react to these parameters, or free fewer of them",
+    "misfit": "check what was measured (per impact or per blow?), free other parameters, widen "
+    "their bounds or start elsewhere",
+    "not converged": "start nearer to the solution, or free fewer parameters",
 }
-OF_DEVICE: dict[str, tuple[Callable[[Actuator], float], str]] = {
-    "pull-in voltage": (pull_in_voltage, "V"),
-    "resting voltage": (resting_voltage, "V"),
-    "resonance": (lambda a: math.sqrt(a.k / a.m2), "rad/s"),
-}
-QUANTITIES = (*OF_RUN, *OF_DEVICE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Target:
-    """A measured number.
-
-    Parameters
-    ----------
-    quantity : str
-        Measured under a drive: "displacement per impact" and "impacts per period" (a sequence of
-        impacts that ends in rest counts once, as in an experiment), "displacement per period",
-        "mean speed"; of the device alone: "pull-in voltage", "resting voltage", "resonance" (of
-        the block in a frame that is held, [rad/s]).
-    value : float
-        In the units of the actuator; per forcing period.
-    drive : Drive, optional
-        Under which it was measured; for the first four.
-    tolerance : float, optional
-        Standard error of the value, > 0: the weight of this target. 1 % of the value by default.
-    """
-
-    quantity: str
-    value: float
-    drive: Drive | None = None
-    tolerance: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.quantity not in QUANTITIES:
-            raise InvalidParameter("quantity", self.quantity, f"one of {', '.join(QUANTITIES)}")
-        if not is_number(self.value):
-            raise InvalidParameter("value", self.value, "a finite number")
-        if (self.quantity in OF_RUN) != isinstance(self.drive, Drive):
-            needs = "a Drive" if self.quantity in OF_RUN else f"left out for {self.quantity}"
-            raise InvalidParameter("drive", self.drive, needs)
-        if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance > 0.0):
-            raise InvalidParameter("tolerance", self.tolerance, "a finite number > 0")
-        if self.tolerance is None and self.value == 0.0:
-            raise InvalidParameter("tolerance", None, "given where the value is 0")
-
-    @property
-    def weight(self) -> float:
-        """What the difference is divided by."""
-        return self.tolerance if self.tolerance is not None else 0.01 * abs(self.value)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,15 +54,23 @@ class Fit:
         With the fitted values.
     parameters : DataFrame
         One row a free parameter: start, fitted value, bounds, standard error (infinite where the
-        data do not determine it) and whether it stands at a bound.
+        data do not react to it), whether the data determine it (to less than its own size) and
+        whether it stands at a bound.
     residuals : DataFrame
         One row a target: measured, computed, difference, and the difference over the tolerance.
     singular_values : float array
         Of the Jacobian of the weighted residuals by the logarithms of the parameters, largest
         first: by how many tolerances the data move with the combination of parameters.
+    misfit : float
+        The largest difference between computed and measured, in tolerances.
+    verdict : {"good", "undetermined", "misfit", "not converged"}
+        The worst of: the search did not come to an end; a target is missed by more than three
+        tolerances; a free parameter is not determined by the data; none of these.
     note : str
-        What the data cannot tell apart.
+        What is missed, what the data do not determine or cannot tell apart, what stands at a
+        bound.
     converged : bool
+        Whether the search came to an end: at a minimum, but one that need not fit the data.
     evaluations : int
         Of the residuals, those for derivatives left out.
     """
@@ -125,9 +79,16 @@ class Fit:
     parameters: pd.DataFrame
     residuals: pd.DataFrame
     singular_values: Floats = field(repr=False)
+    misfit: float
+    verdict: Verdict
     note: str
     converged: bool
     evaluations: int
+
+    def __str__(self) -> str:
+        shown = {"index": False, "float_format": "{:.6g}".format}
+        tables_ = f"{self.parameters.to_string(**shown)}\n\n{self.residuals.to_string(**shown)}"
+        return f"{self.verdict}: {self.note}\n\n{tables_}"
 
 
 def fit(
@@ -172,12 +133,29 @@ def fit(
         If an argument is out of range.
     RunError
         If a run fails at the start of the search.
+
+    Warns
+    -----
+    FitWarning
+        If the verdict is not "good".
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
+    >>> found = mi.fit(mita, [pull_in], free=["k"])
+    >>> found.verdict, round(found.actuator.k, 3)
+    ('good', 5.855)
     """
     from scipy.optimize import least_squares
 
     free = _checked_free(actuator, free)
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
+    for name, given in (bounds or {}).items():
+        if name not in free:
+            raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")
     limits = np.array([_limits(actuator, name, bounds or {}) for name in free])
     drives = dict.fromkeys(target.drive for target in targets if target.drive is not None)
     window = (float(transient), float(transient + periods))
@@ -198,19 +176,24 @@ def fit(
             )
             for drive in drives
         }
-        return np.array([_value(target, here, runs) for target in targets])
+        return np.array([target.computed(here, runs) for target in targets])
 
     measured = np.array([target.value for target in targets])
     weights = np.array([target.weight for target in targets])
+
+    first = (computed(actuator) - measured) / weights
+    for target, value in zip(targets, first.tolist(), strict=True):
+        if not math.isfinite(value):
+            problem = f"{target.quantity} is not defined at the start: nothing strikes there"
+            raise InvalidParameter("targets", target.value, "", problem=problem)
+    barrier = np.full(len(targets), BARRIER * max(1.0, float(np.abs(first).max())))
 
     def residuals(unknowns: Floats) -> Floats:
         try:
             result = (computed(at(unknowns)) - measured) / weights
         except MemsImpactError:
-            if np.array_equal(unknowns, start):
-                raise
-            return np.full(len(targets), 1e6)  # where no run is possible no fit is
-        return np.asarray(result)
+            return barrier  # where no run is possible no fit is
+        return result if np.isfinite(result).all() else barrier
 
     solved = least_squares(
         residuals,
@@ -224,31 +207,47 @@ def fit(
     )
     best = at(solved.x)
     sizes, directions = _singular(np.asarray(solved.jac))
+    errors = _errors(sizes, directions)
     labels = PARAMETER_UNITS if actuator.units == "SI" else {}
     table = tables.fit_parameters(
         [f"{name} [{labels[name]}]" if name in labels else name for name in free],
         begin.tolist(),
         [getattr(best, name) for name in free],
         limits,
-        _errors(sizes, directions),
+        errors,
+        errors <= LOOSE,
         solved.active_mask != 0,
     )
+    reached = computed(best)
     shown = tables.fit_residuals(
-        [_label(target, actuator) for target in targets],
+        [target.label(actuator) for target in targets],
         [str(target.drive) if target.drive is not None else "" for target in targets],
         measured,
-        computed(best),
+        reached,
         weights,
     )
-    return Fit(
+    off = np.abs(reached - measured) / weights
+    sentences = [
+        *_missed(targets, off),
+        *_undetermined(free, sizes, directions, errors),
+        *_at_bounds(free, solved.active_mask),
+        *_indifferent(targets, np.asarray(solved.jac)),
+    ]
+    found = Fit(
         actuator=best,
         parameters=table,
         residuals=shown,
         singular_values=sizes,
-        note=_note(free, sizes, directions, solved.active_mask, targets, np.asarray(solved.jac)),
+        misfit=float(off.max()),
+        verdict=_verdict(bool(solved.success), float(off.max()), errors),
+        note="; ".join(sentences) or "the data determine all free parameters",
         converged=bool(solved.success),
         evaluations=int(solved.nfev),
     )
+    if found.verdict != "good":
+        message = f"{found.verdict}: {found.note}; {REMEDIES[found.verdict]}"
+        warnings.warn(message, FitWarning, stacklevel=2)
+    return found
 
 
 def _checked_free(actuator: Actuator, free: Sequence[str]) -> list[str]:
@@ -274,17 +273,6 @@ def _limits(
     return low, high
 
 
-def _value(target: Target, actuator: Actuator, runs: Mapping[Drive, Run]) -> float:
-    if target.drive is None:
-        return OF_DEVICE[target.quantity][0](actuator)
-    return OF_RUN[target.quantity][0](runs[target.drive])
-
-
-def _label(target: Target, actuator: Actuator) -> str:
-    unit = {**OF_RUN, **OF_DEVICE}[target.quantity][1]
-    return actuator.scales.label(target.quantity, unit)
-
-
 def _singular(jacobian: Floats) -> tuple[Floats, Floats]:
     """Return one singular value and one direction for every parameter, also where data lack."""
     _, sizes, directions = np.linalg.svd(jacobian, full_matrices=True)
@@ -300,14 +288,33 @@ def _errors(sizes: Floats, directions: Floats) -> Floats:
     return np.asarray(np.sqrt((spread**2).sum(axis=0)))
 
 
-def _note(
-    free: Sequence[str],
-    sizes: Floats,
-    directions: Floats,
-    at_bound: Floats,
-    targets: Sequence[Target],
-    jacobian: Floats,
-) -> str:
+def _verdict(converged: bool, misfit: float, errors: Floats) -> Verdict:
+    if not converged:
+        return "not converged"
+    if misfit > MISFIT:
+        return "misfit"
+    return "undetermined" if (errors > LOOSE).any() else "good"
+
+
+def _missed(targets: Sequence[Target], off: Floats) -> list[str]:
+    """Return a sentence on the targets that the fit misses; none if it misses none."""
+    missed = int((off > MISFIT).sum())
+    if not missed:
+        return []
+    worst = int(off.argmax())
+    target = targets[worst]
+    under = f" under {target.drive}" if target.drive is not None else ""
+    number = f"{missed} of {len(targets)} targets" if len(targets) > 1 else "the target"
+    return [
+        f"the fit misses {number} by more than {MISFIT:g} tolerances, {target.quantity}{under} "
+        f"by {off[worst]:.4g}"
+    ]
+
+
+def _undetermined(
+    free: Sequence[str], sizes: Floats, directions: Floats, errors: Floats
+) -> list[str]:
+    """Return a sentence on each combination, and each parameter, that the data leave open."""
     sentences = []
     for size, direction in zip(sizes, directions, strict=True):
         if size > NEGLIGIBLE * sizes[0]:
@@ -323,10 +330,26 @@ def _note(
             sentences.append(
                 f"the data cannot tell {names} apart: along {product} they do not change"
             )
-    for name, stands in zip(free, at_bound, strict=True):
-        if stands:
-            sentences.append(f"{name} stands at its {'lower' if stands < 0 else 'upper'} bound")
-    for target, row in zip(targets, jacobian, strict=True):
-        if not np.any(row):
-            sentences.append(f"{target.quantity} reacts to none of the free parameters")
-    return "; ".join(sentences) or "the data determine all free parameters"
+    for name, error in zip(free, errors.tolist(), strict=True):
+        if LOOSE < error < math.inf:
+            sentences.append(
+                f"the data do not determine {name}: its standard error is {error:.3g} times its "
+                "value"
+            )
+    return sentences
+
+
+def _at_bounds(free: Sequence[str], at_bound: Floats) -> list[str]:
+    return [
+        f"{name} stands at its {'lower' if stands < 0 else 'upper'} bound"
+        for name, stands in zip(free, at_bound, strict=True)
+        if stands
+    ]
+
+
+def _indifferent(targets: Sequence[Target], jacobian: Floats) -> list[str]:
+    return [
+        f"{target.quantity} reacts to none of the free parameters"
+        for target, row in zip(targets, jacobian, strict=True)
+        if not np.any(row)
+    ]

@@ -17,7 +17,7 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import GUARDS, MODES, STATES, V1, X1, X2, direction_of
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.units import Scales
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.run import run

@@ -14,10 +14,11 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES, X1, X2, actuator_automaton, direction_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.units import DIMENSIONLESS, inner, unscaled_fields
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Trajectory
+from mems_impact.studies.blows import each_blow
 from mems_impact.studies.impacts import energy_lost, frame_steps
 from mems_impact.studies.state import STATE_UNITS, State, is_number
 from mems_impact.studies.statistics import Accumulator, Statistics, instant_of
@@ -100,6 +101,22 @@ class Run:
         hits = log[struck]
         lost = energy_lost(hits, self.actuator.to_dimensionless())
         return tables.impacts(hits, steps, lost, self.trajectory.period, self.actuator.scales)
+
+    @cached_property
+    def blows(self) -> pd.DataFrame:
+        """One row a blow: an impact, or a sequence of ever weaker ones that ends in rest.
+
+        Columns: period, time and phase (in [0, 1)) of the first impact, stopper, the number of
+        impacts, whether the blow ends in rest, velocity v2 of the block before the first impact,
+        energy lost, position x1 of the frame at the first impact, and the displacement of the
+        frame: the sum of the steps after the impacts (NaN if the last has not ended). The impacts
+        of a sequence that the end of the run cuts short stand as blows of their own.
+        """
+        each = each_blow(self._events("blows"), self.actuator.to_dimensionless())
+        return tables.blows(
+            each.first, each.impacts, each.rests, each.displacement, each.energy,
+            self.trajectory.period, self.actuator.scales,
+        )  # fmt: skip
 
     @cached_property
     def events(self) -> pd.DataFrame:

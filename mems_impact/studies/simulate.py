@@ -13,7 +13,7 @@ import numpy as np
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import STATES
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Instant, Trajectory

@@ -17,14 +17,15 @@ from mems_impact.actuator.modes import MODES, V2, X2, side_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.studies.blows import BlowCounter, contacts
 from mems_impact.studies.impacts import (
     SLIPPING,
     begins_arc,
     concatenate,
     energy_lost,
-    frame_steps,
     is_impact,
 )
+from mems_impact.studies.moments import Moments
 
 __all__ = ["Accumulator", "Statistics", "instant_of"]
 
@@ -35,8 +36,8 @@ _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 class Statistics:
     """What a run did over a window.
 
-    NaN stands for what is not defined: speeds and steps without an impact, the closest approach
-    with one.
+    NaN stands for what is not defined: speeds and displacements per impact and per blow without
+    one, the closest approach with one.
 
     Attributes
     ----------
@@ -45,14 +46,25 @@ class Statistics:
     periods : float
         Its length.
     impacts : int
+        Every bounce is one.
     impacts_per_period : float
+    blows : int
+        Blows that begin in the window: a sequence of ever weaker impacts on one stopper that ends
+        in rest is one blow, as an experiment sees it; every other impact is a blow of its own, as
+        are those of a sequence that the end of the run cuts short.
+    blows_per_period : float
     displacement_per_period : float
         Displacement of the frame over the window, by its length.
     displacement_per_impact : float
         The same, by the number of impacts.
-    step_std : float
+    displacement_per_impact_std : float
         Standard deviation of the steps of the frame (see `frame_steps`) after the impacts of the
         window, over their number. A step that no rest and no impact has ended is left out.
+    displacement_per_blow : float
+        Displacement of the frame over the window, by the number of blows.
+    displacement_per_blow_std : float
+        Standard deviation of the displacements of the blows, each the sum of the steps after its
+        impacts, over their number. A blow whose last step has not ended is left out.
     mean_speed : float
         Displacement of the frame over the window, by its duration.
     impact_speed_min, impact_speed_mean, impact_speed_max : float
@@ -73,9 +85,13 @@ class Statistics:
     periods: float
     impacts: int
     impacts_per_period: float
+    blows: int
+    blows_per_period: float
     displacement_per_period: float
     displacement_per_impact: float
-    step_std: float
+    displacement_per_impact_std: float
+    displacement_per_blow: float
+    displacement_per_blow_std: float
     mean_speed: float
     impact_speed_min: float
     impact_speed_mean: float
@@ -108,10 +124,11 @@ class Accumulator:
         self._borders = tuple(instant_of(border, period) for border in window)
         self._anchors = [start, start]
         self._last = start  # the latest event, whose mode lasts until the next one
-        self._impact: Events | None = None  # an impact whose step has not ended yet
+        self._waiting: Events | None = None  # from an impact on whose step has not ended
         self._impacts = self._chatter = 0
-        self._speeds = _Moments()
-        self._steps = _Moments()
+        self._speeds = Moments()
+        self._steps = Moments()
+        self._blows = BlowCounter()
         self._slipping = self._resting = self._energy = 0.0
         self._closest = math.inf
 
@@ -149,10 +166,12 @@ class Accumulator:
             np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
         )
         self._last = final
+        if self._waiting is not None:
+            self._take_steps(self._waiting[:0], last=True)
         displacement = positions[1] - positions[0]
         periods = last - first
         duration = periods * self._period
-        impacts = self._impacts
+        impacts, blows = self._impacts, self._blows.count
         closest = self._closest if math.isfinite(self._closest) else math.nan
         if self._resting > 0.0:
             closest = 0.0
@@ -162,9 +181,13 @@ class Accumulator:
             periods=periods,
             impacts=impacts,
             impacts_per_period=_ratio(impacts, periods),
+            blows=blows,
+            blows_per_period=_ratio(blows, periods),
             displacement_per_period=_ratio(displacement, periods),
             displacement_per_impact=_ratio(displacement, impacts),
-            step_std=self._steps.deviation(),
+            displacement_per_impact_std=self._steps.deviation(),
+            displacement_per_blow=_ratio(displacement, blows),
+            displacement_per_blow_std=self._blows.displacements.deviation(),
             mean_speed=_ratio(displacement, duration),
             impact_speed_min=self._speeds.low if impacts else math.nan,
             impact_speed_mean=self._speeds.mean if impacts else math.nan,
@@ -208,16 +231,18 @@ class Accumulator:
         gaps = self._actuator.delta - side * turned.before[:, X2]
         self._closest = min(self._closest, float(gaps.min(initial=math.inf)))
 
-    def _take_steps(self, events: Events) -> None:
-        if self._impact is not None:
-            events = concatenate([self._impact, events])
-        rows, steps = frame_steps(events)
-        inside = self._since(0, events.cycle[rows], events.time[rows]) >= 0.0
-        inside &= self._since(1, events.cycle[rows], events.time[rows]) < 0.0
-        self._steps.add(steps[inside & ~np.isnan(steps)])
-        # Only the last impact can wait for its end.
-        waits = rows.size > 0 and bool(np.isnan(steps[-1]))
-        self._impact = events[slice(rows[-1], rows[-1] + 1)] if waits else None
+    def _take_steps(self, events: Events, *, last: bool = False) -> None:
+        if self._waiting is not None:
+            events = concatenate([self._waiting, events])
+        log, steps = contacts(events)
+        inside = self._since(0, log.cycle, log.time) >= 0.0
+        inside &= self._since(1, log.cycle, log.time) < 0.0
+        open_ = np.isnan(steps)
+        self._steps.add(steps[is_impact(log) & inside & ~open_])
+        # Only the last impact can wait for its end, and the end of chatter with it.
+        held = int(np.argmax(open_)) if open_.any() and not last else len(log)
+        self._waiting = log[held:]
+        self._blows.add(log[:held], steps[:held], inside[:held], last=last)
 
     def _keep_anchors(self, events: Events) -> None:
         for border in (0, 1):
@@ -226,35 +251,6 @@ class Accumulator:
             places = np.flatnonzero(begins)
             if places.size > 0:
                 self._anchors[border] = _instant(events, int(places[-1]))
-
-
-class _Moments:
-    """Number, mean, scatter and extremes of values that come in portions."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self.mean = self._squares = 0.0
-        self.low, self.high = math.inf, -math.inf
-
-    def add(self, values: Floats) -> None:
-        if values.size == 0:
-            return
-        # Chan, Golub and LeVeque's update: sums of squares would lose the scatter of steps that
-        # are nearly equal.
-        mean = float(values.mean())
-        squares = float(((values - mean) ** 2).sum())
-        total = self.count + values.size
-        apart = mean - self.mean
-        self._squares += squares + apart * apart * self.count * values.size / total
-        self.mean += apart * values.size / total
-        self.count = total
-        self.low, self.high = (
-            min(self.low, float(values.min())),
-            max(self.high, float(values.max())),
-        )
-
-    def deviation(self) -> float:
-        return math.sqrt(self._squares / self.count) if self.count else math.nan
 
 
 def instant_of(border: float, period: float) -> tuple[int, float]:

@@ -11,8 +11,8 @@ import numpy as np
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.cvode import library
-from mems_impact.cvode.options import Options
+from mems_impact.engines.cvode import library
+from mems_impact.engines.options import Options
 from mems_impact.errors import EngineUnavailable, InvalidParameter, SweepInterrupted
 from mems_impact.studies.chains import Case, Chain, Point, Study, in_threads, in_turn
 from mems_impact.studies.run import check_direction
@@ -73,9 +73,9 @@ def sweep(
     DataFrame
         One row a crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        displacement per period and status. A value without any crossing is one row with NaN. So
-        is one that failed; its status is the reason rather than "ok", and the chain goes on from
-        the last good state.
+        blows per period (see `mems_impact.Blows`), displacement per period and status. A value
+        without any crossing is one row with NaN. So is one that failed; its status is the reason
+        rather than "ok", and the chain goes on from the last good state.
 
     Raises
     ------

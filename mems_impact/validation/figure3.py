@@ -1,4 +1,4 @@
-"""Fig. 3: the real device, driven slowly: displacement per impact over the voltage."""
+"""Fig. 3: the real device, driven slowly: displacement per blow over the voltage."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WAIT, MEASURE = 2, 4  # forcing periods
 
 
 def compute(devices: Devices, effort: Effort) -> Outcome:
-    """Return displacement per impact over the voltage, and one cycle of the voltage."""
+    """Return displacement per blow over the voltage, and one cycle of the voltage."""
     device = devices.real
     pull_in = pull_in_voltage(device)
     above = np.geomspace(1.002 * pull_in, 1.5 * VOLTS, effort.of(60, 12))

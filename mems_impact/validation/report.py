@@ -12,7 +12,7 @@ __all__ = ["summary", "to_html", "to_markdown"]
 
 TITLES = {
     2: "Fig. 2: the automaton",
-    3: "Fig. 3: displacement per impact of the real device",
+    3: "Fig. 3: displacement per blow of the real device",
     4: "Fig. 4: type I, omega = 0.5",
     5: "Fig. 5: type II, omega = 0.485",
     6: "Fig. 6: type III, omega = 0.45",

@@ -8,7 +8,7 @@ from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.equations import attraction
 from mems_impact.actuator.modes import FREE, STUCK, actuator_automaton, mode_of, mode_under
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant
 

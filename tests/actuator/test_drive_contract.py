@@ -135,7 +135,7 @@ def test_contract_of_random_pairs(wave, phase):
 def test_compiles_unchanged(name):
     drive = DRIVES[name]
     q = drive.parameters()
-    from mems_impact.cvode.snapshot import take
+    from mems_impact.engines.snapshot import take
 
     for pair in channels(drive):
         for function in pair:

@@ -8,7 +8,7 @@ import pytest
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import MODES, actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant

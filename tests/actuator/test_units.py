@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mems_impact as mi
-from mems_impact.actuator.parameters import PARAMETER_NAMES
+from mems_impact.actuator.parameters import PARAMETER_NAMES, preset_names
 from mems_impact.actuator.units import DIMENSIONLESS, UNITS, Scales
 
 number = st.floats(1e-25, 1e12)
@@ -92,3 +92,21 @@ def test_units_in_a_file(tmp_path):
     path.write_text(f'[parameters]\n{body}units = "SI"\n')
     with pytest.raises(mi.InvalidParameter, match="above the table"):
         mi.load_actuator(path)
+
+
+def test_a_file_that_looks_like_si_without_saying_so(tmp_path, recwarn):
+    values = mi.load_actuator("mita2003").model_dump(exclude={"units"})
+    body = "[parameters]\n" + "".join(f"{name} = {value}\n" for name, value in values.items())
+    path = tmp_path / "device.toml"
+    path.write_text(body)
+    with pytest.warns(mi.UnitsWarning, match=r"device\.toml: m1 = 1.0485e-05 and m2 = 2.097e-06"):
+        assert mi.load_actuator(path).units == "dimensionless"
+    # What says what it is, or has masses of the order of 1, is believed.
+    for units in ("SI", "dimensionless"):
+        path.write_text(f'units = "{units}"\n{body}')
+        assert mi.load_actuator(path).units == units
+    path.write_text(body.replace("m1 = 1.0485e-05", "m1 = 5.0"))
+    mi.load_actuator(path)
+    for name in preset_names():
+        mi.load_actuator(name)
+    assert not recwarn.list

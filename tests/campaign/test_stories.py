@@ -24,7 +24,7 @@ ZHAO = mi.load_actuator("zhao2004")
 MEETING = """
 import ctypes, sys
 import numpy as np
-from mems_impact.cvode.kernels import kernels
+from mems_impact.engines.kernels import kernels
 import tests.campaign.waveforms as waveforms
 
 for name in sys.argv[1]:

@@ -50,6 +50,8 @@ WRONG = [
     ([*SWEEP, "--parameter", "amp", "--amplitude", "0.2"], ["amp", "amplitude, omega"]),
     ([*SWEEP, "--amplitude", "0.2"], ["--amplitude", "leave it out"]),
     ([*SWEEP, "--parameter", "omega", "--amplitude", "0.2"], ["--omega", "leave it out"]),
+    (["sweep", "zhao2004", "--parameter", "omega", "--from", "0.4", "--to", "0.5", "--amplitude",
+      "0.2", "--frequency", "0.1"], ["--frequency", "leave it out"]),
     ([*SWEEP, "--parameter", "e"], ["--amplitude"]),
     ([*SWEEP, "--parameter", "e", "--amplitude", "0.2", "--to", "2"], ["e = 2", "<= 1"]),
     ([*SWEEP, "--to", "nan"], ["nan", "finite"]),
@@ -59,7 +61,7 @@ WRONG = [
     ([*SWEEP, "--transient", "1.5"], ["--transient", "1.5"]),
     ([*SWEEP, "--periods", "0"], ["periods = 0", ">= 1"]),
     ([*SWEEP, "--direction", "left"], ["left", "both"]),
-]
+]  # fmt: skip
 
 
 @pytest.fixture

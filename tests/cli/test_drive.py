@@ -3,8 +3,10 @@
 import pandas as pd
 import pytest
 
+import mems_impact as mi
 from mems_impact.actuator.drives import files
-from mems_impact.cli.drives import KINDS, NUMBERS
+from mems_impact.cli import COMMANDS
+from mems_impact.cli.drives import FIELDS, KINDS, NUMBERS
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -14,7 +16,7 @@ BURST += "amplitude = 0.2\nomega = 1\n"
 def test_the_options_are_the_fields():
     for kind, names in KINDS.items():
         assert names == tuple(files.KINDS[kind].model_fields)
-    assert set(NUMBERS) == {name for names in KINDS.values() for name in names}
+    assert set(NUMBERS) - set(FIELDS) == {name for names in KINDS.values() for name in names}
 
 
 def test_show_a_drive(cli, tmp_path):
@@ -51,6 +53,31 @@ def test_files(cli, tmp_path):
     assert "forcing period    4" in done.out
 
 
+def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):
+    period = "forcing period    0.5\n"  # half of that of the voltage
+    sine = ["drive", "mita2003", "--amplitude", "100", "--no-figure"]
+    assert period in cli(*sine, "--frequency", "1").out
+    (tmp_path / "sine.toml").write_text('[drive]\nkind = "sine"\namplitude = 9\nomega = 5\n')
+    of_file = cli("drive", "mita2003", "--drive", "sine.toml", "--frequency", "1", "--no-figure")
+    assert period in of_file.out
+
+
+def test_si_without_units_is_one_line(cli, tmp_path):
+    values = mi.load_actuator("mita2003").model_dump(exclude={"units"})
+    lines = "".join(f"{name} = {value}\n" for name, value in values.items())
+    (tmp_path / "mine.toml").write_text(f"[parameters]\n{lines}")
+    done = cli("drive", "mine.toml", "--amplitude", "1", "--omega", "1", "--no-figure")
+    assert done.status == 0
+    assert done.err.startswith("mems-impact: warning: mine.toml: m1 = 1.0485e-05")
+    assert done.err.count("\n") == 1
+
+
+def test_every_command_with_a_drive_takes_a_frequency(cli):
+    for command in COMMANDS:
+        page = cli(command, "--help").out
+        assert ("--omega" in page) == ("--frequency" in page), command
+
+
 WRONG = [
     (["--drive", "sqare"], ["sqare", "neither a file"]),
     (["--drive", "burst"], ["burst", "TOML"]),
@@ -60,8 +87,15 @@ WRONG = [
     ([*SQUARE, "--duty", "x"], ["--duty", "x"]),
     ([*SQUARE, "--flat", "0.5"], ["--flat does not belong to a square"]),
     ([*SQUARE, "--rise", "9"], ["rise = 9"]),
+    ([*SQUARE, "--frequency", "1"], ["--frequency and --omega exclude each other"]),
+    (["--amplitude", "1", "--frequency", "0"], ["frequency = 0", "> 0"]),
+    (["--amplitude", "1", "--frequency", "nan"], ["frequency = nan", "finite"]),
+    (["--amplitude", "1"], ["'--omega' or '--frequency'"]),
+    (["--drive", "pulse", "--amplitude", "1", "--period", "5", "--width", "1", "--frequency", "1"],
+     ["--frequency does not belong to a pulse"]),
+    (["--drive", "burst.toml", "--frequency", "1"], ["--frequency is no parameter"]),
     (["--drive", "burst.toml", "--duty", "0.3"], ["--duty", "wave.amplitude"]),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("arguments", "named"), WRONG)

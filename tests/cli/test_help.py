@@ -3,6 +3,8 @@ import sys
 
 import pytest
 
+from mems_impact.cli import COMMANDS
+
 # What takes long to import; none of it is needed to show a help page.
 HEAVY = ("matplotlib", "numba", "numpy", "pandas", "pydantic", "sksundae", "tqdm")
 
@@ -23,6 +25,8 @@ finally:
         ["--help"],
         ["--version"],
         ["devices", "--help"],
+        ["fit", "--help"],
+        ["pull-in", "--help"],
         ["simulate", "--help"],
         ["sweep", "--help"],
         ["sweep", "zhao2004", "--frobnicate"],
@@ -38,7 +42,7 @@ def test_help_imports_nothing_heavy(arguments):
 
 def test_every_command_explains_itself(cli):
     shown = cli("--help").out
-    for command in ("devices", "simulate", "sweep"):
+    for command in COMMANDS:
         assert command in shown
         page = cli(command, "--help")
         assert page.status == 0

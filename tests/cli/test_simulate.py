@@ -1,3 +1,4 @@
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -9,7 +10,7 @@ ARGUMENTS = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "-
 def test_tables_and_figure_are_written_and_said(cli, tmp_path):
     done = cli(*ARGUMENTS)
     assert done.status == 0
-    names = [f"simulate-{table}.csv" for table in ("impacts", "events", "statistics")]
+    names = [f"simulate-{table}.csv" for table in ("impacts", "blows", "events", "statistics")]
     names.append("simulate.png")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(names)
     for name in names:
@@ -38,6 +39,20 @@ def test_screen_shows_statistics_and_first_impacts(cli):
     out = cli(*ARGUMENTS, "--no-figure").out
     assert "impacts per period" in out
     assert "v2 before" in out
+
+
+def test_blows_are_shown_and_written(cli, tmp_path):
+    real = ["simulate", "mita2003", "--amplitude", "100", "--frequency", "1", "--no-figure"]
+    done = cli(*real, "--periods", "3")
+    drive = mi.Sine(amplitude=100.0, omega=2 * np.pi)
+    run = mi.simulate(mi.load_actuator("mita2003"), drive, 3)
+    assert f"The first of the {len(run.blows)} blows that they make:" in done.out
+    assert "displacement per blow std [m]" in done.out
+    written = pd.read_csv(tmp_path / "out" / "simulate-blows.csv")
+    expected = run.blows.astype({"stopper": object})
+    pd.testing.assert_frame_equal(written, expected, check_dtype=False, rtol=1e-15)
+    assert len(written) < len(run.impacts) == written["impacts"].sum()
+    assert "Each is a blow of its own." in cli(*ARGUMENTS, "--no-figure").out
 
 
 def test_a_run_without_impact_says_so(cli):
@@ -97,7 +112,7 @@ def test_interrupted(cli, monkeypatch):
 
 
 def test_a_fallback_is_one_line(cli, monkeypatch):
-    from mems_impact.cvode import library
+    from mems_impact.engines.cvode import library
     from mems_impact.errors import EngineUnavailable
 
     def unavailable():

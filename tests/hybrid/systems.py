@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant

@@ -9,7 +9,7 @@ from scipy.linalg import expm, expm_frechet
 
 from mems_impact.actuator.modes import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
 from mems_impact.actuator.parameters import PARAMETER_NAMES
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem

@@ -12,7 +12,7 @@ from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.equations import attraction
 from mems_impact.actuator.modes import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant

@@ -27,9 +27,10 @@ def made_table(statuses=("ok", "ok", "ok")):
         for value, hits, status in zip(values, impacts[direction], statuses, strict=True):
             good = status == "ok"
             rows.append((value, direction, 0.0, value if good else np.nan, 0.0,
-                         hits if good else np.nan, 0.0, status))  # fmt: skip
+                         hits if good else np.nan, hits if good else np.nan, 0.0,
+                         status))  # fmt: skip
     columns = ["amplitude", "direction", "period", "v2", "v1", "impacts per period",
-               "displacement per period", "status"]  # fmt: skip
+               "blows per period", "displacement per period", "status"]  # fmt: skip
     return pd.DataFrame(rows, columns=columns)
 
 

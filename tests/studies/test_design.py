@@ -78,8 +78,35 @@ def test_speed_over_voltage_and_resolution():
     ratio = table["displacement per period"] / table["mean speed"]
     assert math.isclose(ratio[2], drive.period)
     smallest = mi.resolution(table)
-    assert smallest == table["displacement per impact"][1]
-    assert 0.0 < smallest < table["displacement per impact"][2]
+    assert smallest == table["displacement per blow"][1] == table["displacement per impact"][1]
+    assert 0.0 < smallest < table["displacement per blow"][2]
+
+
+def test_resolution_of_a_device_that_bounces():
+    drive = mi.Sine(amplitude=100.0, omega=2 * math.pi)
+    table = mi.speed_over_voltage(MITA, drive, [60.0, 100.0], transient=2, periods=2)
+    assert table["blows per period"].tolist() == [1.0, 1.0]
+    assert (table["impacts per period"] > 15).all()
+    blow = table["displacement per blow [m]"]
+    assert mi.resolution(table) == blow[0]
+    assert abs(blow[1] / 20e-9 - 1) < 0.01
+    bounce = table["displacement per impact [m]"]
+    np.testing.assert_allclose(bounce * table["impacts per period"], blow, rtol=1e-12)
+
+
+def test_no_resolution_says_why():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    table = mi.speed_over_voltage(PAPER, drive, [0.1, 0.12], transient=50, periods=10)
+    with pytest.raises(mi.InvalidParameter, match="one blow in a period, but 0 to 0; add voltages"):
+        mi.resolution(table)
+    backward = table.assign(**{"blows per period": 1.0, "displacement per blow": -1e-4})
+    with pytest.raises(mi.InvalidParameter, match="forward at none of the 2 voltages with one"):
+        mi.resolution(backward)
+    failed = table.assign(**{"blows per period": math.nan})
+    with pytest.raises(mi.InvalidParameter, match="one blow in a period; add voltages"):
+        mi.resolution(failed)
+    with pytest.raises(mi.InvalidParameter, match="not a table of speed_over_voltage"):
+        mi.resolution(table.drop(columns="displacement per blow"))
 
 
 def test_period_one_window_of_type_two():
@@ -118,6 +145,8 @@ def test_blows_without_rest_are_impacts():
     run = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 100, window=(50, 100))
     found = mi.blows(run)
     assert found.count == 50
+    assert found.displacement_std < 1e-12
     assert found.displacement_per_blow == run.statistics["displacement per impact"]
     quiet = mi.blows(mi.simulate(PAPER, mi.Sine(amplitude=0.1, omega=0.5), 10))
     assert (quiet.count, quiet.displacement_per_blow) == (0, 0.0)
+    assert math.isnan(quiet.displacement_std)

@@ -18,7 +18,7 @@ def measured(device, drive):
 
 def test_two_parameters_are_found_again():
     targets = [
-        mi.Target(quantity="displacement per impact", value=measured(DEVICE, SLOW), drive=SLOW),
+        mi.Target(quantity="displacement per blow", value=measured(DEVICE, SLOW), drive=SLOW),
         mi.Target(quantity="pull-in voltage", value=mi.pull_in_voltage(DEVICE), tolerance=0.5),
     ]
     start = DEVICE.replace(k=1.3 * DEVICE.k, alpha=0.8 * DEVICE.alpha)
@@ -31,12 +31,16 @@ def test_two_parameters_are_found_again():
     assert found.residuals["quantity"].tolist()[1] == "pull-in voltage [V]"
     assert found.parameters["parameter"].tolist() == ["k [N/m]", "alpha [F m]"]
     assert found.note == "the data determine all free parameters"
+    assert found.verdict == "good"
+    assert found.misfit == np.abs(found.residuals["in tolerances"]).max()
     assert (found.singular_values > 1).all()
 
 
 def test_one_number_cannot_tell_two_parameters_apart():
-    target = mi.Target(quantity="displacement per impact", value=21e-9, drive=SLOW)
-    found = mi.fit(DEVICE, [target], free=["k", "alpha"])
+    target = mi.Target(quantity="displacement per blow", value=21e-9, drive=SLOW)
+    with pytest.warns(mi.FitWarning, match="undetermined: .* cannot tell alpha, k apart"):
+        found = mi.fit(DEVICE, [target], free=["k", "alpha"])
+    assert found.verdict == "undetermined"
     assert abs(found.residuals["in tolerances"][0]) < 1e-3
     assert "cannot tell" in found.note
     assert "alpha, k apart" in found.note
@@ -51,15 +55,20 @@ def test_one_number_cannot_tell_two_parameters_apart():
 
 def test_a_parameter_that_no_target_feels():
     target = mi.Target(quantity="pull-in voltage", value=30.0)
-    found = mi.fit(DEVICE, [target], free=["k", "mu_s"])
+    with pytest.warns(mi.FitWarning, match="add targets"):
+        found = mi.fit(DEVICE, [target], free=["k", "mu_s"])
+    assert found.verdict == "undetermined"
     assert "the data do not determine mu_s" in found.note
+    assert found.parameters["determined"].tolist() == [True, False]
     assert found.actuator.mu_s == DEVICE.mu_s
     assert math.isclose(mi.pull_in_voltage(found.actuator), 30.0, rel_tol=1e-6)
 
 
 def test_a_bound_holds_and_is_reported():
     target = mi.Target(quantity="pull-in voltage", value=300.0)
-    found = mi.fit(DEVICE, [target], free=["k"], bounds={"k": (1.0, 10.0)})
+    with pytest.warns(mi.FitWarning, match="misfit: the fit misses the target"):
+        found = mi.fit(DEVICE, [target], free=["k"], bounds={"k": (1.0, 10.0)})
+    assert found.verdict == "misfit"
     assert found.actuator.k <= 10.0
     assert math.isclose(found.actuator.k, 10.0, rel_tol=1e-6)
     assert found.residuals["difference"][0] < -200.0
@@ -68,12 +77,65 @@ def test_a_bound_holds_and_is_reported():
 
 def test_a_count_cannot_be_fitted_and_the_note_says_so():
     targets = [
-        mi.Target(quantity="displacement per impact", value=20e-9, drive=SLOW),
-        mi.Target(quantity="impacts per period", value=1.0, drive=SLOW),
+        mi.Target(quantity="displacement per blow", value=20e-9, drive=SLOW),
+        mi.Target(quantity="blows per period", value=1.0, drive=SLOW),
     ]
     found = mi.fit(DEVICE, targets, free=["k"])
-    assert "impacts per period reacts to none" in found.note
+    assert "blows per period reacts to none" in found.note
     assert found.residuals["computed"][1] == 1.0
+
+
+@pytest.mark.parametrize("quantity", ["displacement per impact", "displacement per blow",
+                                      "impacts per period", "blows per period",
+                                      "displacement per period", "mean speed"])  # fmt: skip
+def test_a_quantity_is_what_statistics_calls_so(quantity):
+    # The number of a run is the target that the same device meets.
+    run = mi.simulate(DEVICE, SLOW, 4, window=(2, 4))
+    statistics = {name.partition(" [")[0]: value for name, value in run.statistics.items()}
+    target = mi.Target(quantity=quantity, value=statistics[quantity], drive=SLOW)
+    assert target.computed(DEVICE, {SLOW: run}) == statistics[quantity]
+    assert statistics["displacement per blow"] > 15 * statistics["displacement per impact"]
+
+
+def test_a_misfit_is_said():
+    # What a bounce does, given as what a blow does, which no restitution reaches.
+    run = mi.simulate(DEVICE, SLOW, 4, window=(2, 4))
+    bounce = run.statistics["displacement per impact [m]"]
+    target = mi.Target(quantity="displacement per blow", value=bounce, drive=SLOW, tolerance=1e-12)
+    with pytest.warns(mi.FitWarning, match=r"misfit: .*per impact or per blow\?"):
+        found = mi.fit(DEVICE.replace(e=0.7), [target], free=["e"])
+    assert found.misfit > 1000
+    assert found.misfit == np.abs(found.residuals["in tolerances"]).max()
+    assert found.verdict == "misfit"
+    assert f"by more than 3 tolerances, displacement per blow under {SLOW}" in found.note
+    assert f"by {found.misfit:.4g}" in found.note
+    assert "the data determine all" not in found.note
+    assert str(found).startswith(f"misfit: {found.note}\n")
+
+
+def test_a_parameter_known_to_less_than_its_size_is_said():
+    # It is the size of the error that tells: there is no other parameter to compare with.
+    target = mi.Target(quantity="pull-in voltage", value=30.0, tolerance=100.0)
+    with pytest.warns(mi.FitWarning, match="undetermined"):
+        found = mi.fit(DEVICE, [target], free=["k"])
+    row = found.parameters.iloc[0]
+    ratio = row["standard error"] / row["fitted"]
+    assert 1.0 < ratio < 10.0
+    assert not row["determined"]
+    assert found.misfit < 1e-3
+    assert found.verdict == "undetermined"
+    assert found.note == (
+        f"the data do not determine k: its standard error is {ratio:.3g} times its value"
+    )
+
+
+def test_a_fit_that_begins_where_nothing_happens_says_so():
+    quiet = SLOW.replace(amplitude=10.0)  # far below pull-in
+    target = mi.Target(quantity="displacement per impact", value=20e-9, drive=quiet)
+    with pytest.warns(mi.FitWarning, match="misfit"):
+        found = mi.fit(DEVICE, [target], free=["e"])
+    assert found.residuals["computed"][0] == 0.0
+    assert "the data do not determine e" in found.note
 
 
 @pytest.mark.parametrize(
@@ -100,6 +162,7 @@ def test_wrong_targets(values, text):
         {"free": ["k", "k"]},
         {"free": ["k"], "bounds": {"k": (5.0, 6.0)}},
         {"free": ["k"], "targets": []},
+        {"free": ["k"], "bounds": {"alpha": (1e-20, 1e-18)}},
     ],
 )
 def test_wrong_fits(arguments):

@@ -37,7 +37,7 @@ def test_paper_off():
 
 def test_paper_one_impact_a_forcing_period(walking):
     assert walking.statistics["impacts per period"] == 1.0
-    assert walking.statistics["step std"] < 1e-9
+    assert walking.statistics["displacement per impact std"] < 1e-9
     assert (walking.impacts["stopper"].iloc[100:] == "right").all()
     assert walking.statistics["displacement per period"] > 0
 

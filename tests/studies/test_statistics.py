@@ -42,7 +42,9 @@ def test_against_the_tables(chattering):
     assert number["impact speed min"] == speeds.min()
     assert number["impact speed max"] == speeds.max()
     assert number["impact speed mean"] == pytest.approx(speeds.mean(), rel=1e-13)
-    assert number["step std"] == pytest.approx(hits["step"].std(ddof=0), rel=1e-12)
+    assert number["displacement per impact std"] == pytest.approx(
+        hits["step"].std(ddof=0), rel=1e-12
+    )
     ends = run.events[(run.events["event"] == "chatter ends") & (run.events["period"] >= 2)]
     assert number["chatter sequences"] == len(ends) > 0
     assert math.isnan(number["closest approach"])
@@ -53,6 +55,52 @@ def test_against_the_tables(chattering):
     duration = 10 * SLOW.period
     assert number["mean speed"] == pytest.approx(displacement / duration, rel=1e-12)
     assert number["energy lost per period"] == pytest.approx(hits["energy lost"].sum() / 10, 1e-8)
+
+
+def test_blows_against_their_table(chattering):
+    run, number = chattering, chattering.statistics
+    whole = run.blows
+    assert whole["impacts"].sum() == len(run.impacts)
+    assert whole["displacement"].sum() == pytest.approx(run.impacts["step"].sum(), rel=1e-12)
+    assert whole["ends in rest"].sum() == (run.events["event"] == "chatter ends").sum()
+    table = whole[whole["period"] >= 2]
+    assert 0 < number["blows"] == len(table) < number["impacts"]
+    assert number["blows per period"] == len(table) / 10
+    displacement = 10 * number["displacement per period"]
+    assert number["displacement per blow"] == pytest.approx(displacement / len(table), rel=1e-12)
+    assert number["displacement per blow std"] == pytest.approx(
+        table["displacement"].std(ddof=0), rel=1e-12
+    )
+    assert number["displacement per blow std"] > number["displacement per impact std"] > 0.0
+    found = mi.blows(run)
+    assert found.count == len(table)
+    assert found.displacement_per_blow == number["displacement per blow"]
+    assert found.displacement_std == number["displacement per blow std"]
+
+
+def test_a_blow_counts_where_its_first_impact_is(chattering):
+    hits = chattering.impacts
+    blow = chattering.blows.iloc[5]
+    bounces = hits[(hits["period"] == blow["period"]) & (hits["time"] >= blow["time"])]
+    assert blow["impacts"] > 3
+    middle = blow["period"] + bounces["time"].iloc[1:3].mean() / SLOW.period
+    first, last = (
+        mi.simulate(SLIPPERY, SLOW, 12, initial=mi.State(v2=1.0), window=window).statistics
+        for window in ((0, middle), (middle, 12))
+    )
+    assert first["blows"] == 6
+    assert first["blows"] + last["blows"] == len(chattering.blows)
+    assert last["impacts"] > last["blows"]
+
+
+def test_a_sequence_that_the_run_cuts_short_is_no_blow_yet(chattering):
+    blow = chattering.blows.iloc[5]
+    hits = chattering.impacts
+    bounces = hits[(hits["period"] == blow["period"]) & (hits["time"] >= blow["time"])]
+    middle = blow["period"] + bounces["time"].iloc[2:4].mean() / SLOW.period
+    cut = mi.simulate(SLIPPERY, SLOW, middle, initial=mi.State(v2=1.0), window=(0, middle))
+    assert cut.statistics["blows"] == len(cut.blows) == 5 + 3
+    assert cut.blows["ends in rest"].tolist()[-3:] == [False] * 3
 
 
 def test_shares_of_time(chattering):
@@ -83,8 +131,11 @@ def test_a_step_may_end_in_the_next_chunk():
     first = int(np.flatnonzero(kinds == 0)[0]) + 1  # cut between an impact and the rest after it
     whole = gathered(run, (0, 20), []).result(run.trajectory.final, (0, 1))
     split = gathered(run, (0, 20), [first]).result(run.trajectory.final, (0, 1))
-    assert split.step_std == pytest.approx(whole.step_std, rel=1e-12)
-    assert whole.step_std > 0.0
+    assert split.blows == whole.blows
+    assert split.displacement_per_impact_std == pytest.approx(
+        whole.displacement_per_impact_std, rel=1e-12
+    )
+    assert whole.displacement_per_impact_std > 0.0
 
 
 @pytest.mark.parametrize("keep", ["events", "statistics"])
@@ -138,7 +189,9 @@ def test_without_impact():
     assert number["displacement per period"] == 0.0
     assert number["share slipping"] == 0.0
     assert number["share resting"] == 0.0
-    for name in ("displacement per impact", "step std", "impact speed mean"):
+    for name in ("displacement per impact", "displacement per impact std",
+                 "displacement per blow", "displacement per blow std",
+                 "impact speed mean"):  # fmt: skip
         assert math.isnan(number[name])
     grid = mi.simulate(ZHAO, DRIVE.replace(amplitude=0.16), 400).samples(500, 200)
     gap = ZHAO.delta - grid["x2"].abs().max()

@@ -44,7 +44,7 @@ def test_hysteresis_of_the_paper(hysteresis):
 
 def test_table(hysteresis):
     assert list(hysteresis.columns) == [
-        "amplitude", "direction", "period", "v2", "v1", "impacts per period",
+        "amplitude", "direction", "period", "v2", "v1", "impacts per period", "blows per period",
         "displacement per period", "status",
     ]  # fmt: skip
     assert len(hysteresis) == 2 * 17 * 20

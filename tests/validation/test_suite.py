@@ -43,7 +43,7 @@ def test_files_of_a_figure(device_report, directory):
         assert "3.displacement" in text
         assert "agrees" in text
     table = pd.read_csv(directory / "figure3-displacement.csv")
-    assert table["displacement per impact [m]"].max() > 2e-8
+    assert table["displacement per blow [m]"].max() > 2e-8
     rows = list(csv.DictReader((directory / "verdicts.csv").open()))
     assert [row["id"] for row in rows] == ["3.displacement", "3.two-impacts"]
 

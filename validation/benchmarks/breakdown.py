@@ -17,8 +17,8 @@ import numpy as np
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.cvode.compiling import pointer
-from mems_impact.cvode.options import Options
+from mems_impact.engines.compiling import pointer
+from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant

@@ -16,7 +16,7 @@ from sksundae.cvode import CVODE
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant, Trajectory
 from tests.judges.judge_heyoka import Heyoka

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from validation.campaign import report
+from validation.campaign import families, report
 from validation.campaign.campaign import aimed, random_runs
 
 
@@ -19,22 +19,54 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--small", action="store_true", help="the aimed attacks thinned out, as CI")
     parser.add_argument("--no-aimed", action="store_true", help="the random runs alone")
-    parser.add_argument("--only", type=int, help="one random run, shown")
+    parser.add_argument(
+        "--only",
+        help="one random run by its number; or one family of other systems "
+        f"({', '.join(families.FAMILIES)}); or one case of it, as cradles:17",
+    )
+    parser.add_argument("--cases", type=int, help="how many cases of a family, from --first on")
     parser.add_argument("--out", type=Path, default=Path("campaign"), help="directory")
     options = parser.parse_args()
     if options.only is not None:
-        print(report.one(options.seed, options.only))
-        return 0
+        return _only(options)
     numbers = range(options.first, options.first + options.runs)
     outcomes = random_runs(options.seed, numbers, options.workers, show=True)
-    results = [] if options.no_aimed else aimed(options.seed, small=options.small, show=True)
+    results, verdicts = [], []
+    if not options.no_aimed:
+        results = aimed(options.seed, small=options.small, show=True)
+        verdicts = families.run(
+            options.seed, workers=options.workers, small=options.small, show=True
+        )
     options.out.mkdir(parents=True, exist_ok=True)
-    text = report.markdown(options.seed, outcomes, results)
+    text = report.markdown(options.seed, outcomes, results, verdicts)
     (options.out / "campaign.md").write_text(text, encoding="utf-8")
     report.write_csv(options.out / "runs.csv", outcomes)
     print(text)
     failed = any(outcome.findings for outcome in outcomes)
+    failed = failed or any(verdict.story for verdict in verdicts)
     return int(failed or any(not result.passed for result in results))
+
+
+def _only(options: argparse.Namespace) -> int:
+    name, _, number = options.only.partition(":")
+    if name not in families.FAMILIES:
+        print(report.one(options.seed, int(name)))
+        return 0
+    if number:
+        verdict = families.FAMILIES[name].check(options.seed, int(number))
+        print(verdict)
+        return int(bool(verdict.story))
+    verdicts = families.run(
+        options.seed,
+        [name],
+        options.first,
+        options.cases,
+        options.workers,
+        options.small,
+        show=True,
+    )
+    print("\n".join(families.table(options.seed, verdicts)))
+    return int(any(verdict.story for verdict in verdicts))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator import modes
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, side_of
-from mems_impact.cvode.options import Options
+from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import Problem, run

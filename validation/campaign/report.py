@@ -11,12 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
+from validation.campaign import families
 from validation.campaign.cases import random_case
 from validation.campaign.checks import GAINS, SHORT, Outcome, check
+from validation.campaign.comparing import Verdict
 from validation.campaign.result import Result
 
 
-def markdown(seed: int, outcomes: list[Outcome], results: list[Result]) -> str:
+def markdown(
+    seed: int, outcomes: list[Outcome], results: list[Result], verdicts: list[Verdict]
+) -> str:
     """Return the report."""
     lines = ["# Campaign", "", f"Seed {seed}; mems_impact {version('mems-impact')} on "]
     lines[-1] += f"Python {platform.python_version()}, {platform.machine()}."
@@ -44,6 +48,8 @@ def markdown(seed: int, outcomes: list[Outcome], results: list[Result]) -> str:
             lines.append(f"| {result.name} | {result.tried} | {result.figures} | {count} |")
         for result in results:
             lines += [f"- {result.name}: {finding}" for finding in result.findings]
+    if verdicts:
+        lines += ["", "## Other systems", "", *families.table(seed, verdicts)]
     return "\n".join(lines) + "\n"
 
 

@@ -234,8 +234,8 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     from numba import njit, types
     from numba.core.errors import NumbaError
 
-    from mems_impact.cvode.library import switched_off
-    from mems_impact.cvode.snapshot import take
+    from mems_impact.engines.cvode.library import switched_off
+    from mems_impact.engines.snapshot import take
 
     if switched_off():
         return ""

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mems_impact.cvode import compiled, interpreted, library
-from mems_impact.cvode.options import Options
+from mems_impact.engines.cvode import compiled, interpreted, library
+from mems_impact.engines.options import Options
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
 from tests.hybrid.systems import (
     BALL,
@@ -104,7 +104,7 @@ def test_auto_takes_the_compiled_engine():
 @pytest.mark.parametrize("method", ["adams", "bdf"])
 @pytest.mark.parametrize("kind", [compiled, interpreted])
 def test_an_engine_steps_on_its_own(kind, method):
-    """The contract of `cvode.engine`, without the loop."""
+    """The contract of `engines.contract`, without the loop."""
     engine = make(kind, method)
     swing = np.array([1.0, 0.0])
     if kind is interpreted:

@@ -13,10 +13,10 @@ from llvmlite import ir
 from numba import from_dtype, types
 from numba.extending import intrinsic
 
-from mems_impact.cvode import library
-from mems_impact.cvode.cache import compile_callback
-from mems_impact.cvode.compiling import WORD, array, matrix, pointer
-from mems_impact.cvode.snapshot import Snapshot, sources, take
+from mems_impact.engines.cache import compile_callback
+from mems_impact.engines.compiling import WORD, array, matrix, pointer
+from mems_impact.engines.cvode import library
+from mems_impact.engines.snapshot import Snapshot, sources, take
 
 _data = library.symbol("N_VGetArrayPointer_Serial")
 _matrix_data = library.symbol("SUNDenseMatrix_Data")

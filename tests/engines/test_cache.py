@@ -13,7 +13,7 @@ import pytest
 from numba import types
 from numba.core.caching import FunctionCache
 
-from mems_impact.cvode import cache
+from mems_impact.engines import cache
 
 ROOT = Path(__file__).parents[2]
 NOTICE = "compiling to native code"
@@ -40,7 +40,7 @@ RUN = """
     import logging
     import numpy as np
     import system
-    from mems_impact.cvode.options import Options
+    from mems_impact.engines.options import Options
     from mems_impact.hybrid.automaton import Automaton, Guard
     from mems_impact.hybrid.run import Problem, run
     from mems_impact.hybrid.trajectory import Instant

@@ -1,8 +1,8 @@
 """One arc through SUNDIALS' C API, with callbacks compiled by numba: the engine at native speed.
 
-`Engine` owns the memory of one CVODE object, whose callbacks are those of `cvode.kernels`. The
-contract of `mems_impact.cvode.engine` gets overloads here, so that a loop compiled by numba calls
-CVODE directly, without Python.
+`Engine` owns the memory of one CVODE object, whose callbacks are those of `engines.kernels`. The
+contract of `mems_impact.engines.contract` gets overloads here, so that a loop compiled by numba
+calls CVODE directly, without Python.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from mems_impact.cvode import engine as contract
-from mems_impact.cvode import library
-from mems_impact.cvode.compiling import INNER, JIT, address, integers, pointer
-from mems_impact.cvode.kernels import (
+from mems_impact.engines import contract
+from mems_impact.engines.compiling import INNER, JIT, address, integers, pointer
+from mems_impact.engines.cvode import library
+from mems_impact.engines.kernels import (
     HANDLE,
     call_kernel,
     callbacks,
@@ -28,8 +28,8 @@ from mems_impact.cvode.kernels import (
     jacobian_of,
     kernels,
 )
-from mems_impact.cvode.options import Options
-from mems_impact.cvode.snapshot import mark_overloaded
+from mems_impact.engines.options import Options
+from mems_impact.engines.snapshot import mark_overloaded
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -45,8 +45,8 @@ _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 class Engine:
     """One CVODE object whose callbacks are compiled; its memory is freed with it.
 
-    The parameters are those of `mems_impact.cvode.interpreted.Engine`. Adams runs with fixed-point
-    iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
+    The parameters are those of `mems_impact.engines.cvode.interpreted.Engine`. Adams runs with
+    fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
     """
 
     def __init__(

@@ -23,7 +23,7 @@ import numpy as np
 from numba import njit, types
 from numba.extending import overload
 
-from mems_impact.cvode.compiling import INNER, JIT
+from mems_impact.engines.compiling import INNER, JIT
 
 # numba has its own text for what these define, and their numbers do not change.
 LIBRARIES = ("math", "numba", "numpy")
@@ -95,8 +95,8 @@ def sources() -> str:
     """Return a digest of the sources of the engine and of the loop."""
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
-    for room in ("cvode", "hybrid"):
-        for file in sorted((package / room).glob("*.py")):
+    for room in ("engines", "hybrid"):
+        for file in sorted((package / room).rglob("*.py")):
             digest.update(file.name.encode() + b"\0" + file.read_bytes() + b"\0")
     return digest.hexdigest()
 

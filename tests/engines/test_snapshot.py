@@ -8,8 +8,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from mems_impact.cvode.options import Options
-from mems_impact.cvode.snapshot import take
+from mems_impact.engines.options import Options
+from mems_impact.engines.snapshot import take
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant

@@ -1,8 +1,9 @@
 """The contract between the event loop and whatever integrates an arc.
 
 The loop of `mems_impact.hybrid.loop` is written in terms of the functions below and nothing
-else. Interpreted, they call the methods of `cvode.interpreted.Engine`; compiled by numba, the
-overloads of `cvode.compiled` take their place, so that one text of the loop serves both.
+else. Interpreted, they call the methods of `engines.cvode.interpreted.Engine`; compiled by numba,
+the overloads of `engines.cvode.compiled` take their place, so that one text of the loop serves
+both.
 
 An engine holds one system of ``n`` equations with ``m`` margins. Its root functions are, in this
 order, the ``m`` margins (plus their bias), the ``m`` rates of the margins and one section:

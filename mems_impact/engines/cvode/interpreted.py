@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from sksundae.cvode import CVODE
 
-from mems_impact.cvode import engine as contract
-from mems_impact.cvode.options import Options
+from mems_impact.engines import contract
+from mems_impact.engines.options import Options
 
 # Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
 _SILENCE = threading.Lock()
@@ -35,7 +35,7 @@ def _fill(out: Any, values: list[float]) -> None:
 
 
 class Engine:
-    """CVODE with Python callbacks, behind the contract of `mems_impact.cvode.engine`.
+    """CVODE with Python callbacks, behind the contract of `mems_impact.engines.contract`.
 
     Parameters
     ----------

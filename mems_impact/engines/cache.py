@@ -13,7 +13,7 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.typing import Signature
 
-from mems_impact.cvode.compiling import JIT
+from mems_impact.engines.compiling import JIT
 
 _log = logging.getLogger("mems_impact")
 

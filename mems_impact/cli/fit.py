@@ -1,0 +1,153 @@
+"""`mems-impact fit`: parameters of a device from measured numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.drives import drive_from, drive_options, in_fields
+from mems_impact.cli.failures import FAILED, show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    assignment,
+    device_options,
+    directory_option,
+    integrator_options,
+    state_options,
+)
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
+
+
+def _bounds(
+    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, tuple[float, float]]:
+    bounds = {}
+    for text in texts:
+        name, _, limits = (part.strip() for part in text.partition("="))
+        low, _, high = limits.partition(":")
+        try:
+            bounds[name] = (float(low), float(high))
+        except ValueError:
+            raise click.BadParameter(f"{text!r} must be NAME=LOW:HIGH, such as k=1:10") from None
+    return bounds
+
+
+@click.command(short_help="Fit parameters of a device to measured numbers.")
+@device_options
+@click.option(
+    "--target", "targets", multiple=True, required=True, metavar=TARGET,
+    help="A measured number, such as 'displacement per blow=20e-9'. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--free", multiple=True, required=True, metavar="NAME",
+    help="A parameter of the device to be fitted. May be repeated.",
+)  # fmt: skip
+@click.option(
+    "--bounds", multiple=True, metavar="NAME=LOW:HIGH", callback=_bounds,
+    help="Between which values it is looked for. May be repeated.  [a tenth to ten times the "
+    "value of DEVICE]",
+)  # fmt: skip
+@drive_options
+@click.option("--transient", type=int, default=2, help="Forcing periods to wait in a run.  [2]")
+@click.option("--periods", type=int, default=2, help="Forcing periods to measure then.  [2]")
+@state_options
+@integrator_options
+@directory_option
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    targets: tuple[str, ...],
+    free: tuple[str, ...],
+    bounds: dict[str, tuple[float, float]],
+    transient: int,
+    periods: int,
+    x2: float,
+    v2: float,
+    v1: float,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+) -> None:
+    """Fit free parameters of DEVICE to what was measured; the search starts at its values.
+
+    \b
+    Measured under the voltage of the options:
+      displacement per blow, displacement per impact, displacement per period,
+      blows per period, impacts per period, mean speed
+    Of the device alone:
+      pull-in voltage, resting voltage, resonance
+
+    A sequence of impacts that ends in rest is one blow; every bounce is an impact. Periods are
+    forcing periods. The tolerance is the standard error of the value, 1 % of it by default. What
+    follows "at" changes the voltage for that target, such as "at amplitude=60".
+
+    Shows parameters and residuals and writes them as CSV tables. The exit status is 1 if a target
+    is missed by more than three tolerances or the data do not determine a parameter.
+
+    \b
+    Example:
+      mems-impact fit mita2003 --free k --amplitude 100 --frequency 1 \\
+        --target "displacement per blow=15e-9+-1e-9"
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    measured = [_target(text) for text in targets]
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    files = Output(output, None, True, "fit")
+    found = mi.fit(
+        actuator,
+        measured,
+        free,
+        bounds=bounds,
+        transient=transient,
+        periods=periods,
+        initial=mi.State(x2=x2, v1=v1, v2=v2),
+        options=options,
+    )
+    click.echo(f"{found}\n")
+    fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
+    settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
+    click.echo(f"The fitted device, for other commands: {device} {settings}\n")
+    files.table("parameters", found.parameters)
+    files.table("residuals", found.residuals)
+    click.echo(files.said())
+    if found.verdict != "good":
+        ctx.exit(FAILED)
+
+
+def _target(text: str) -> mi.Target:
+    import mems_impact as mi
+    from mems_impact.studies.targets import OF_RUN
+
+    what, _, under = text.partition(" at ")
+    quantity, _, number = (part.strip() for part in what.partition("="))
+    middle, _, scatter = number.partition("+-")
+    try:
+        value, tolerance = float(middle), float(scatter) if scatter else None
+    except ValueError:
+        raise click.UsageError(f"--target {text!r} must be {TARGET}") from None
+    if quantity not in OF_RUN:
+        if under:
+            raise click.UsageError(f"--target {text!r}: {quantity} needs no voltage")
+        return mi.Target(quantity=quantity, value=value, tolerance=tolerance)
+    drive = drive_from()
+    changes = in_fields(dict(map(assignment, under.split(",")))) if under else {}
+    for name in changes:
+        if name not in drive.names:
+            known = ", ".join(drive.names)
+            raise click.UsageError(f"--target {text!r}: {name} must be one of {known}")
+    drive = drive.varied(changes)
+    return mi.Target(quantity=quantity, value=value, tolerance=tolerance, drive=drive)

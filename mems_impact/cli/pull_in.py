@@ -1,0 +1,30 @@
+"""`mems-impact pull-in`: at which voltages a device is pulled in and lets go."""
+
+from __future__ import annotations
+
+import click
+
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.options import actuator_from, device_options
+
+
+@click.command("pull-in", short_help="Show the voltages at which a device pulls in and lets go.")
+@device_options
+def command(*, device: str, changes: dict[str, float]) -> None:
+    """Show pull-in voltage, resting voltage and resonance of DEVICE, from its parameters alone.
+
+    Pulled by a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage;
+    above the resting voltage it stays there. The resonance is that of the block in a frame that is
+    held.
+
+    \b
+    Example:
+      mems-impact pull-in mita2003
+    """  # noqa: D301 - click looks for the backspace itself
+    from mems_impact.studies.targets import of_device
+
+    show_warnings_briefly()
+    quantities = of_device(actuator_from(device, changes))
+    width = max(map(len, quantities))
+    for name, value in quantities.items():
+        click.echo(f"  {name:<{width}}  {value:.9g}")

@@ -1,1 +1,0 @@
-"""The engine: CVODE behind one small contract. The only room that touches SUNDIALS."""

@@ -1,0 +1,1 @@
+"""SUNDIALS CVODE: linear multistep methods. The only folder that touches SUNDIALS."""

@@ -1,0 +1,235 @@
+"""Sequences of impacts that accumulate: recognised, and completed in one go.
+
+Under a constant closing acceleration the speeds of separation, and with them the flights, shrink by
+a constant ratio. What remains after a flight of length T is T ratio/(1 - ratio); then the contact
+persists, which is an impact without rebound. Functions over the engine's contract, as in `guards`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mems_impact.engines import contract as arc
+from mems_impact.hybrid.guards import follow, resolution, violated
+from mems_impact.hybrid.record import (
+    ACCUMULATION,
+    AHEAD,
+    ENTERED,
+    EPS,
+    HIT_INTERVAL,
+    HIT_SPEED,
+    HIT_TIME,
+    LEFT,
+    MOVED,
+    NONE,
+    PAST,
+    TRANSITION,
+    G,
+    next_switch,
+    note,
+)
+
+# A flight is weak if it is lower than this part of what makes up the gap, or than so many absolute
+# tolerances: below that its impacts are not counted one by one, while the gap still has digits.
+WEAK, WEAK_TOLERANCES = 5e-11, 5.0
+ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
+STEADY = 1e-6  # the end of a sequence is known to about this part of its last flight
+BISECTIONS = 60
+OTHER = -2  # beside NONE: what ends the wait for the end of a sequence is not its own matter
+
+
+def complete_chatter(
+    engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any
+) -> float:
+    """Complete a sequence of impacts at `guard` once its flights are weak; return the new time.
+
+    `y` is the state after the impact at `t`. It becomes that at the end of the sequence, and all
+    that is not in contact has moved on until then; or it stays, and the sequence goes on.
+    """
+    work = buffers.work
+    past, entered, left = work[PAST], work[ENTERED], work[LEFT]
+    mode = s.mode
+    remaining, interval = what_is_left(engine, s, t, y, guard, layout, buffers)
+    end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t, layout))
+    if t + remaining >= end:
+        return t
+    for j in range(y.size):
+        past[j] = y[j]
+        entered[j] = y[j]
+    contact = arc.transition(engine, mode, layout.order.size + guard, t, entered)
+    if remaining > 0.0:
+        # The closing acceleration changes a little: to first order, its mean is what counts.
+        follow(engine, contact, t, entered, remaining, left, buffers)
+        first = acceleration(engine, s, mode, t, past, guard, 0.125 * interval, layout, buffers)
+        last = acceleration(
+            engine, s, mode, t + remaining, left, guard, -0.125 * interval, layout, buffers
+        )
+        change = (last - first) / first if first != 0.0 else math.inf
+        if not change * change * remaining <= STEADY * interval:
+            return t
+        remaining /= 1.0 + 0.5 * change
+    s.mode = contact
+    ended = carry(engine, s, mode, t, remaining, guard, layout, buffers)
+    if ended == OTHER:
+        s.mode = mode
+        return t
+    buffers.hits[guard, HIT_TIME] = -math.inf
+    t += remaining
+    if ended == NONE:
+        note(s, t, ACCUMULATION, guard, mode, past, left, buffers)
+    else:
+        # Friction has ended a slip of the pair before the sequence is over. In the log the pair
+        # waits for the end of the sequence, and slips then.
+        for j in range(y.size):
+            if entered[j] == past[j] and not moves(engine, s, mode, t, past, j, guard, buffers):
+                entered[j] = left[j]
+        settled = s.mode
+        s.mode = contact
+        note(s, t, ACCUMULATION, guard, mode, past, entered, buffers)
+        s.mode = settled
+        note(s, t, TRANSITION, ended, contact, entered, left, buffers)
+        s.cycle_events += 1
+    for j in range(y.size):
+        y[j] = left[j]
+    return t
+
+
+def what_is_left(
+    engine: Any, s: Any, t: float, y: Any, guard: int, layout: Any, buffers: Any
+) -> tuple[float, float]:
+    """Note the impact at `t`; return how long its sequence still lasts, and the last flight.
+
+    Infinity if there is no sequence, or none that may be completed yet.
+    """
+    m = layout.order.size
+    hits, g = buffers.hits[guard], buffers.work[G]
+    arc.margins(engine, s.mode, t, y, g)
+    speed = g[m + guard]
+    since, earlier, before = hits[HIT_TIME], hits[HIT_INTERVAL], hits[HIT_SPEED]
+    hits[HIT_TIME], hits[HIT_INTERVAL], hits[HIT_SPEED] = t, t - since, speed
+    interval = t - since
+    if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.instant > 1):
+        return math.inf, interval
+    ratio = speed / before
+    # Three impacts make a sequence, so that a run taken up before them knows as much.
+    shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
+    size, gain, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
+    height = 0.25 * before * interval
+    if height >= WEAK * size + WEAK_TOLERANCES * s.atol * gain:
+        return math.inf, interval
+    # A flight that acceleration turns round lasts 2 u/a. A body that another one throws back
+    # arrives far too soon for its speed. With friction the acceleration changes during the flight.
+    flight = max(interval, EPS * abs(t))
+    a = acceleration(engine, s, s.mode, t, y, guard, 0.125 * flight, layout, buffers)
+    if 2.0 * before > ABRUPT * abs(a) * flight:
+        return math.inf, interval
+    for k in range(m):
+        other = k != guard and layout.impact[k] == 1 and buffers.hits[k, HIT_TIME] > since
+        if other and shares(engine, s, t, y, guard, k, buffers):
+            return math.inf, interval  # two gaps in alternation
+    if shrinking:
+        return interval * ratio / (1.0 - ratio), interval
+    # Flights that drown in the rounding of the gap, or of time, need not shrink.
+    if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
+        return 0.0, interval
+    return math.inf, interval
+
+
+def acceleration(
+    engine: Any,
+    s: Any,
+    mode: int,
+    t: float,
+    y: Any,
+    guard: int,
+    h: float,
+    layout: Any,
+    buffers: Any,
+) -> float:
+    """Return how fast the rate of `guard` changes along the flow of `mode`, over the time `h`."""
+    g, ahead = buffers.work[G], buffers.work[AHEAD]
+    m = layout.order.size
+    h = min(h, 0.5 * (next_switch(s, t, layout) - t))
+    arc.margins(engine, mode, t, y, g)
+    rate = g[m + guard]
+    follow(engine, mode, t, y, h, ahead, buffers)
+    arc.margins(engine, mode, t + h, ahead, g)
+    result: float = (g[m + guard] - rate) / h
+    return result
+
+
+def carry(
+    engine: Any,
+    s: Any,
+    mode: int,
+    t: float,
+    remaining: float,
+    guard: int,
+    layout: Any,
+    buffers: Any,
+) -> int:
+    """Carry the state that has entered contact, in ENTERED, over `remaining` into LEFT.
+
+    Returns the guard that fired on the way and was handled, which leaves its mode in ``s.mode``;
+    NONE; or OTHER where the sequence cannot be completed yet: what fires is an impact, or has
+    nothing to do with the bodies in contact, or is not alone.
+    """
+    work = buffers.work
+    past, entered, left = work[PAST], work[ENTERED], work[LEFT]
+    contact = s.mode
+    follow(engine, contact, t, entered, remaining, left, buffers)
+    for j in range(buffers.offset.size):
+        if not math.isfinite(left[j]):
+            return OTHER
+    ended = violated(engine, s, contact, t + remaining, left, layout, buffers)
+    if ended == NONE or remaining == 0.0:
+        return NONE
+    if layout.impact[ended] == 1:
+        return OTHER
+    own = False
+    for j in range(buffers.offset.size):
+        if moves(engine, s, contact, t, entered, j, ended, buffers):
+            own = own or entered[j] != past[j] or moves(engine, s, mode, t, past, j, guard, buffers)
+    if not own:
+        return OTHER
+    g = work[G]
+    low, high = 0.0, remaining
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        follow(engine, contact, t, entered, middle, left, buffers)
+        arc.margins(engine, contact, t + middle, left, g)
+        if g[ended] > 0.0:
+            low = middle
+        else:
+            high = middle
+    follow(engine, contact, t, entered, high, left, buffers)
+    s.mode = arc.transition(engine, contact, ended, t + high, left)
+    follow(engine, s.mode, t + high, left, remaining - high, left, buffers)
+    if violated(engine, s, s.mode, t + remaining, left, layout, buffers) != NONE:
+        return OTHER
+    return ended
+
+
+def moves(
+    engine: Any, s: Any, mode: int, t: float, y: Any, j: int, guard: int, buffers: Any
+) -> bool:
+    """Return whether component `j` of the state moves the margin of `guard`."""
+    g, moved = buffers.work[G], buffers.work[MOVED]
+    arc.margins(engine, mode, t, y, g)
+    margin = g[guard]
+    for k in range(buffers.offset.size):
+        moved[k] = y[k]
+    moved[j] += 2.0**-26 * abs(y[j]) + s.atol
+    arc.margins(engine, mode, t, moved, g)
+    return bool(g[guard] != margin)
+
+
+def shares(engine: Any, s: Any, t: float, y: Any, guard: int, other: int, buffers: Any) -> bool:
+    """Return whether the margins of two guards depend on the same component of the state."""
+    for j in range(buffers.offset.size):
+        if moves(engine, s, s.mode, t, y, j, guard, buffers) and moves(
+            engine, s, s.mode, t, y, j, other, buffers
+        ):
+            return True
+    return False

@@ -1,0 +1,300 @@
+"""What fires, and when: margins and rates read so that no decision hangs on rounding.
+
+Functions over the engine's contract, like the loop itself, which calls them. `work` rows that a
+function overwrites are those of `record`: ``G`` always, others as its docstring says.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mems_impact.engines import contract as arc
+from mems_impact.hybrid.record import (
+    AHEAD,
+    BEND,
+    EPS,
+    LOOKED,
+    MOVED,
+    NONE,
+    NOW,
+    SLOPE,
+    STAGE,
+    STATE,
+    SUM,
+    THEN,
+    G,
+    next_switch,
+)
+
+ROUNDINGS = 64.0  # what lies within so many roundings of zero has no sign
+TOLERANCES = 1e3  # a margin so many tolerances below zero is no error of the integration
+FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
+
+
+def resolution(
+    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
+) -> tuple[float, float, float]:
+    """Return the size of what makes up margin `i`, its gain, and the size of its rate's parts.
+
+    ``size`` is the sum of |dg/dy_j| |y_j|, ``gain`` that of |dg/dy_j|: roundings of the state move
+    the margin by EPS * size, the tolerances by rtol * size + atol * gain. Overwrites MOVED.
+    """
+    m = layout.order.size
+    g, moved = buffers.work[G], buffers.work[MOVED]
+    arc.margins(engine, mode, t, y, g)
+    margin, rate = g[i], g[m + i]
+    size = gain = rate_size = 0.0
+    n = buffers.offset.size
+    for j in range(n):
+        moved[j] = y[j]
+    for j in range(n):
+        shift = 2.0**-26 * abs(y[j]) + s.atol
+        moved[j] = y[j] + shift
+        arc.margins(engine, mode, t, moved, g)
+        moved[j] = y[j]
+        slope = abs(g[i] - margin) / shift
+        gain += slope
+        size += slope * abs(y[j])
+        rate_size += abs(g[m + i] - rate) / shift * abs(y[j])
+    return size, gain, rate_size
+
+
+def follow(engine: Any, mode: int, t: float, y: Any, h: float, out: Any, buffers: Any) -> None:
+    """Follow the flow of `mode` from (t, y) over `h` by one step of Runge and Kutta, into `out`.
+
+    Over times so short that its error, of the fifth power, is below rounding or does not matter.
+    Overwrites STAGE, SLOPE, SUM; `y` and `out` may be the same.
+    """
+    work, n = buffers.work, buffers.offset.size
+    stage, slope, total = work[STAGE], work[SLOPE], work[SUM]
+    arc.flow(engine, mode, t, y, slope)
+    for j in range(n):
+        total[j] = slope[j]
+        stage[j] = y[j] + 0.5 * h * slope[j]
+    arc.flow(engine, mode, t + 0.5 * h, stage, slope)
+    for j in range(n):
+        total[j] += 2.0 * slope[j]
+        stage[j] = y[j] + 0.5 * h * slope[j]
+    arc.flow(engine, mode, t + 0.5 * h, stage, slope)
+    for j in range(n):
+        total[j] += 2.0 * slope[j]
+        stage[j] = y[j] + h * slope[j]
+    arc.flow(engine, mode, t + h, stage, slope)
+    for j in range(n):
+        out[j] = y[j] + h / 6.0 * (total[j] + slope[j])
+
+
+def trend(
+    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
+) -> int:
+    """Return whether margin `i` is about to rise (1), to fall (-1), or neither (0).
+
+    The flow is followed for longer and longer until the margin has moved by more than rounding: a
+    gap that opens with no speed and no acceleration, as that of a body
+    which a moving wall lets go, is told by what comes next. Overwrites MOVED, AHEAD, STAGE, SLOPE,
+    SUM.
+    """
+    g, ahead = buffers.work[G], buffers.work[AHEAD]
+    size, _, _ = resolution(engine, s, mode, i, t, y, layout, buffers)
+    arc.margins(engine, mode, t, y, g)
+    margin = g[i]
+    farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
+    h = 2.0**-32 * farthest  # so long that rounding of the flow does not decide
+    while h < farthest:
+        h = min(8.0 * h, farthest)
+        follow(engine, mode, t, y, h, ahead, buffers)
+        arc.margins(engine, mode, t + h, ahead, g)
+        moved = g[i] - margin
+        if abs(moved) > ROUNDINGS * EPS * size:
+            return 1 if moved > 0.0 else -1
+    return 0
+
+
+def falls(engine: Any, s: Any, i: int, t: float, y: Any, layout: Any, buffers: Any) -> bool:
+    """Return whether margin `i` really falls at (t, y).
+
+    The polynomial of a step has the integration error, and a difference of large numbers its
+    rounding; below them a margin seems to fall through zero where it does not, again and again.
+    A rate that is clearly negative is believed, else the flow is asked. Overwrites what `trend`
+    does.
+    """
+    m = layout.order.size
+    g = buffers.work[G]
+    arc.margins(engine, s.mode, t, y, g)
+    rate = g[m + i]
+    if rate < 0.0:
+        _, _, rate_size = resolution(engine, s, s.mode, i, t, y, layout, buffers)
+        if rate < -ROUNDINGS * EPS * rate_size:
+            return True
+    return trend(engine, s, s.mode, i, t, y, layout, buffers) < 0
+
+
+def violated(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
+    """Return the first guard, by order, that fires where the state is put; or NONE.
+
+    Its margin is zero or below and falls; or it is clearly negative, and no gap. Overwrites LOOKED
+    and what `trend` does.
+    """
+    m = layout.order.size
+    order = layout.order
+    looked = buffers.work[LOOKED]
+    arc.margins(engine, mode, t, y, looked)
+    guard = NONE
+    for i in range(m):
+        if looked[i] <= 0.0 and (guard == NONE or order[i] < order[guard]):
+            rate = looked[m + i]
+            size, gain, rate_size = resolution(engine, s, mode, i, t, y, layout, buffers)
+            rounding = ROUNDINGS * EPS * rate_size
+            fires = rate < -rounding or (
+                rate <= rounding and trend(engine, s, mode, i, t, y, layout, buffers) < 0
+            )
+            beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, rate, size, gain)
+            if fires or beyond:
+                guard = i
+    return guard
+
+
+def clearly(s: Any, rate: float, size: float, gain: float) -> float:
+    """Return how far below zero a margin must be to be there for no error's sake."""
+    error: float = TOLERANCES * (s.rtol * size + s.atol * gain) + 1e-6 * abs(rate) * s.scale
+    return error
+
+
+def inside(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> int:
+    """Return a gap that is clearly negative and does not open, as a start may be; or NONE."""
+    m = layout.order.size
+    looked = buffers.work[LOOKED]
+    arc.margins(engine, s.mode, t, y, looked)
+    for i in range(m):
+        if layout.impact[i] == 1 and looked[i] < 0.0 and looked[m + i] <= 0.0:
+            size, gain, _ = resolution(engine, s, s.mode, i, t, y, layout, buffers)
+            if looked[i] < -clearly(s, looked[m + i], size, gain):
+                return i
+    return NONE
+
+
+def first_guard(
+    engine: Any, s: Any, status: int, before: float, t: float, layout: Any, buffers: Any
+) -> tuple[int, float]:
+    """Return the guard that fires first in the step from `before` to `t`, and when; or NONE.
+
+    A margin fires where the engine says so; where it has dipped below zero at its closest
+    approach, a root of its rate; and where a look inside the step finds it. Overwrites STATE and
+    what `falls` does.
+    """
+    m = layout.order.size
+    order = layout.order
+    y = buffers.work[STATE]
+    now = buffers.edge[NOW]
+    guard, t_event = NONE, t
+    for i in range(m):
+        fired = status == arc.ROOT and arc.fired(engine, i) < 0
+        t_crossing = hidden(engine, s, i, before, t, fired, layout, buffers)
+        if t_crossing == math.inf:
+            if fired:
+                t_crossing = t
+            elif (
+                status == arc.ROOT
+                and arc.fired(engine, m + i) > 0
+                # Zero as well: CVODE stops where a margin and its rate are zero together.
+                and now[i] + arc.bias(engine, i) <= 0.0
+            ):
+                t_crossing = crossing(engine, s, i, before, t, buffers)
+        if t_crossing < math.inf and (
+            guard == NONE
+            or t_crossing < t_event
+            or (t_crossing == t_event and order[i] < order[guard])
+        ):
+            arc.interpolate(engine, t_crossing, y)
+            if falls(engine, s, i, t_crossing, y, layout, buffers):
+                guard, t_event = i, t_crossing
+            else:
+                s.doubt = 1
+    return guard, t_event
+
+
+def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
+    """Bisect margin `i` on the last step: positive at `inside`, negative at `outside`.
+
+    Overwrites STATE.
+    """
+    g, y = buffers.work[G], buffers.work[STATE]
+    bias = arc.bias(engine, i)
+    for _ in range(80):
+        middle = 0.5 * (inside + outside)
+        if middle <= inside or middle >= outside:
+            break
+        arc.interpolate(engine, middle, y)
+        arc.margins(engine, s.mode, middle, y, g)
+        if g[i] + bias > 0.0:
+            inside = middle
+        else:
+            outside = middle
+    return outside
+
+
+def hidden(
+    engine: Any,
+    s: Any,
+    i: int,
+    before: float,
+    t: float,
+    fired: bool,
+    layout: Any,
+    buffers: Any,
+) -> float:
+    """Return when margin `i` first falls below zero inside the last step; infinity if it does not.
+
+    A step of a flow that is nearly a polynomial may be long enough for two minima of a margin.
+    What the margin may do between two instants is bounded by its values and rates there and by
+    how much the rates change: nothing, for most steps. Else the step is walked through, in parts so
+    short that the bound holds. Overwrites STATE and, where it finds something, what `falls` does.
+    """
+    m = layout.order.size
+    then, now, bend = buffers.edge[THEN], buffers.edge[NOW], buffers.edge[BEND]
+    bias = arc.bias(engine, i)
+    a, g_a, r_a = before, then[i] + bias, then[m + i]
+    # A root is where the margin is zero but for what the engine tells roots apart.
+    g_end = 0.0 if fired else now[i] + bias
+    if g_a < 0.0 or t <= before or s.lifted == 1:
+        return math.inf
+    turning = abs(now[m + i] - r_a) / (t - before)
+    curved = max(turning, 0.5 * bend[i])
+    bend[i] = curved
+    # The end of a step below zero is for the engine to explain.
+    if g_end < 0.0 or stays(g_a, r_a, g_end, now[m + i], t - before, curved):
+        return math.inf
+    g, y = buffers.work[G], buffers.work[STATE]
+    finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
+    width = 0.5 * (t - before)
+    while a < t:
+        b = a + width if a + 1.5 * width < t else t
+        g_b, r_b = g_end, now[m + i]
+        if b < t:
+            arc.interpolate(engine, b, y)
+            arc.margins(engine, s.mode, b, y, g)
+            g_b, r_b = g[i] + bias, g[m + i]
+        curved = max(curved, abs(r_b - r_a) / (b - a))
+        if b - a > finest and not stays(g_a, r_a, abs(g_b), r_b, b - a, curved):
+            width *= 0.5
+        elif g_b < 0.0:
+            size, _, _ = resolution(engine, s, s.mode, i, b, y, layout, buffers)
+            if g_b < -ROUNDINGS * EPS * (size + abs(r_b * b)):
+                return crossing(engine, s, i, a, b, buffers)
+            a, g_a, r_a = b, 0.0, r_b
+        else:
+            a, g_a, r_a = b, g_b, r_b
+            width *= 2.0
+    return math.inf
+
+
+def stays(g_a: float, r_a: float, g_b: float, r_b: float, h: float, curved: float) -> bool:
+    """Return whether a margin with these values and rates stays positive over `h` in between.
+
+    From either end it keeps above a parabola that bends down twice as much as its rates have been
+    seen to change, or as rates and values contradict each other.
+    """
+    defect = abs(g_b - g_a - 0.5 * h * (r_a + r_b))
+    drop = 0.25 * curved * h * h + 3.0 * defect
+    return g_a + 0.5 * h * r_a > drop and g_b - 0.5 * h * r_b > drop

@@ -1,0 +1,108 @@
+"""`mems-impact fit` and `mems-impact pull-in`, beside what Python gives."""
+
+import math
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+MITA = mi.load_actuator("mita2003")
+VOLTAGE = ["--amplitude", "100", "--frequency", "1"]
+FIT = ["fit", "mita2003", "--free", "k"]
+BLOW = "displacement per blow=20e-9"
+
+
+def shown(found):
+    """Return the lines of a command's output that are a name and a number."""
+    parts = (line.rsplit(maxsplit=1) for line in found.out.splitlines() if line)
+    return {name.strip(): float(number) for name, number in parts}
+
+
+def test_pull_in(cli):
+    found = shown(cli("pull-in", "mita2003"))
+    assert found["pull-in voltage [V]"] == pytest.approx(mi.pull_in_voltage(MITA), rel=1e-8)
+    assert found["resting voltage [V]"] == pytest.approx(mi.resting_voltage(MITA), rel=1e-8)
+    assert found["resonance [rad/s]"] == pytest.approx(math.sqrt(MITA.k / MITA.m2), rel=1e-8)
+    changed = shown(cli("pull-in", "zhao2004", "--set", "k=4"))
+    assert changed["pull-in voltage"] == pytest.approx(2 * math.sqrt(4 / 27), rel=1e-8)
+
+
+def test_fit_is_that_of_python(cli, tmp_path):
+    done = cli(*FIT, "--set", "k=4", "--set", "c=6e-4", "--target", BLOW, *VOLTAGE)
+    assert done.status == 0
+    assert done.out.startswith("good: the data determine all free parameters\n")
+    drive = mi.Sine(amplitude=100, omega=2 * math.pi)
+    target = mi.Target(quantity="displacement per blow", value=20e-9, drive=drive)
+    found = mi.fit(MITA.replace(k=4, c=6e-4), [target], free=["k"])
+    # As options of the next command, with what was changed before.
+    assert f"mita2003 --set k={found.actuator.k!r} --set c=0.0006\n" in done.out
+    assert "out/fit-parameters.csv, out/fit-residuals.csv" in done.out.splitlines()[-1]
+    written = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")
+    assert written["fitted"][0] == pytest.approx(found.actuator.k, rel=1e-15)
+    assert len(list((tmp_path / "out").iterdir())) == 2
+
+
+def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
+    measured = {
+        volts: mi.blows(mi.simulate(MITA, mi.Sine(amplitude=volts, omega=2 * math.pi), 4,
+                                    window=(2, 4))).displacement_per_blow
+        for volts in (60, 100)
+    }  # fmt: skip
+    done = cli(
+        *FIT, "--free", "e", "--set", "k=4.5", "--set", "e=0.75", *VOLTAGE,
+        "--target", f"displacement per blow={measured[100]!r}",
+        "--target", f"displacement per blow={measured[60]!r}+-1e-11 at amplitude=60, frequency=1",
+        "--target", f"pull-in voltage = {mi.pull_in_voltage(MITA)!r} +- 0.1",
+    )  # fmt: skip
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")
+    assert table["drive"].str.contains("amplitude=60.0").tolist()[:2] == [False, True]
+    differences = table["difference"] / table["in tolerances"]
+    assert differences.tolist() == pytest.approx([0.01 * measured[100], 1e-11, 0.1], rel=1e-3)
+    found = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")["fitted"]
+    assert found.tolist() == pytest.approx([MITA.k, MITA.e], rel=1e-3)
+
+
+def test_a_misfit_is_a_failure(cli, tmp_path):
+    done = cli("fit", "mita2003", "--free", "e", "--target", "displacement per blow=1e-9", *VOLTAGE)
+    assert done.status == 1
+    assert done.out.startswith("misfit: the fit misses the target by more than 3 tolerances")
+    line = done.err.splitlines()[-1]
+    assert line.startswith("mems-impact: warning: misfit: the fit misses the target")
+    assert "per impact or per blow?" in line
+    residual = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")["in tolerances"][0]
+    assert abs(residual) > 100
+
+
+def test_bounds(cli):
+    bounded = [*FIT, "--target", "pull-in voltage=300", "--bounds", "k=1:10"]
+    done = cli(*bounded)
+    assert done.status == 1
+    assert "k stands at its upper bound" in done.out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["pull-in"], ["DEVICE", "--help"]),
+        (["pull-in", "nothing"], ["nothing", "zhao2004"]),
+        (FIT, ["--target"]),
+        (["fit", "mita2003", "--target", BLOW], ["--free"]),
+        ([*FIT, "--target", BLOW], ["--amplitude"]),
+        ([*FIT, "--target", BLOW, *VOLTAGE[:2]], ["'--omega' or '--frequency'"]),
+        ([*FIT, "--target", "displacement per blow"], ["QUANTITY=VALUE"]),
+        ([*FIT, "--target", "colour=1"], ["colour", "displacement per blow"]),
+        ([*FIT, "--target", "pull-in voltage=30+-x"], ["30+-x", "QUANTITY=VALUE"]),
+        ([*FIT, "--target", "pull-in voltage=30 at amplitude=1"], ["needs no voltage"]),
+        ([*FIT, "--target", f"{BLOW} at colour=1", *VOLTAGE], ["colour", "amplitude, omega"]),
+        ([*FIT, "--target", f"{BLOW} at colour", *VOLTAGE], ["'colour'", "NAME=NUMBER"]),
+        ([*FIT, "--target", "pull-in voltage=30", "--bounds", "k=1"], ["NAME=LOW:HIGH"]),
+        ([*FIT, "--target", "pull-in voltage=30", "--bounds", "e=0.1:1"], ["bounds of e", "k"]),
+        ([*FIT, "--target", "pull-in voltage=30", "--free", "colour"], ["colour", "alpha"]),
+    ],
+)
+def test_bad_input_is_one_line(cli, arguments, named):
+    said = cli(*arguments).complaint()
+    for word in named:
+        assert word in said

@@ -1,0 +1,210 @@
+"""A reference for any automaton: SciPy's DOP853, its dense output searched for every event.
+
+Nothing of the package is used. Within a step all margins and their rates are looked at on a dense
+grid, so that a margin that dips below zero and comes back is seen; the state at an event is
+integrated to it. Where the reference cannot tell what happens, it ends: at tangential and at
+simultaneous events, and where a reset puts a margin next to zero.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+from scipy.optimize import brentq
+
+from validation.campaign.comparing import END, Row
+
+Floats = NDArray[np.float64]
+
+GRID = np.linspace(0.0, 1.0, 25)  # of a step
+NEAR = 1e-9  # a margin that is zero
+CLEAR = 1e-4  # one that is not, below zero
+STEEP = 1e-3  # a rate that is none
+SLOW = 1e-6  # one of a gap, which closes slowly at the end of a sequence of impacts
+IN_AN_INSTANT = 8  # transitions, at most
+FLIGHT = 3e-5  # flights shorter than this are the end of a sequence of impacts
+WEAKEST = 1e-5  # speed down to which the package, which has no closed form, measures impacts
+
+
+class System(Protocol):
+    """What is followed. Functions take one time and state, or many: (k,) and (k, n)."""
+
+    order: Floats  # of the guards within one instant
+    impact: NDArray[np.bool_]
+    stopped: int  # the mode after a sequence of impacts, in which nothing moves
+
+    def flow(self, mode: int, t: Any, y: Floats) -> Floats:
+        """Return the time derivative of the state."""
+
+    def margins(self, mode: int, t: Any, y: Floats) -> tuple[Floats, Floats]:
+        """Return margins and rates, infinite and zero where they do not apply."""
+
+    def fire(self, mode: int, guard: int, t: float, y: Floats) -> tuple[int, Floats]:
+        """Return mode and state after the transition."""
+
+    def contact(self, mode: int, guard: int, t: float, y: Floats) -> Floats:
+        """Return the state after an impact without rebound."""
+
+    def restitution(self, guard: int) -> float:
+        """Return the restitution of an impact."""
+
+
+class Undecided(Exception):
+    """What happens at this time, the reference cannot tell."""
+
+
+class Follower:
+    """One motion of a system."""
+
+    def __init__(self, system: System, mode: int, t: float, y: Floats, rtol: float = 1e-12):
+        self.system, self.mode, self.t, self.y = system, mode, t, y
+        self.rtol = rtol
+        self.steep = np.where(system.impact, SLOW, STEEP)
+        self.rows: list[Row] = []
+
+    def follow(self, end: float, most: int = 60) -> tuple[list[Row], float]:
+        """Return the events up to `end`, and how far they are known."""
+        try:
+            while len(self.rows) < most:
+                if self.mode == self.system.stopped or not self._arc(end):
+                    self.rows.append(Row(end, END, self.mode, self.y))
+                    return self.rows, end
+        except Undecided:
+            pass
+        return self.rows, self.t
+
+    def carry(self, time: float) -> Floats:
+        """Return the state after `time` in which nothing can happen."""
+        return self._integrate(self.t, self.y, self.t + time)
+
+    def _integrate(self, t: float, y: Floats, end: float) -> Floats:
+        solver = self._solver(t, y, end)
+        while solver.status == "running":
+            solver.step()
+        return solver.y
+
+    def _solver(self, t: float, y: Floats, end: float) -> DOP853:
+        system, mode = self.system, self.mode
+
+        def fun(t: float, y: Floats) -> Floats:
+            return system.flow(mode, t, y)
+
+        return DOP853(fun, t, y, end, rtol=self.rtol, atol=0.01 * self.rtol, max_step=0.5)
+
+    def _arc(self, end: float) -> bool:
+        """Integrate to the next event and carry it out; False if `end` came first."""
+        solver = self._solver(self.t, self.y, end)
+        first = True
+        while solver.status == "running":
+            t, y = solver.t, solver.y.copy()
+            solver.step()
+            if solver.status == "failed":
+                raise Undecided
+            event = self._search(solver.dense_output(), t, solver.t, first)
+            if event is not None:
+                self._refine(t, y, *event)
+                return True
+            first = False
+        self.t, self.y = float(solver.t), solver.y
+        return False
+
+    def _search(self, dense: Any, t: float, last: float, first: bool) -> tuple[int, float] | None:
+        """Return the guard that fires first within a step, and about when."""
+        system, mode = self.system, self.mode
+        times = t + (last - t) * GRID
+        values, rates = system.margins(mode, times, dense(times).T)
+        below = values < 0.0
+        if first:
+            below[0] = False  # margins are zero or above where an arc begins
+        step = times[1] - times[0]
+        down, up = rates[:-1] < 0.0, rates[1:] > 0.0
+        dips = down & up & ~below[:-1] & ~below[1:] & (values[:-1] < -2.0 * step * rates[:-1])
+        found = below[1:] | dips
+
+        def margin(time: float, guard: int) -> float:
+            return float(system.margins(mode, time, dense(time))[0][guard])
+
+        def rate(time: float, guard: int) -> float:
+            return float(system.margins(mode, time, dense(time))[1][guard])
+
+        for k in np.flatnonzero(found.any(axis=1)):
+            events = []
+            for guard in np.flatnonzero(found[k]):
+                low, high = times[k], times[k + 1]
+                if dips[k, guard]:
+                    high = brentq(rate, low, high, args=(guard,), xtol=1e-15)
+                    if margin(high, guard) >= 0.0:
+                        continue
+                if first and k == 0 and values[0, guard] < NEAR:
+                    if not rates[0, guard] > 0.0 > rates[1, guard]:
+                        raise Undecided
+                    low = brentq(rate, low, high, args=(guard,), xtol=1e-15)
+                if margin(low, guard) <= 0.0:
+                    raise Undecided
+                time = brentq(margin, low, high, args=(guard,), xtol=1e-15, rtol=1e-15)
+                events.append((time, int(guard)))
+            if events:
+                time, guard = min(events)
+                return guard, time
+        return None
+
+    def _refine(self, t: float, y: Floats, guard: int, about: float) -> None:
+        """Integrate from a step's beginning to the event and carry out what it brings."""
+        if about > t:
+            y = self._integrate(t, y, about)
+        self.t = about
+        values, rates = self.system.margins(self.mode, about, y)
+        if rates[guard] > -self.steep[guard]:
+            raise Undecided
+        late = -values[guard] / rates[guard]
+        y = y + late * self.system.flow(self.mode, about, y)
+        self.t = about + float(late)
+        others = np.delete(values + late * rates, guard)
+        if np.any(np.abs(others) < 1e-7):
+            raise Undecided
+        self._carry_out(guard, y, -float(rates[guard]))
+
+    def _carry_out(self, guard: int, y: Floats, fall: float) -> None:
+        """Carry out all transitions of this instant."""
+        system = self.system
+        for _ in range(IN_AN_INSTANT):
+            mode, y = system.fire(self.mode, guard, self.t, y)
+            self.rows.append(Row(self.t, guard, mode, y, fall))
+            self.mode, self.y = mode, y
+            if system.impact[guard] and self._rests(guard):
+                return
+            values, rates = system.margins(mode, self.t, y)
+            zero = np.abs(values) < NEAR
+            if np.any((values < NEAR) & (values > -CLEAR) & ~(zero & (np.abs(rates) > self.steep))):
+                raise Undecided
+            if np.any((values < -NEAR) & system.impact):
+                raise Undecided  # put into a wall
+            fires = (values < -CLEAR) | (zero & (rates < 0.0))
+            if not fires.any():
+                return
+            guard = int(np.argmin(np.where(fires, system.order, math.inf)))
+            fall = math.inf
+        raise Undecided
+
+    def _rests(self, guard: int) -> bool:
+        """Complete a sequence of impacts, if this is one on its last legs."""
+        system, mode, t, y = self.system, self.mode, self.t, self.y
+        h = 1e-6
+        rate = system.margins(mode, t, y)[1][guard]
+        ahead = system.margins(mode, t + h, y + h * system.flow(mode, t, y))[1][guard]
+        pressure = -(ahead - rate) / h
+        if pressure <= 0.0 or 2.0 * rate > FLIGHT * pressure:
+            return False
+        e = system.restitution(guard)
+        rest = float(2.0 * rate / pressure / (1.0 - e))
+        y = system.contact(mode, guard, t, y)
+        y = y + rest * system.flow(mode, t, y)
+        self.t = t + rest
+        self.y = system.contact(mode, guard, self.t, y)
+        self.mode = system.stopped
+        self.rows.append(Row(self.t, guard, self.mode, self.y, WEAKEST * (1.0 - e), rest=True))
+        return True
