@@ -17,7 +17,9 @@ __all__ = [
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
+    "OrbitError",
     "RunError",
+    "RunInterrupted",
     "SweepInterrupted",
     "UnitsWarning",
 ]
@@ -27,12 +29,14 @@ _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
 
 
-class MemsImpactError(Exception):
-    """Base of every exception that the package raises on purpose."""
-
+class _Picklable(BaseException):
     def __reduce__(self) -> tuple[Any, ...]:
         # The inherited method calls the class with `args`, which fails for keyword-only arguments.
         return _restore, (type(self), self.args, self.__dict__)
+
+
+class MemsImpactError(_Picklable, Exception):
+    """Base of every exception that the package raises on purpose."""
 
 
 class InvalidParameter(MemsImpactError, ValueError):
@@ -181,7 +185,7 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
-class RunInterrupted(KeyboardInterrupt):
+class RunInterrupted(_Picklable, KeyboardInterrupt):
     """A run was interrupted (Ctrl-C); what was done is kept.
 
     Parameters
@@ -202,11 +206,8 @@ class RunInterrupted(KeyboardInterrupt):
         self.periods = periods
         super().__init__(f"run interrupted after {periods:g} periods; they are in .trajectory")
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.trajectory, self.periods)
 
-
-class SweepInterrupted(KeyboardInterrupt):
+class SweepInterrupted(_Picklable, KeyboardInterrupt):
     """A sweep was interrupted (Ctrl-C); what was done is kept.
 
     Parameters
@@ -228,9 +229,6 @@ class SweepInterrupted(KeyboardInterrupt):
         self.total = total
         super().__init__(f"sweep interrupted after {done} of {total} values; they are in .table")
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.table, self.done, self.total)
-
 
 class EngineFallbackWarning(UserWarning):
     """The engine that was asked for is unavailable, and a slower one does its work."""
@@ -245,8 +243,8 @@ class UnitsWarning(UserWarning):
 
 
 def _restore(
-    kind: type[MemsImpactError], args: tuple[Any, ...], attributes: dict[str, Any]
-) -> MemsImpactError:
+    kind: type[BaseException], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> BaseException:
     """Rebuild a pickled exception without calling its constructor."""
     error = kind.__new__(kind, *args)
     error.__dict__.update(attributes)

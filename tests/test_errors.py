@@ -2,13 +2,17 @@ import pickle
 
 import pytest
 
+from mems_impact import errors
 from mems_impact.errors import (
     EngineFallbackWarning,
     EngineUnavailable,
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
+    OrbitError,
     RunError,
+    RunInterrupted,
+    SweepInterrupted,
 )
 
 RUN_ERROR = RunError(
@@ -27,7 +31,19 @@ ERRORS = [
     InvalidFile("my.toml", "is a directory", "give a file"),
     RUN_ERROR,
     EngineUnavailable("no C API", "use the interpreted engine"),
+    OrbitError("no orbit", "take another guess", [1, 2, 3]),
+    RunInterrupted([1, 2, 3], 12.5),
+    SweepInterrupted([1, 2, 3], 3, 4),
 ]
+
+
+def test_all_errors_are_listed_and_pickled():
+    found = vars(errors).values()
+    own = {kind for kind in found if isinstance(kind, type) and kind.__module__ == errors.__name__}
+    own = {kind for kind in own if not kind.__name__.startswith("_")}
+    assert {kind.__name__ for kind in own} == set(errors.__all__)
+    warnings = {kind for kind in own if issubclass(kind, Warning)}
+    assert own - warnings - {MemsImpactError} == {type(error) for error in ERRORS}
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)
