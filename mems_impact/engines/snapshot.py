@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import builtins
 import hashlib
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum, EnumMeta
@@ -21,12 +22,15 @@ from typing import Any
 
 import numpy as np
 from numba import njit, types
+from numba.core.dispatcher import Dispatcher
 from numba.extending import overload
 
 from mems_impact.engines.compiling import INNER, JIT
 
 # numba has its own text for what these define, and their numbers do not change.
 LIBRARIES = ("math", "numba", "numpy")
+
+_registering = threading.Lock()  # numba's registries know nothing of threads
 
 # Functions that numba can call already.
 _overloaded: set[Callable[..., Any]] = set()
@@ -65,7 +69,8 @@ class Snapshot:
         function once in a process, whatever happens to the numbers that it reads.
         """
         copier = _Copier(self.name)
-        return [copier.function(function) for function in self.functions]
+        with _registering:
+            return [copier.function(function) for function in self.functions]
 
 
 # The last snapshot of some functions, with what was read for it: where, by which name, what.
@@ -83,6 +88,7 @@ def take(*functions: Callable[..., Any]) -> Snapshot:
     reader.put(sources())
     plain = tuple(_plain(function) for function in functions)
     for function in plain:
+        assert isinstance(function, FunctionType), function
         reader.value(function)
     snapshot = Snapshot(reader.name(), not reader.kept, plain, tuple(reader.kept))
     if not reader.arrays:  # whose contents may change, though they are the same objects
@@ -101,9 +107,9 @@ def sources() -> str:
     return digest.hexdigest()
 
 
-def _plain(function: Any) -> Any:
-    """Return the Python function within one that numba compiled."""
-    return getattr(function, "py_func", function)
+def _plain(value: Any) -> Any:
+    """Return the Python function within one that numba compiled; anything else as it is."""
+    return value.py_func if isinstance(value, Dispatcher) else value
 
 
 def _is_library(name: str | None) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -13,10 +14,17 @@ from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contr
 from mems_impact.engines.cvode import library
 from mems_impact.engines.snapshot import take
 
+_making = threading.Lock()  # threads that start together want the same loop, compiled once
 
-@cache
+
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return `function`, written over the engine's contract, compiled; it releases the GIL."""
+    with _making:
+        return _compiled(function)
+
+
+@cache
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     library.load()
     snapshot = take(function)
     (frozen,) = snapshot.frozen()
