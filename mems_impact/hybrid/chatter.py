@@ -24,7 +24,6 @@ from mems_impact.hybrid.record import (
     MOVED,
     NONE,
     PAST,
-    TRANSITION,
     G,
     next_switch,
     note,
@@ -36,7 +35,6 @@ WEAK, WEAK_TOLERANCES = 5e-11, 5.0
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
 STEADY = 1e-6  # the end of a sequence is known to about this part of its last flight
 BISECTIONS = 60
-OTHER = -2  # beside NONE: what ends the wait for the end of a sequence is not its own matter
 
 
 def complete_chatter(
@@ -44,12 +42,12 @@ def complete_chatter(
 ) -> float:
     """Complete a sequence of impacts at `guard` once its flights are weak; return the new time.
 
-    `y` is the state after the impact at `t`. It becomes that at the end of the sequence, and all
-    that is not in contact has moved on until then; or it stays, and the sequence goes on.
+    `y` is the state after the impact at `t`. It becomes that at the end of the sequence, all that
+    moves having moved on until then; or it stays, and the sequence goes on.
     """
     work = buffers.work
     past, entered, left = work[PAST], work[ENTERED], work[LEFT]
-    mode = s.mode
+    mode, code = s.mode, layout.order.size + guard
     remaining, interval = what_is_left(engine, s, t, y, guard, layout, buffers)
     end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t, layout))
     if t + remaining >= end:
@@ -57,39 +55,26 @@ def complete_chatter(
     for j in range(y.size):
         past[j] = y[j]
         entered[j] = y[j]
-    contact = arc.transition(engine, mode, layout.order.size + guard, t, entered)
+        left[j] = y[j]
     if remaining > 0.0:
+        # On average over the impacts that are left, the bodies keep in touch.
+        arc.transition(engine, mode, code, t, entered)
         # The closing acceleration changes a little: to first order, its mean is what counts.
-        follow(engine, contact, t, entered, remaining, left, buffers)
-        first = acceleration(engine, s, mode, t, past, guard, 0.125 * interval, layout, buffers)
-        last = acceleration(
-            engine, s, mode, t + remaining, left, guard, -0.125 * interval, layout, buffers
-        )
+        follow(engine, mode, t, entered, remaining, left, buffers)
+        h = 0.125 * interval
+        first = acceleration(engine, s, mode, t, entered, guard, h, layout, buffers)
+        last = acceleration(engine, s, mode, t + remaining, left, guard, -h, layout, buffers)
         change = (last - first) / first if first != 0.0 else math.inf
         if not change * change * remaining <= STEADY * interval:
             return t
         remaining /= 1.0 + 0.5 * change
-    s.mode = contact
-    ended = carry(engine, s, mode, t, remaining, guard, layout, buffers)
-    if ended == OTHER:
-        s.mode = mode
-        return t
-    buffers.hits[guard, HIT_TIME] = -math.inf
+        if not carry(engine, s, t, remaining, guard, layout, buffers):
+            s.mode = mode
+            return t
     t += remaining
-    if ended == NONE:
-        note(s, t, ACCUMULATION, guard, mode, past, left, buffers)
-    else:
-        # Friction has ended a slip of the pair before the sequence is over. In the log the pair
-        # waits for the end of the sequence, and slips then.
-        for j in range(y.size):
-            if entered[j] == past[j] and not moves(engine, s, mode, t, past, j, guard, buffers):
-                entered[j] = left[j]
-        settled = s.mode
-        s.mode = contact
-        note(s, t, ACCUMULATION, guard, mode, past, entered, buffers)
-        s.mode = settled
-        note(s, t, TRANSITION, ended, contact, entered, left, buffers)
-        s.cycle_events += 1
+    s.mode = arc.transition(engine, s.mode, code, t, left)
+    buffers.hits[guard, HIT_TIME] = -math.inf
+    note(s, t, ACCUMULATION, guard, mode, past, left, buffers)
     for j in range(y.size):
         y[j] = left[j]
     return t
@@ -114,7 +99,7 @@ def what_is_left(
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
-    size, gain, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
+    size, gain, _, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
     height = 0.25 * before * interval
     if height >= WEAK * size + WEAK_TOLERANCES * s.atol * gain:
         return math.inf, interval
@@ -160,76 +145,64 @@ def acceleration(
 
 
 def carry(
-    engine: Any,
-    s: Any,
-    mode: int,
-    t: float,
-    remaining: float,
-    guard: int,
-    layout: Any,
-    buffers: Any,
-) -> int:
-    """Carry the state that has entered contact, in ENTERED, over `remaining` into LEFT.
+    engine: Any, s: Any, t: float, remaining: float, guard: int, layout: Any, buffers: Any
+) -> bool:
+    """Carry the state in ENTERED over `remaining` into LEFT, with ``s.mode``.
 
-    Returns the guard that fired on the way and was handled, which leaves its mode in ``s.mode``;
-    NONE; or OTHER where the sequence cannot be completed yet: what fires is an impact, or has
-    nothing to do with the bodies in contact, or is not alone.
+    A guard that fires on the way is handled if it belongs to what is in contact at `guard`, as the
+    end of a slip that its impacts have caused. Returns False if the sequence cannot be completed
+    yet: what fires is another impact, or has nothing to do with it, or is not alone.
     """
     work = buffers.work
-    past, entered, left = work[PAST], work[ENTERED], work[LEFT]
-    contact = s.mode
-    follow(engine, contact, t, entered, remaining, left, buffers)
+    entered, left, g = work[ENTERED], work[LEFT], work[G]
+    mode = s.mode
+    follow(engine, mode, t, entered, remaining, left, buffers)
     for j in range(buffers.offset.size):
         if not math.isfinite(left[j]):
-            return OTHER
-    ended = violated(engine, s, contact, t + remaining, left, layout, buffers)
-    if ended == NONE or remaining == 0.0:
-        return NONE
-    if layout.impact[ended] == 1:
-        return OTHER
-    own = False
-    for j in range(buffers.offset.size):
-        if moves(engine, s, contact, t, entered, j, ended, buffers):
-            own = own or entered[j] != past[j] or moves(engine, s, mode, t, past, j, guard, buffers)
-    if not own:
-        return OTHER
-    g = work[G]
+            return False
+    ended = violated(engine, s, mode, t + remaining, left, layout, buffers, guard)
+    if ended == NONE:
+        return True
+    if layout.impact[ended] == 1 or not concerns(engine, mode, t, ended, guard, layout, buffers):
+        return False
     low, high = 0.0, remaining
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        follow(engine, contact, t, entered, middle, left, buffers)
-        arc.margins(engine, contact, t + middle, left, g)
+        follow(engine, mode, t, entered, middle, left, buffers)
+        arc.margins(engine, mode, t + middle, left, g)
         if g[ended] > 0.0:
             low = middle
         else:
             high = middle
-    follow(engine, contact, t, entered, high, left, buffers)
-    s.mode = arc.transition(engine, contact, ended, t + high, left)
+    follow(engine, mode, t, entered, high, left, buffers)
+    s.mode = arc.transition(engine, mode, ended, t + high, left)
     follow(engine, s.mode, t + high, left, remaining - high, left, buffers)
-    if violated(engine, s, s.mode, t + remaining, left, layout, buffers) != NONE:
-        return OTHER
-    return ended
+    return violated(engine, s, s.mode, t + remaining, left, layout, buffers, guard) == NONE
 
 
-def moves(
-    engine: Any, s: Any, mode: int, t: float, y: Any, j: int, guard: int, buffers: Any
+def concerns(
+    engine: Any, mode: int, t: float, other: int, guard: int, layout: Any, buffers: Any
 ) -> bool:
-    """Return whether component `j` of the state moves the margin of `guard`."""
-    g, moved = buffers.work[G], buffers.work[MOVED]
-    arc.margins(engine, mode, t, y, g)
-    margin = g[guard]
-    for k in range(buffers.offset.size):
-        moved[k] = y[k]
-    moved[j] += 2.0**-26 * abs(y[j]) + s.atol
-    arc.margins(engine, mode, t, moved, g)
-    return bool(g[guard] != margin)
+    """Return whether an impact without rebound at `guard`, PAST to ENTERED, moves `other`."""
+    g = buffers.work[G]
+    past, entered = buffers.work[PAST], buffers.work[ENTERED]
+    arc.margins(engine, mode, t, past, g)
+    margin, rate = g[other], g[layout.order.size + other]
+    arc.margins(engine, mode, t, entered, g)
+    return bool(g[other] != margin or g[layout.order.size + other] != rate)
 
 
 def shares(engine: Any, s: Any, t: float, y: Any, guard: int, other: int, buffers: Any) -> bool:
     """Return whether the margins of two guards depend on the same component of the state."""
-    for j in range(buffers.offset.size):
-        if moves(engine, s, s.mode, t, y, j, guard, buffers) and moves(
-            engine, s, s.mode, t, y, j, other, buffers
-        ):
+    g, moved = buffers.work[G], buffers.work[MOVED]
+    arc.margins(engine, s.mode, t, y, g)
+    one, two = g[guard], g[other]
+    for j in range(y.size):
+        moved[j] = y[j]
+    for j in range(y.size):
+        moved[j] += 2.0**-26 * abs(y[j]) + s.atol
+        arc.margins(engine, s.mode, t, moved, g)
+        if g[guard] != one and g[other] != two:
             return True
+        moved[j] = y[j]
     return False

@@ -34,8 +34,8 @@ FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
 
 def resolution(
     engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
-) -> tuple[float, float, float]:
-    """Return the size of what makes up margin `i`, its gain, and the size of its rate's parts.
+) -> tuple[float, float, float, float]:
+    """Return the size of what makes up margin `i` and its gain, and the same of its rate.
 
     ``size`` is the sum of |dg/dy_j| |y_j|, ``gain`` that of |dg/dy_j|: roundings of the state move
     the margin by EPS * size, the tolerances by rtol * size + atol * gain. Overwrites MOVED.
@@ -44,7 +44,7 @@ def resolution(
     g, moved = buffers.work[G], buffers.work[MOVED]
     arc.margins(engine, mode, t, y, g)
     margin, rate = g[i], g[m + i]
-    size = gain = rate_size = 0.0
+    size = gain = rate_size = rate_gain = 0.0
     n = buffers.offset.size
     for j in range(n):
         moved[j] = y[j]
@@ -56,8 +56,10 @@ def resolution(
         slope = abs(g[i] - margin) / shift
         gain += slope
         size += slope * abs(y[j])
-        rate_size += abs(g[m + i] - rate) / shift * abs(y[j])
-    return size, gain, rate_size
+        slope = abs(g[m + i] - rate) / shift
+        rate_gain += slope
+        rate_size += slope * abs(y[j])
+    return size, gain, rate_size, rate_gain
 
 
 def follow(engine: Any, mode: int, t: float, y: Any, h: float, out: Any, buffers: Any) -> None:
@@ -96,7 +98,7 @@ def trend(
     SUM.
     """
     g, ahead = buffers.work[G], buffers.work[AHEAD]
-    size, _, _ = resolution(engine, s, mode, i, t, y, layout, buffers)
+    size, _, _, _ = resolution(engine, s, mode, i, t, y, layout, buffers)
     arc.margins(engine, mode, t, y, g)
     margin = g[i]
     farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
@@ -124,14 +126,18 @@ def falls(engine: Any, s: Any, i: int, t: float, y: Any, layout: Any, buffers: A
     arc.margins(engine, s.mode, t, y, g)
     rate = g[m + i]
     if rate < 0.0:
-        _, _, rate_size = resolution(engine, s, s.mode, i, t, y, layout, buffers)
-        if rate < -ROUNDINGS * EPS * rate_size:
+        _, _, size, gain = resolution(engine, s, s.mode, i, t, y, layout, buffers)
+        if rate < -error_of(s, size, gain):
             return True
     return trend(engine, s, s.mode, i, t, y, layout, buffers) < 0
 
 
-def violated(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> int:
+def violated(
+    engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any, but: int = NONE
+) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
+
+    The guard `but` is left out.
 
     Its margin is zero or below and falls; or it is clearly negative, and no gap. Overwrites LOOKED
     and what `trend` does.
@@ -142,17 +148,25 @@ def violated(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buff
     arc.margins(engine, mode, t, y, looked)
     guard = NONE
     for i in range(m):
-        if looked[i] <= 0.0 and (guard == NONE or order[i] < order[guard]):
+        if looked[i] <= 0.0 and i != but and (guard == NONE or order[i] < order[guard]):
             rate = looked[m + i]
-            size, gain, rate_size = resolution(engine, s, mode, i, t, y, layout, buffers)
-            rounding = ROUNDINGS * EPS * rate_size
-            fires = rate < -rounding or (
-                rate <= rounding and trend(engine, s, mode, i, t, y, layout, buffers) < 0
+            size, gain, by_rate, gain_of_rate = resolution(
+                engine, s, mode, i, t, y, layout, buffers
+            )
+            error = error_of(s, by_rate, gain_of_rate)
+            fires = rate < -error or (
+                rate <= error and trend(engine, s, mode, i, t, y, layout, buffers) < 0
             )
             beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, rate, size, gain)
             if fires or beyond:
                 guard = i
     return guard
+
+
+def error_of(s: Any, size: float, gain: float) -> float:
+    """Return what integration and rounding may make of a quantity (see `resolution`)."""
+    error: float = ROUNDINGS * EPS * size + s.rtol * size + s.atol * gain
+    return error
 
 
 def clearly(s: Any, rate: float, size: float, gain: float) -> float:
@@ -168,7 +182,7 @@ def inside(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> 
     arc.margins(engine, s.mode, t, y, looked)
     for i in range(m):
         if layout.impact[i] == 1 and looked[i] < 0.0 and looked[m + i] <= 0.0:
-            size, gain, _ = resolution(engine, s, s.mode, i, t, y, layout, buffers)
+            size, gain, _, _ = resolution(engine, s, s.mode, i, t, y, layout, buffers)
             if looked[i] < -clearly(s, looked[m + i], size, gain):
                 return i
     return NONE
@@ -279,7 +293,7 @@ def hidden(
         if b - a > finest and not stays(g_a, r_a, abs(g_b), r_b, b - a, curved):
             width *= 0.5
         elif g_b < 0.0:
-            size, _, _ = resolution(engine, s, s.mode, i, b, y, layout, buffers)
+            size, _, _, _ = resolution(engine, s, s.mode, i, b, y, layout, buffers)
             if g_b < -ROUNDINGS * EPS * (size + abs(r_b * b)):
                 return crossing(engine, s, i, a, b, buffers)
             a, g_a, r_a = b, 0.0, r_b

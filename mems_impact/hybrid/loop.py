@@ -240,7 +240,7 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
         lift = now[i] <= 0.0 and now[m + i] >= 0.0
         arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + 1e-300 if lift else 0.0)
         if lift and now[i] < 0.0:
-            size, gain, _ = resolution(engine, s, s.mode, i, s.t, y, layout, buffers)
+            size, gain, _, _ = resolution(engine, s, s.mode, i, s.t, y, layout, buffers)
             if now[i] < -clearly(s, now[m + i], size, gain):
                 s.lifted = 1
     arc.restart(engine, s.mode, s.t, y, s.stop)
@@ -320,7 +320,9 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
         if s.cycle_events > s.max_events:
             return EVENT_BUDGET
         if comes_back(s, y, buffers) and changed and kind != SWITCH:
-            return CYCLING
+            if kind == TRANSITION:
+                return CYCLING
+            break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
         if kind == TRANSITION and impact:
             t = complete_chatter(engine, s, s.t, y, guard, layout, buffers)
             if t > s.t:
@@ -341,7 +343,7 @@ def closes_by_rounding(engine: Any, s: Any, y: Any, guard: int, layout: Any, buf
     """Return whether the closing speed at `guard` is one of rounding alone."""
     m = layout.order.size
     rate = buffers.work[LOOKED][m + guard]
-    _, _, size = resolution(engine, s, s.mode, guard, s.t, y, layout, buffers)
+    _, _, size, _ = resolution(engine, s, s.mode, guard, s.t, y, layout, buffers)
     return bool(abs(rate) <= ROUNDINGS * EPS * size)
 
 
