@@ -20,6 +20,7 @@ __all__ = [
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
+    "OrbitError",
     "RunError",
     "RunInterrupted",
     "SweepInterrupted",
@@ -31,12 +32,14 @@ _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
 
 
-class MemsImpactError(Exception):
-    """Base of every exception that the package raises on purpose."""
-
+class _Picklable(BaseException):
     def __reduce__(self) -> tuple[Any, ...]:
         # The inherited method calls the class with `args`, which fails for keyword-only arguments.
         return _restore, (type(self), self.args, self.__dict__)
+
+
+class MemsImpactError(_Picklable, Exception):
+    """Base of every exception that the package raises on purpose."""
 
 
 class InvalidParameter(MemsImpactError, ValueError):
@@ -210,7 +213,7 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
-class Interrupted(KeyboardInterrupt):
+class Interrupted(_Picklable, KeyboardInterrupt):
     """Work was interrupted (Ctrl-C); what was done is kept.
 
     Attributes
@@ -244,9 +247,6 @@ class RunInterrupted(Interrupted):
         self.after = f"{periods:g} periods"
         super().__init__(f"run interrupted after {self.after}; they are in .trajectory")
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.trajectory, self.periods)
-
 
 class SweepInterrupted(Interrupted):
     """A sweep was interrupted (Ctrl-C); what was done is kept.
@@ -270,9 +270,6 @@ class SweepInterrupted(Interrupted):
         self.total = total
         self.after = f"{done} of {total} values"
         super().__init__(f"sweep interrupted after {self.after}; they are in .table")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.table, self.done, self.total)
 
 
 class ChartInterrupted(Interrupted):
@@ -299,9 +296,6 @@ class ChartInterrupted(Interrupted):
         self.after = f"{done} of {total or 'all'} boundaries"
         super().__init__(f"chart interrupted after {self.after}; they are in .chart")
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.chart, self.done, self.total)
-
 
 class EngineFallbackWarning(UserWarning):
     """The engine that was asked for is unavailable, and a slower one does its work."""
@@ -316,8 +310,8 @@ class UnitsWarning(UserWarning):
 
 
 def _restore(
-    kind: type[MemsImpactError], args: tuple[Any, ...], attributes: dict[str, Any]
-) -> MemsImpactError:
+    kind: type[BaseException], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> BaseException:
     """Rebuild a pickled exception without calling its constructor."""
     error = kind.__new__(kind, *args)
     error.__dict__.update(attributes)

@@ -19,7 +19,13 @@ def python_blocks(text):
             yield text.count("\n", 0, match.start(2)), match.group(2)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+SLOW = ("coco.md", "device.md", "hybrid.md", "orbits.md")
+EXAMPLES = [
+    pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
+]
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
 def test_python_examples_run(page, tmp_path, monkeypatch):
     blocks = list(python_blocks(page.read_text(encoding="utf-8")))
     if not blocks:

@@ -2,6 +2,7 @@ import pickle
 
 import pytest
 
+from mems_impact import errors
 from mems_impact.errors import (
     ChartInterrupted,
     EngineFallbackWarning,
@@ -11,6 +12,7 @@ from mems_impact.errors import (
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
+    OrbitError,
     RunError,
     RunInterrupted,
     SweepInterrupted,
@@ -34,6 +36,7 @@ ERRORS = [
     RUN_ERROR,
     EngineUnavailable("no C API", "use the interpreted engine"),
     FileNotWritten("table.csv", "no space left on device", "make room"),
+    OrbitError("no orbit", "take another guess", [1, 2, 3]),
 ]
 INTERRUPTIONS = [
     (RunInterrupted([1, 2], 2.5), "2.5 periods"),
@@ -42,6 +45,15 @@ INTERRUPTIONS = [
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]
+
+
+def test_all_errors_are_listed_and_pickled():
+    found = vars(errors).values()
+    own = {kind for kind in found if isinstance(kind, type) and kind.__module__ == errors.__name__}
+    own = {kind for kind in own if not kind.__name__.startswith("_")}
+    assert {kind.__name__ for kind in own} == set(errors.__all__)
+    warnings = {kind for kind in own if issubclass(kind, Warning)}
+    assert own - warnings - {MemsImpactError} == {type(error) for error in ERRORS}
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)

@@ -20,6 +20,9 @@ from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
 SPEED = 1e-4  # rate at the guard with which the other signature is entered
 PASSING = 1e-6  # time before two events meet at which the modes between them are looked up
 DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
+# Time after two events have met at which the other order is entered. The branch has a corner where
+# they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
+APART = 1e-5
 
 
 def reconnect(
@@ -81,13 +84,15 @@ def pass_by(orbit: PeriodicOrbit, i: int, parameter: str) -> tuple[Shooting, Poi
         return None
     guess, grows = moved
     shooting = Shooting(orbit.family, guess.segments, (parameter,))
-    value = np.array([orbit.family.values[parameter]])
+    value = orbit.family.values[parameter]
     unknowns = shooting.pack(guess)
+    length = Monitor("simultaneous events", "length", grows)
     try:
-        shooting.pin(shooting.evaluate(unknowns, value))
-        point = shooting.solve(unknowns, value)
+        shooting.pin(shooting.evaluate(unknowns, np.array([value])))
+        point = _at_level(shooting, unknowns, value, length, APART)
+        if point is None:
+            return None
         direction = tangent(point)
-        length = Monitor("simultaneous events", "length", grows)
         gain = _derivative(shooting, point, length, direction)
     except OrbitError:
         return None

@@ -1,26 +1,12 @@
-"""What compiling with numba needs beside numba: pointers, plain functions, a cache that notices.
-
-numba's cache on disk notices a change of the file in which a compiled function stands, not of the
-files that it draws on. So every compiled function of this package has a `fingerprint` of all
-sources in its key: as a variable that it closes over, or in the type of an argument.
-"""
+"""What compiling with numba needs beside numba: its options, and pointers."""
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
-import inspect
-import secrets
-import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
-from types import FunctionType
 from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 # Nothing here owns memory or raises, so that compiled code needs neither reference counts nor
@@ -30,137 +16,6 @@ JIT = {"_nrt": False, "error_model": "numpy"}
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 WORD = 8  # bytes of a double
-
-# Functions that numba can call already.
-_compilable: set[Callable[..., Any]] = set()
-_registering = threading.RLock()  # two threads may come to the same function at once
-
-
-def mark_compilable(*functions: Callable[..., Any]) -> None:
-    """Say that `functions` have overloads of their own."""
-    _compilable.update(functions)
-
-
-def make_callees_compilable(function: Callable[..., Any]) -> None:
-    """Let numba compile every plain function that `function` draws on."""
-    for callee in _callees(function):
-        make_compilable(callee)
-
-
-def make_compilable(function: Callable[..., Any]) -> None:
-    """Let numba compile `function` and every plain function that it draws on.
-
-    Calls of plain Python functions are not compiled by numba unless it is told to. Doing so here,
-    for whatever a function names, keeps numba's decorators out of the equations.
-    """
-    with _registering:
-        if function in _compilable:
-            return
-        _compilable.add(function)
-        make_callees_compilable(function)
-        own = _under_a_name_of_its_own(function)
-        overload(function, jit_options={**JIT, **INNER}, strict=False)(lambda *_, **__: own)
-
-
-# numba numbers the functions of a process to tell their symbols apart. Two processes give the same
-# number to different functions, and a third that loads the compiled code of both from the cache on
-# disk would silently take the one for the other.
-_PROCESS = secrets.token_hex(8)
-
-
-def _under_a_name_of_its_own(function: Callable[..., Any]) -> FunctionType:
-    """Return the same function under a name that no other process gives to anything."""
-    assert isinstance(function, FunctionType), function
-    cells = function.__closure__
-    code, names = function.__code__, function.__globals__
-    own = FunctionType(code, names, function.__name__, function.__defaults__, cells)
-    own.__kwdefaults__ = function.__kwdefaults__
-    own.__module__ = function.__module__
-    own.__qualname__ = f"{function.__qualname__}_{_PROCESS}"
-    return own
-
-
-def identity(functions: Iterable[Callable[..., Any]]) -> str:
-    """Name `functions`, with all that they draw on, the same in every process."""
-    digest = hashlib.sha256()
-    for function in _drawn_on(functions):
-        values = [cell.cell_contents for cell in function.__closure__ or ()]
-        values += [function.__defaults__ or (), *(function.__kwdefaults__ or {}).values()]
-        numbers = [value for value in values if _is_plain(value)]
-        code = function.__code__
-        text = (
-            code.co_code.hex(),
-            [str(value) for value in code.co_consts if not inspect.iscode(value)],
-        )
-        name = (function.__module__, function.__qualname__, text, numbers)
-        digest.update(f"{name};".encode())
-    return digest.hexdigest()[:16]
-
-
-def _drawn_on(functions: Iterable[Callable[..., Any]]) -> Iterator[FunctionType]:
-    """Yield `functions` and all that they draw on, each once."""
-    seen: set[FunctionType] = set()
-    waiting = list(functions)
-    while waiting:
-        function = waiting.pop()
-        assert isinstance(function, FunctionType), function
-        if function not in seen:
-            seen.add(function)
-            waiting += _callees(function)
-            yield function
-
-
-def _is_plain(value: Any) -> bool:
-    """Return whether `value` reads the same in every process."""
-    if isinstance(value, tuple):
-        return all(_is_plain(part) for part in value)
-    return isinstance(value, int | float | str)
-
-
-def _callees(function: Callable[..., Any]) -> list[FunctionType]:
-    """Return the plain Python functions, outside libraries, that `function` names."""
-    assert isinstance(function, FunctionType), function
-    code = function.__code__
-    cells = function.__closure__ or ()
-    named = [function.__globals__.get(name) for name in code.co_names]
-    named += [cell.cell_contents for cell in cells]
-    for module in [value for value in named if inspect.ismodule(value)]:
-        named += [getattr(module, name, None) for name in code.co_names]
-    functions = [value for value in named if isinstance(value, FunctionType)]
-    libraries = ("numpy", "numba", "math")
-    return [f for f in functions if (f.__module__ or "").split(".")[0] not in libraries]
-
-
-def fingerprint(functions: Iterable[Callable[..., Any]] = ()) -> int:
-    """Hash the state of the engine, of the loop and of all files on which `functions` draw."""
-    package = Path(__file__).resolve().parents[1]
-    files = {*(package / "engines").rglob("*.py"), *(package / "hybrid").glob("*.py")}
-    for function in _drawn_on(functions):
-        source = Path(function.__code__.co_filename)
-        if source.exists():
-            files.add(source.resolve())
-    digest = hashlib.sha256()
-    for file in sorted(files):
-        stat = file.stat()
-        digest.update(f"{file.name}:{stat.st_size}:{stat.st_mtime_ns};".encode())
-    return int.from_bytes(digest.digest()[:7], "big")
-
-
-def cacheable(*functions: Callable[..., Any]) -> bool:
-    """Return whether compiled code that draws on `functions` can be found again by a new process.
-
-    numba's cache refers to functions by the name of their module, which must be importable.
-    """
-    for function in functions:
-        name = function.__module__
-        if name in ("__main__", "__mp_main__"):
-            continue  # pickled by value
-        if name not in sys.modules and importlib.util.find_spec(name) is None:
-            return False
-        module = sys.modules.get(name)
-        if module is not None and getattr(module, "__spec__", None) is None:
-            return False
-    return True
 
 
 @intrinsic

@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, from_dtype, types
+from numba import from_dtype, types
 from numba.extending import intrinsic
 
-from mems_impact.engines.compiling import (
-    JIT,
-    WORD,
-    array,
-    cacheable,
-    fingerprint,
-    identity,
-    make_compilable,
-    matrix,
-    pointer,
-)
+from mems_impact.engines.cache import compile_callback
+from mems_impact.engines.compiling import WORD, array, matrix, pointer
 from mems_impact.engines.cvode import library
+from mems_impact.engines.snapshot import Snapshot, sources, take
 
 _data = library.symbol("N_VGetArrayPointer_Serial")
 _matrix_data = library.symbol("SUNDenseMatrix_Data")
@@ -60,7 +53,6 @@ HANDLE = np.dtype(
         ("last_instant", np.float64),
         ("section", np.int64),  # component, -1 for none
         ("level", np.float64),
-        (f"sources_{fingerprint()}", np.int64),  # no value: puts the sources into the type
     ],
     align=True,
 )
@@ -107,22 +99,10 @@ class Kernels(NamedTuple):
     transition: Any
 
 
-def _kernel(*functions: Callable[..., Any]) -> tuple[int, Callable[..., Any]]:
-    """Return the stamp of `functions`, and what compiles a kernel that calls them."""
-    for function in functions:
-        make_compilable(function)
-    keep = cacheable(*functions)
-    name = identity(functions)
-
-    def kernel(function: Callable[..., Any]) -> Any:
-        # Symbols of compiled code carry this name: automata that meet in a process must not share.
-        function.__qualname__ += f"_{name}"
-        return cfunc(KERNEL, cache=keep, **JIT)(function)
-
-    return fingerprint(functions), kernel
+# One compilation at a time: threads that start together want the same kernels.
+_compiling = threading.RLock()
 
 
-@cache
 def kernels(
     flow: Callable[..., Any],
     margins: Callable[..., Any],
@@ -130,18 +110,24 @@ def kernels(
     n: int,
     m: int,
 ) -> Kernels:
-    """Compile the functions of an automaton with `n` states and `m` guards to C functions."""
-    stamp, kernel = _kernel(flow, margins, transition)
+    """Compile the functions of an automaton with `n` states and `m` guards to C functions.
 
-    @kernel
+    They are compiled anew if anything that they draw on has changed since.
+    """
+    snapshot = take(flow, margins, transition)
+    with _compiling:
+        return _kernels(snapshot, n, m)
+
+
+@cache
+def _kernels(snapshot: Snapshot, n: int, m: int) -> Kernels:
+    flow, margins, transition = snapshot.frozen()
+
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        _ = stamp
         flow(mode, t, array(y, n), array(p, size), array(out, n))
         return mode
 
-    @kernel
     def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        _ = stamp
         g, r = array(out, m), array(out + WORD * m, m)
         for i in range(m):
             g[i] = 1.0
@@ -149,26 +135,39 @@ def kernels(
         margins(mode, t, array(y, n), array(p, size), g, r)
         return mode
 
-    @kernel
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        _ = stamp
         return transition(mode, code, t, array(y, n), array(p, size))
 
-    return Kernels(flow_kernel, margins_kernel, transition_kernel)
+    name = f"{snapshot.name}_{n}_{m}"
+    return Kernels(
+        _kernel(flow_kernel, name, snapshot.lasting),
+        _kernel(margins_kernel, name, snapshot.lasting),
+        _kernel(transition_kernel, name, snapshot.lasting),
+    )
+
+
+def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
+    """Compile the Jacobian of an automaton with `n` states to a C function; BDF alone needs it."""
+    snapshot = take(jacobian)
+    with _compiling:
+        return _jacobian(snapshot, n)
 
 
 @cache
-def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
-    """Compile the Jacobian of an automaton with `n` states to a C function; BDF alone needs it."""
-    stamp, kernel = _kernel(jacobian)
+def _jacobian(snapshot: Snapshot, n: int) -> Any:
+    (jacobian,) = snapshot.frozen()
 
-    @kernel
     def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        _ = stamp
         jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
         return mode
 
-    return jacobian_kernel
+    return _kernel(jacobian_kernel, f"{snapshot.name}_{n}", snapshot.lasting)
+
+
+def _kernel(function: Callable[..., Any], name: str, lasting: bool) -> Any:
+    # Symbols of compiled code carry this name: automata that meet in a process must not share.
+    function.__qualname__ += f"_{name}"
+    return compile_callback(function, KERNEL, name if lasting else None)
 
 
 class Callbacks(NamedTuple):
@@ -182,11 +181,8 @@ class Callbacks(NamedTuple):
 def callbacks() -> Callbacks:
     """Compile the two callbacks of CVODE; they reach the automaton through the handle."""
     library.load()  # before anything that names a symbol of SUNDIALS is linked
-    stamp = fingerprint()
 
-    @cfunc(CALLBACK, cache=True, **JIT)
     def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
-        _ = stamp
         handle = _handle(user)
         slope = _data(dy)
         now = min(t, handle.last_instant)
@@ -197,9 +193,7 @@ def callbacks() -> Callbacks:
             total += abs(pointer(slope)[i])
         return 0 if math.isfinite(total) else -1
 
-    @cfunc(CALLBACK, cache=True, **JIT)
     def roots(t, y, out, user):  # type: ignore[no-untyped-def]
-        _ = stamp
         handle = _handle(user)
         m = handle.m
         state = _data(y)
@@ -220,18 +214,19 @@ def callbacks() -> Callbacks:
             values[2 * m] = pointer(state)[handle.section] - handle.level
         return 0
 
-    return Callbacks(rhs, roots)
+    name = sources()
+    return Callbacks(
+        compile_callback(rhs, CALLBACK, name),
+        compile_callback(roots, CALLBACK, name),
+    )
 
 
 @cache
 def jacobian_callback() -> Any:
     """Compile the callback by which CVODE asks for the Jacobian."""
     library.load()
-    stamp = fingerprint()
 
-    @cfunc(JACOBIAN_CALLBACK, cache=True, **JIT)
     def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
-        _ = stamp
         handle = _handle(user)
         now = min(t, handle.last_instant)
         size, p = handle.parameter_count, handle.parameters
@@ -241,4 +236,4 @@ def jacobian_callback() -> Any:
         call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
         return 0
 
-    return jacobian
+    return compile_callback(jacobian, JACOBIAN_CALLBACK, sources())

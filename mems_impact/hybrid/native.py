@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from numba import njit
-
-from mems_impact.engines.compiling import JIT, make_callees_compilable
+from mems_impact.engines.cache import compile_loop
 from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contract its overloads
     compiled as _overloads,
 )
 from mems_impact.engines.cvode import library
+from mems_impact.engines.snapshot import take
+
+_making = threading.Lock()  # threads that start together want the same loop, compiled once
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `function`, written over the engine's contract, compiled; it releases the GIL."""
+    with _making:
+        return _compiled(function)
 
 
 @cache
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return `function`, written over the engine's contract, compiled; it releases the GIL.
-
-    The handle of the engine carries the fingerprint of all sources in its type, and so in the key
-    of numba's cache on disk.
-    """
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     library.load()
-    make_callees_compilable(function)
-    result: Callable[..., Any] = njit(nogil=True, cache=True, **JIT)(function)
-    return result
+    snapshot = take(function)
+    (frozen,) = snapshot.frozen()
+    return compile_loop(frozen, snapshot.name if snapshot.lasting else None)

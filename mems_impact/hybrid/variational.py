@@ -93,9 +93,6 @@ def extended_flow(
             for i in range(n):
                 dy[n * (1 + c) + i] += p[motion + 2 * (c - free) + 1] * slope[i]
 
-    # The linker tells compiled functions apart by name, and a number that starts anew in every
-    # process: two of one name, one compiled here and one found in the cache, may be confounded.
-    extended.__qualname__ += f"_{flow.__module__}_{flow.__qualname__}_{n}_{free}_{columns}_{count}"
     return extended
 
 

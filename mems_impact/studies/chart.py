@@ -44,6 +44,7 @@ TRIALS = 6  # states of the attractor from which the next amplitude is tried
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 SIMULATION = Options()
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
+SAME = 1e-9  # part of the frequency within which two points are one, located twice
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
 
 Point = tuple[float, float]  # omega and amplitude
@@ -323,14 +324,14 @@ class _Maker:
         self.total = 2 * (len(edges) - 1)
         simulated = []
         for left, right in pairwise(edges):
-            slack = 1e-9 * right
+            slack = SAME * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
-            inside += [CurvePoint(s.orbit, s.values) for s in marks if s.values[1] in (left, right)]
-            inside.sort(key=lambda p: p.values[1])
+            ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
+            grazings = _joined(dict(_values(inside)), ends)
             region = self._type(left, right)
             self.tell(f"omega {left:.6g} to {right:.6g}: type {region.paper}")
             self.regions.append((region, left, right))
-            for piece in self._followed(region, left, right, _values(inside)):
+            for piece in self._followed(region, left, right, grazings):
                 self.pieces.append(piece)
                 self.done += 1
                 if piece[:3] == (ON, region, "fold"):
@@ -453,7 +454,7 @@ class _Maker:
                 self.notes.append(f"{what} ends at omega {reached:.9g}: {curve.ended}")
         values = dict(_values(points))
         touching = [end for end in ending if self._ends_in_grazing(end, values)]
-        return tuple(sorted({**values, **dict(touching)}.items()))
+        return _joined(values, touching)
 
     def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
         """Return whether a curve comes to the end of the grazing curve."""
@@ -513,6 +514,17 @@ def _grazes(special: branches.SpecialPoint) -> bool:
 def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
     """Return (omega, amplitude) in ascending omega."""
     return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
+
+
+def _joined(
+    values: dict[float, float], ends: list[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return a boundary with its ends, each in place of what was located next to it.
+
+    A point in which two curves end is located on both, at numbers that differ by rounding.
+    """
+    kept = {w: a for w, a in values.items() if all(abs(w - end) > SAME * end for end, _ in ends)}
+    return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
 def _range(omega: tuple[float, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
 from mems_impact.validation.outcome import Devices, Effort, Outcome
@@ -81,9 +81,6 @@ class SuiteInterrupted(Interrupted):
         self.total = total
         self.after = f"{done} of {total} figures"
         super().__init__(f"suite interrupted after {self.after}; they are in .report")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.report, self.done, self.total)
 
 
 def run_suite(

@@ -120,5 +120,5 @@ def test_incomplete_waveform_cannot_be_made():
         def parameters(self):
             return np.empty(0)
 
-    with pytest.raises(TypeError, match=r"abstract.* voltage"):
+    with pytest.raises(TypeError, match=r"abstract.*\bvoltage\b"):
         Incomplete()

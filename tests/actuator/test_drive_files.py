@@ -53,6 +53,7 @@ def test_load(folder, name):
     assert mi.load_drive(str(folder / "drive.toml"), allow_code=True).period == drive.period
 
 
+@pytest.mark.slow
 def test_the_values_arrive(folder):
     drive = mi.load_drive(written(folder, "[drive]\n" + FILES["burst"][0]))
     assert drive == mi.Burst(wave=mi.Sine(amplitude=0.2, omega=1), on=3, off=2)

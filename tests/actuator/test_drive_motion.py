@@ -70,6 +70,7 @@ def against_the_judge(drive, segments, periods, actuator=ZHAO, v2=0.5):
     return run
 
 
+@pytest.mark.slow
 def test_square_against_an_independent_integration():
     drive = mi.Square(amplitude=0.3, omega=0.5, duty=0.3)
     segments = [(0.3 * drive.period, lambda _: 0.3, off), (drive.period, off, off)]
@@ -88,6 +89,7 @@ def test_pulses_with_flanks_against_an_independent_integration():
     against_the_judge(drive, segments, 12)
 
 
+@pytest.mark.slow
 def test_both_sides_against_an_independent_integration():
     """Long slips, both ways."""
     actuator = ZHAO.replace(mu_s=0.05, mu_d=0.04)
@@ -255,6 +257,7 @@ def test_custom_is_the_sine():
     np.testing.assert_allclose(swapped(one), swapped(two), rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_custom_functions_of_the_same_name_are_told_apart():
     """Compiled code is kept by the content of a function that has no module of its own."""
     finals = []

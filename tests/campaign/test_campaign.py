@@ -12,6 +12,7 @@ from validation.campaign.pool import each
 SEED = 2
 
 
+@pytest.mark.slow
 def test_random_runs():
     """Of the drives that need two compiled automata only: the others take the compiler longer."""
     numbers = [i for i in range(200) if random_case(SEED, i).drive.kind in CHEAP]

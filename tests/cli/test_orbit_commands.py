@@ -28,6 +28,7 @@ def test_continue(cli, tmp_path):
     assert (tmp_path / "out" / "continue.png").exists()
 
 
+@pytest.mark.slow
 def test_chart(cli, tmp_path):
     done = cli(*CHART, "--from", "0.486", "--to", "0.49", "--no-figure")
     assert done.status == 0

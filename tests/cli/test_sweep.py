@@ -63,6 +63,7 @@ def test_failed_values_are_said(cli, monkeypatch):
     assert "failed at 0.24: it broke" in done.out
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no SIGINT to another process there")
 def test_interrupted_sweep_keeps_what_is_done(tmp_path):
     command = [sys.executable, "-m", "mems_impact", *ARGUMENTS, "--points", "100000", "--progress"]

@@ -89,6 +89,7 @@ def test_fold_curve_of_impacting_orbits_reaches_its_bound(at_half):
     assert curve.points[-1].values[1] == pytest.approx(HIGH, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths, grazing_fold):
     (start,) = special(at_nine_twentieths, "fold")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)
@@ -104,6 +105,7 @@ def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths
 # The linear oscillator, where the curves are in closed form.
 
 
+@pytest.mark.slow
 def test_fold_curve_in_closed_form():
     exact = Exact(omega=1.3)
     start = exact.orbit(1.2 * exact.fold_speed())
@@ -126,6 +128,7 @@ def test_fold_curve_in_closed_form():
             assert amplitude == pytest.approx(Exact(omega=omega).fold(), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_curve_of_period_doublings_in_closed_form():
     exact = Exact(omega=2.1)
     start = exact.orbit(0.9 * exact.doubling_speed())

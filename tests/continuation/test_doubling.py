@@ -13,6 +13,8 @@ from mems_impact.orbits.orbit import check_closed, find_orbit
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator_orbit, at, oscillator
 
+pytestmark = pytest.mark.slow
+
 DOUBLING = 0.176318773  # at omega = 0.485
 
 

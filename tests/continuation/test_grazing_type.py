@@ -10,6 +10,8 @@ from mems_impact.orbits.orbit import find_orbit
 from tests.continuation import free_block
 from tests.orbits.families import at, oscillator, silent_orbit
 
+pytestmark = pytest.mark.slow
+
 
 def grazing(omega, **changes):
     orbit = silent_orbit(0.14, omega, changes=changes)

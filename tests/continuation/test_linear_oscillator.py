@@ -9,6 +9,8 @@ from mems_impact.orbits.orbit import find_orbit
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 
+pytestmark = pytest.mark.slow
+
 
 def family(exact, amplitude):
     names = ("omega", "c", "k", "d", "e", "square")

@@ -13,6 +13,8 @@ import pytest
 
 from tests.judges.conftest import Case, Result, by_dop853, by_heyoka, by_package
 
+pytestmark = pytest.mark.slow
+
 RIGHT, LEFT, SLIP_END, BREAK_AWAY = range(4)
 WITHIN = 1e-7
 

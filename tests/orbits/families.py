@@ -13,6 +13,9 @@ from mems_impact.orbits.orbit import find_orbit
 from tests.hybrid.systems import BALL, STOP, TAU, at, ball, problem, stop
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
+# An orbit of the linear oscillator moves by a hundred times the error of an arc: at TIGHT an impact
+# under the square wave is off by up to 7e-9, and by how much of that is a matter of last bits.
+FINE = {"rtol": 1e-13, "atol": 1e-15}
 DEVICE = load_actuator("zhao2004")
 AUTOMATON = actuator_automaton(Sine.voltage, Sine.voltage_rate)
 
@@ -86,7 +89,7 @@ def _stop_problem(values):
         return problem(STOP, stop(**values), period=period, **TIGHT)
     c, k, amplitude, d, e = (values[name] for name in ("c", "k", "amplitude", "d", "e"))
     p = (c, k, amplitude, 0.5 * period, period, d, e)
-    return problem(SQUARE_STOP, p, period=period, switches=(0.5, 1.0), **TIGHT)
+    return problem(SQUARE_STOP, p, period=period, switches=(0.5, 1.0), **FINE)
 
 
 def oscillator(**values):

@@ -17,6 +17,8 @@ from tests.orbits.families import (
     table,
 )
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     ("amplitude", "omega"), [(0.24, 0.5), (0.177, 0.485), (0.29, 0.45), (0.384, 0.1), (0.4, 0.05)]

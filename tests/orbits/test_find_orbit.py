@@ -107,6 +107,7 @@ def test_actuator_whose_block_rests_on_the_stopper(amplitude, omega):
     assert np.all(np.abs(orbit.multipliers) < 1e-9)
 
 
+@pytest.mark.slow
 def test_derivative_through_chatter_and_rest():
     start = actuator_orbit(0.4, 0.05, transient=50, active=("amplitude",))
     point = start.point

@@ -90,6 +90,7 @@ def test_a_guess_at_another_phase(orbit):
     assert found.state.x2 == pytest.approx(orbit.state.x2, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_device_in_si(orbit):
     scales = Scales.of_device(m2=1e-8, k=10.0, d=2e-6, alpha=1e-17)
     si = ZHAO.to_si(scales)

@@ -42,6 +42,7 @@ def _its_rate(t, q):
     return -0.5 * q[0] * math.sin(0.5 * t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parameter", ["height", "right.amplitude"])
 def test_numbers_of_any_drive_are_continued(parameter):
     drives = {
@@ -201,6 +202,7 @@ def test_chart_from_curves_alone():
     assert (off["amplitude"] <= np.interp(off["omega"], on["omega"], on["amplitude"]) + 1e-4).all()
 
 
+@pytest.mark.slow
 def test_crisis_by_simulation():
     # At omega = 0.5 the attractor ends in the fold, which is known.
     drive = mi.Sine(amplitude=0.2, omega=0.5)

@@ -17,6 +17,8 @@ from mems_impact.validation.suite import (
     run_suite,
 )
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 EXPECTED = ROOT / "validation" / "expected-verdicts.csv"
 QUICK = Effort(quick=True)

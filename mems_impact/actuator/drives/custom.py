@@ -234,12 +234,15 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     from numba import njit, types
     from numba.core.errors import NumbaError
 
-    from mems_impact.engines.compiling import make_callees_compilable
+    from mems_impact.engines.cvode.library import switched_off
+    from mems_impact.engines.snapshot import take
 
+    if switched_off():
+        return ""
     arguments = (types.float64, types.Array(types.float64, 1, "C"))
     try:
-        make_callees_compilable(function)
-        compiled = njit(function)
+        (frozen,) = take(function).frozen()
+        compiled = njit(frozen)
         compiled.compile(arguments)
         returned = compiled.overloads[arguments].signature.return_type
     except NumbaError as error:

@@ -18,7 +18,7 @@ from numba import types
 from numba.extending import overload
 
 from mems_impact.engines import contract
-from mems_impact.engines.compiling import INNER, JIT, address, integers, mark_compilable, pointer
+from mems_impact.engines.compiling import INNER, JIT, address, integers, pointer
 from mems_impact.engines.cvode import library
 from mems_impact.engines.kernels import (
     HANDLE,
@@ -29,6 +29,7 @@ from mems_impact.engines.kernels import (
     kernels,
 )
 from mems_impact.engines.options import Options
+from mems_impact.engines.snapshot import mark_overloaded
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -170,7 +171,7 @@ def _is_handle(kind: Any) -> bool:
     return isinstance(kind, types.Record) and "cvode" in kind.fields
 
 
-mark_compilable(
+mark_overloaded(
     contract.step,
     contract.time,
     contract.state,
