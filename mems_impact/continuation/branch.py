@@ -16,19 +16,20 @@ from mems_impact.continuation.monitors import (
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
+    closest,
     monitors,
 )
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
-ROLES = ("rate", "approach", "length")
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
+STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
 
@@ -210,10 +211,13 @@ class _Walker:
                 length = self._within_bounds(point, along, length)
                 following, iterations = step(shooting, point, along, length)
                 ahead = tangent(following, along)
-                if ahead @ along < 0.9:
-                    raise OrbitError("the branch turns too sharply", "take a shorter step")
                 after = monitors(shooting, following, ahead)
                 found = self._locate(shooting, point, along, length, before, after)
+                # Where an event meets a switch the branch has a corner, and ends.
+                at_corner = found.lost is not None and found.lost.monitor.role == "length"
+                if ahead @ along < STRAIGHT and not at_corner:
+                    raise OrbitError("the branch turns too sharply", "take a shorter step")
+                self._check_kept(shooting, following, found)
                 closed = found.lost is None and self._closed(shooting, point, along, length)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
@@ -233,36 +237,34 @@ class _Walker:
                 self.branch.ended = "the orbit of half the period, from which this one comes"
                 return
             lost = found.lost
-            if lost is not None and self.reconnecting and lost.monitor.role == "length":
-                moved = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
-                if moved is not None:
-                    # An event has moved into the next period of the orbit, or past another one.
-                    shooting, point, along = moved
-                    last = self.branch.points[-1]
-                    turned = along[-1] * last.direction[-1] < 0.0
-                    if not turned and make_orbit(shooting, point).stable == last.orbit.stable:
-                        self.branch.special_points.remove(lost)
-                    length = max(length / 2.0, self.steps.initial)
-                    before = monitors(shooting, point, along)
-                    budget -= 1
-                    continue
             if at_bound:
                 yield self.branch.points[-1]
                 self.branch.ended = f"{self.branch.parameter} reached its bound"
                 return
             if lost is not None and self.reconnecting:
-                self.branch.points.append(
-                    BranchPoint(lost.orbit, lost.value, lost.direction, piece)
-                )
-                yield self.branch.points[-1]
-                joined = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
+                joined, reason = self._other_side(lost)
+                # An event that moves into the next period, or past another one, changes nothing.
+                passing = joined is not None and lost.monitor.role == "length"
+                if not passing:
+                    self.branch.points.append(
+                        BranchPoint(lost.orbit, lost.value, lost.direction, piece)
+                    )
+                    yield self.branch.points[-1]
                 if joined is None:
-                    self.branch.ended = f"{lost.kind}: no orbit of another signature joins here"
+                    self.branch.ended = f"{lost.kind}: {reason}"
                     return
                 shooting, point, along = joined
+                before = monitors(shooting, point, along)
+                if passing:
+                    last = self.branch.points[-1]
+                    turned = along[-1] * last.direction[-1] < 0.0
+                    if not turned and make_orbit(shooting, point).stable == last.orbit.stable:
+                        self.branch.special_points.remove(lost)
+                    length = max(length / 2.0, self.steps.initial)
+                    budget -= 1
+                    continue
                 piece += 1
                 length = self.steps.initial
-                before = monitors(shooting, point, along)
                 self._append(shooting, point, along, piece)
                 yield self.branch.points[-1]
                 continue
@@ -277,6 +279,23 @@ class _Walker:
             elif iterations >= HARD:
                 length /= 1.5
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
+
+    def _check_kept(self, shooting: Shooting, following: Point, found: _Found) -> None:
+        """Raise OrbitError if a step leads off the automaton's orbits at no point that was found.
+
+        A closest approach may come into being within a step, and be too close at its end.
+        """
+        if not self.reconnecting or found.lost or not self.branch.points[-1].orbit.admissible:
+            return
+        if defects(shooting, following):
+            raise OrbitError("a margin is lost where none was watched", "take a shorter step")
+
+    def _other_side(self, lost: SpecialPoint) -> tuple[tuple[Shooting, Point, Floats] | None, str]:
+        """Return what `reconnect` finds at `lost`, or None and why it finds nothing."""
+        try:
+            return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
+        except (OrbitError, InvalidParameter) as error:
+            return None, str(error)
 
     def _within_bounds(self, point: Point, along: Floats, length: float) -> float:
         """Shorten a step that would go far beyond a bound, where the model may end."""
@@ -323,33 +342,39 @@ class _Walker:
         before: dict[Monitor, float],
         after: dict[Monitor, float],
     ) -> _Found:
-        """Locate all sign changes of the last step."""
-        found: list[tuple[float, SpecialPoint]] = []
-        for monitor, value in before.items():
-            if monitor not in after or not value * after[monitor] < 0.0:
-                continue
-            if monitor.role and value < 0.0:
-                continue  # back to what the automaton has: nothing is lost
-            if monitor.kind == NEIMARK_SACKER and max(abs(value), abs(after[monitor])) < NOISE:
-                continue  # multipliers that stay on the unit circle
-            located = locate(shooting, point, along, length, monitor)
-            if located is not None:
-                found.append(located)
-        found = [item for item in found if self.low <= item[1].value <= self.high]
-        found.sort(key=lambda item: item[0])
-        lost = [(position, special) for position, special in found if special.monitor.role]
-        # Where a guard is touched at zero speed, what would follow on the event loses its margin
-        # in the same point; the event itself is the one to name.
-        first = min(
-            (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
-            key=lambda item: ROLES.index(item[1].monitor.role),
-            default=None,
+        """Locate all sign changes of the last step, up to where the orbit is lost."""
+
+        def crossed(after: dict[Monitor, float], reach: float) -> list[tuple[float, SpecialPoint]]:
+            found = [
+                locate(shooting, point, along, reach, monitor)
+                for monitor, value in before.items()
+                if monitor in after and value * after[monitor] < 0.0
+            ]
+            inside = [item for item in found if item and self.low <= item[1].value <= self.high]
+            return sorted(inside, key=lambda item: item[0])
+
+        # Back to what the automaton has, nothing is lost.
+        lost = crossed(
+            {m: v for m, v in after.items() if m.role and before.get(m, 0.0) > 0.0}, length
         )
-        special_points = [
-            special
-            for position, special in found
-            if not special.monitor.role and (first is None or position < first[0] - COINCIDENT)
-        ]
+        first, reach = None, length
+        if lost:
+            first = min(
+                (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+                key=lambda item: _rank(item[1]),
+            )
+            # Beyond, the test functions may jump, and what they say is of no interest.
+            reach = max(lost[0][0] - COINCIDENT, 0.0)
+            start = np.append(point.unknowns, point.values[0])
+            here, _ = correct(shooting, start + reach * along, along)
+            after = monitors(shooting, here, tangent(here, along))
+        # Multipliers may stay on the unit circle.
+        smooth = {
+            m: v
+            for m, v in after.items()
+            if not m.role and not (m.kind == NEIMARK_SACKER and max(abs(v), abs(before[m])) < NOISE)
+        }
+        special_points = [special for _, special in crossed(smooth, reach)]
         if first is None:
             return _Found(special_points, None)
         return _Found([*special_points, first[1]], first[1])
@@ -393,6 +418,19 @@ def locate(
     kind = PERIOD_DOUBLING if monitor.kind == FOLD and collapsed(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
     return position, SpecialPoint(kind, label, value, orbit, direction, monitor)
+
+
+def _rank(special: SpecialPoint) -> int:
+    """Return which of several losses in one point to name and to act upon, the lowest first.
+
+    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
+    same point. Where an event meets another one, its margin is zero at an end of a segment.
+    """
+    monitor = special.monitor
+    if monitor.role == "approach":
+        touch = closest(special.orbit.shooting, special.orbit.point, monitor.guard)
+        return 1 if touch is not None and touch.inside else 3
+    return 0 if monitor.role == "rate" else 2
 
 
 def collapsed(orbit: PeriodicOrbit) -> bool:
