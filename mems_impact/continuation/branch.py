@@ -13,6 +13,7 @@ from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
     LABELS,
+    NEAR,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
@@ -22,7 +23,7 @@ from mems_impact.continuation.monitors import (
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit, reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
@@ -30,6 +31,7 @@ SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
+SHORT = 0.1  # part of the largest step below which a branch says what holds it back
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
 
@@ -197,6 +199,7 @@ class _Walker:
     def walk(self, shooting: Shooting, point: Point, along: Floats) -> Iterator[BranchPoint]:
         """Yield the points of the branch."""
         piece = 0
+        held = ""  # why the last step that was shortened was
         self.branch.points.append(
             BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
         )
@@ -225,6 +228,7 @@ class _Walker:
                     self._finish(shooting, point, following, piece)
             except (OrbitError, InvalidParameter) as error:
                 length /= 2.0
+                held = str(error)
                 if budget == 0 or length < self.steps.smallest:
                     self.branch.ended = f"no further step possible: {error}"
                     return
@@ -254,12 +258,9 @@ class _Walker:
                     self.branch.ended = f"{lost.kind}: {reason}"
                     return
                 shooting, point, along = joined
-                before = monitors(shooting, point, along)
+                earlier, before = before, monitors(shooting, point, along)
                 if passing:
-                    last = self.branch.points[-1]
-                    turned = along[-1] * last.direction[-1] < 0.0
-                    if not turned and make_orbit(shooting, point).stable == last.orbit.stable:
-                        self.branch.special_points.remove(lost)
+                    self._rename(lost, found.special_points, earlier, before)
                     length = max(length / 2.0, self.steps.initial)
                     budget -= 1
                     continue
@@ -278,7 +279,16 @@ class _Walker:
                 length = min(1.5 * length, self.steps.largest)
             elif iterations >= HARD:
                 length /= 1.5
+                held = f"a correction takes {iterations} Newton steps"
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
+        if held and length < SHORT * self.steps.largest:
+            self.branch.ended += f"; steps are down to a length of {length:.2g}: {held}"
+        else:
+            moved = abs(float(along[-1])) * length
+            self.branch.ended += (
+                f"; a step of length {length:.2g} moves {self.branch.parameter} by a part of "
+                f"{moved / max(abs(float(point.values[0])), moved):.1g}"
+            )
 
     def _check_kept(self, shooting: Shooting, following: Point, found: _Found) -> None:
         """Raise OrbitError if a step leads off the automaton's orbits at no point that was found.
@@ -296,6 +306,33 @@ class _Walker:
             return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
         except (OrbitError, InvalidParameter) as error:
             return None, str(error)
+
+    def _rename(
+        self,
+        met: SpecialPoint,
+        located: list[SpecialPoint],
+        before: dict[Monitor, float],
+        after: dict[Monitor, float],
+    ) -> None:
+        """Call a point at which two events met what happens there, or drop it if nothing does.
+
+        At a switch of the drive the branch has a corner, and may turn or lose its stability.
+        Elsewhere the orbit is only cut in another way, and its test functions go on.
+        """
+        changed = [
+            monitor
+            for monitor in (Monitor(kind) for kind in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER))
+            if before[monitor] * after[monitor] < 0.0
+            and sum(special.monitor == monitor for special in located) % 2 == 0
+        ]
+        i, segments = met.monitor.segment, met.orbit.segments
+        at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
+        self.branch.special_points.remove(met)
+        if at_switch and changed:
+            self.branch.special_points.append(met)
+        elif changed:
+            special = special_at(changed[0], met.orbit.shooting, met.orbit.point, met.direction)
+            self.branch.special_points += [special] if special else []
 
     def _within_bounds(self, point: Point, along: Floats, length: float) -> float:
         """Shorten a step that would go far beyond a bound, where the model may end."""
@@ -406,18 +443,27 @@ def locate(
         test(position)
     except (KeyError, ValueError) as error:
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
-    here, direction = last[-1]
+    special = special_at(monitor, shooting, *last[-1])
+    return None if special is None else (position, special)
+
+
+def special_at(
+    monitor: Monitor, shooting: Shooting, here: Point, direction: Floats
+) -> SpecialPoint | None:
+    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
+
+    A test function may change its sign through infinity (an impact at zero speed), and the product
+    of two real multipliers may pass one.
+    """
     orbit = make_orbit(shooting, here)
-    # A test function may change its sign through infinity (an impact at zero speed), and the
-    # product of two real multipliers may pass one.
-    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > 1e-3:
+    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
         return None
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
-    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < 1e-3):
+    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
         return None
-    kind = PERIOD_DOUBLING if monitor.kind == FOLD and collapsed(orbit) else monitor.kind
+    kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
-    return position, SpecialPoint(kind, label, value, orbit, direction, monitor)
+    return SpecialPoint(kind, label, value, orbit, direction, monitor)
 
 
 def _rank(special: SpecialPoint) -> int:
@@ -433,11 +479,12 @@ def _rank(special: SpecialPoint) -> int:
     return 0 if monitor.role == "rate" else 2
 
 
-def collapsed(orbit: PeriodicOrbit) -> bool:
-    """Return whether the second half of an orbit repeats the first: one of half the period.
+def halves(orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is one of half the period, at its period doubling.
 
-    There the branch of the doubled orbit turns back upon itself, in the period doubling from which
-    it comes.
+    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
+    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
+    fold, of an orbit that is traversed twice.
     """
     half, odd = divmod(len(orbit.segments), 2)
     if odd or orbit.periods % 2:
@@ -447,7 +494,10 @@ def collapsed(orbit: PeriodicOrbit) -> bool:
         return False
     states, _ = orbit.shooting.unpack(orbit.point.unknowns)
     apart = float(np.abs(states[:half] - states[half:]).max())
-    return apart < SAME_HALVES * float(np.abs(states).max())
+    if apart >= SAME_HALVES * float(np.abs(states).max()):
+        return False
+    multipliers = np.linalg.eigvals(reduced(orbit.shooting, orbit.point, half))
+    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
 
 
 __all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]

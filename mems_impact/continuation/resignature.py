@@ -147,7 +147,10 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int]:
     first, second = (i - 1) % count, i
     one, other = segments[first], segments[second]
     if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
-        raise matters
+        raise OrbitError(
+            "two events meet at the start of a period, which cannot pass each other there",
+            "give the drive a phase",
+        )
     if one.code == other.code == switch:
         raise matters
     problem = orbit.family.problem()
