@@ -71,7 +71,9 @@ def test_special_points_at_nine_twentieths_from_either_side(name):
 
 def test_orbits_of_a_branch_are_ones_that_a_run_follows():
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
-    for point in branch.points[::5]:
+    # At the grazing itself the sign of the impact's speed is one of rounding.
+    away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
+    for point in away[::5]:
         growth = max(1.0, float(np.abs(point.orbit.multipliers).max()))
         assert check_closed(point.orbit) < 3e-9 * growth
 
@@ -213,7 +215,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
     ("segment", "reason"), [(0, "at the start of a period"), (1, "whose order matters")]
 )
 def test_events_that_cannot_pass_each_other(segment, reason):
-    """Under a square wave that begins a period with a switch; an impact, and the end of its slip."""
+    """A switch begins the period; an impact is followed by a slip, not the other way round."""
     drive = Square(amplitude=0.4, omega=1.0)
     orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked(DEVICE), transient=300).found
     assert orbit.segments[-1].code == 2 * orbit.shooting.m
