@@ -1,5 +1,6 @@
 """Branches of the actuator: bounds, ends, special points from either side, parameters."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from mems_impact.continuation.corrector import step
 from mems_impact.continuation.monitors import Monitor, closest
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import check_closed, find_orbit
 from tests.continuation import free_block
 from tests.orbits.families import (
@@ -174,15 +176,29 @@ def test_noise_of_the_integration_counts_as_no_difficulty():
 
 
 def test_a_fold_next_to_a_grazing_is_listed():
-    """The two meet at omega = 0.480271; at 0.4801 they are 4e-3 apart on the branch."""
-    branch = follow(
-        silent_orbit(0.15, 0.4801), "amplitude", low=0.1, high=0.3, steps=Steps(most=40)
-    )
+    """The two meet at omega = 0.480271; at 0.4801 they are 5e-3 apart on the branch."""
+    start, steps = silent_orbit(0.177, 0.4801), Steps(initial=0.03, most=3)
+    branch = follow(start, "amplitude", low=0.1, high=0.3, steps=steps)
     assert [s.kind for s in branch.special_points][:2] == ["fold", "grazing"]
     fold, grazing = branch.special_points[:2]
     apart = np.append(fold.orbit.point.unknowns, fold.value)
     apart -= np.append(grazing.orbit.point.unknowns, grazing.value)
     assert np.linalg.norm(apart) < 1e-2
+
+
+def test_the_last_step_does_not_go_far_beyond_a_bound():
+    """There the model may end."""
+    start = silent_orbit(0.1999, 0.5)
+
+    def build(values):
+        if values["amplitude"] > 0.204:
+            raise InvalidParameter("amplitude", values["amplitude"], "0.204 at most")
+        return start.family.build(values)
+
+    family = Family(build, start.family.values)
+    branch = follow(replace(start, family=family), "amplitude", low=0.1, high=0.2)
+    assert branch.ended == "amplitude reached its bound"
+    assert len(branch.points) == 2
 
 
 def test_multipliers_that_pass_through_infinity_are_no_period_doubling():
