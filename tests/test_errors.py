@@ -53,7 +53,8 @@ def test_all_errors_are_listed_and_pickled():
     own = {kind for kind in own if not kind.__name__.startswith("_")}
     assert {kind.__name__ for kind in own} == set(errors.__all__)
     warnings = {kind for kind in own if issubclass(kind, Warning)}
-    assert own - warnings - {MemsImpactError} == {type(error) for error in ERRORS}
+    raised = {type(error) for error in [*ERRORS, *(error for error, _ in INTERRUPTIONS)]}
+    assert own - warnings - {MemsImpactError, Interrupted} == raised - {SuiteInterrupted}
 
 
 @pytest.mark.parametrize("error", ERRORS, ids=lambda error: type(error).__name__)

@@ -68,6 +68,7 @@ def point(value, direction="up", crossings=2, status="ok"):
         "section": section if crossings else {},
         **dict.fromkeys(tables.SWEEP_COLUMNS, 0.5),
         "impacts per period": 1.0 if status == "ok" else np.nan,
+        "blows per period": 0.5 if status == "ok" else np.nan,
         "status": status,
     }
 

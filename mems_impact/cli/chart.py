@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Chart where a device switches on and off.")
 @device_options
-@click.option("--from", "low", type=float, default=0.44, help="Lowest omega.  [0.44]")
-@click.option("--to", "high", type=float, default=0.51, help="Highest omega.  [0.51]")
+@click.option("--from", "low", type=float, help="Lowest omega.  [0.88 of resonance]")
+@click.option("--to", "high", type=float, help="Highest omega.  [1.02 of resonance]")
 @click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
 @click.option(
     "--crises", type=int, default=7, help="Frequencies at which type III is simulated.  [7]"
@@ -40,8 +40,8 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    low: float,
-    high: float,
+    low: float | None,
+    high: float | None,
     bias: float,
     crises: int,
     periods: int,

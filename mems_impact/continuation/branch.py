@@ -13,22 +13,25 @@ from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
     LABELS,
+    NEAR,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
+    closest,
     monitors,
 )
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit, reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
-ROLES = ("rate", "approach", "length")
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
+STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
+SHORT = 0.1  # part of the largest step below which a branch says what holds it back
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
 
@@ -196,6 +199,7 @@ class _Walker:
     def walk(self, shooting: Shooting, point: Point, along: Floats) -> Iterator[BranchPoint]:
         """Yield the points of the branch."""
         piece = 0
+        held = ""  # why the last step that was shortened was
         self.branch.points.append(
             BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
         )
@@ -210,10 +214,13 @@ class _Walker:
                 length = self._within_bounds(point, along, length)
                 following, iterations = step(shooting, point, along, length)
                 ahead = tangent(following, along)
-                if ahead @ along < 0.9:
-                    raise OrbitError("the branch turns too sharply", "take a shorter step")
                 after = monitors(shooting, following, ahead)
                 found = self._locate(shooting, point, along, length, before, after)
+                # Where an event meets a switch the branch has a corner, and ends.
+                at_corner = found.lost is not None and found.lost.monitor.role == "length"
+                if ahead @ along < STRAIGHT and not at_corner:
+                    raise OrbitError("the branch turns too sharply", "take a shorter step")
+                self._check_kept(shooting, following, found)
                 closed = found.lost is None and self._closed(shooting, point, along, length)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
@@ -221,6 +228,7 @@ class _Walker:
                     self._finish(shooting, point, following, piece)
             except (OrbitError, InvalidParameter) as error:
                 length /= 2.0
+                held = str(error)
                 if budget == 0 or length < self.steps.smallest:
                     self.branch.ended = f"no further step possible: {error}"
                     return
@@ -233,36 +241,31 @@ class _Walker:
                 self.branch.ended = "the orbit of half the period, from which this one comes"
                 return
             lost = found.lost
-            if lost is not None and self.reconnecting and lost.monitor.role == "length":
-                moved = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
-                if moved is not None:
-                    # An event has moved into the next period of the orbit, or past another one.
-                    shooting, point, along = moved
-                    last = self.branch.points[-1]
-                    turned = along[-1] * last.direction[-1] < 0.0
-                    if not turned and make_orbit(shooting, point).stable == last.orbit.stable:
-                        self.branch.special_points.remove(lost)
-                    length = max(length / 2.0, self.steps.initial)
-                    before = monitors(shooting, point, along)
-                    budget -= 1
-                    continue
             if at_bound:
                 yield self.branch.points[-1]
                 self.branch.ended = f"{self.branch.parameter} reached its bound"
                 return
             if lost is not None and self.reconnecting:
-                self.branch.points.append(
-                    BranchPoint(lost.orbit, lost.value, lost.direction, piece)
-                )
-                yield self.branch.points[-1]
-                joined = reconnect(lost.orbit, lost.monitor, self.branch.parameter)
+                joined, reason = self._other_side(lost)
+                # An event that moves into the next period, or past another one, changes nothing.
+                passing = joined is not None and lost.monitor.role == "length"
+                if not passing:
+                    self.branch.points.append(
+                        BranchPoint(lost.orbit, lost.value, lost.direction, piece)
+                    )
+                    yield self.branch.points[-1]
                 if joined is None:
-                    self.branch.ended = f"{lost.kind}: no orbit of another signature joins here"
+                    self.branch.ended = f"{lost.kind}: {reason}"
                     return
                 shooting, point, along = joined
+                earlier, before = before, monitors(shooting, point, along)
+                if passing:
+                    self._rename(lost, found.special_points, earlier, before)
+                    length = max(length / 2.0, self.steps.initial)
+                    budget -= 1
+                    continue
                 piece += 1
                 length = self.steps.initial
-                before = monitors(shooting, point, along)
                 self._append(shooting, point, along, piece)
                 yield self.branch.points[-1]
                 continue
@@ -276,7 +279,60 @@ class _Walker:
                 length = min(1.5 * length, self.steps.largest)
             elif iterations >= HARD:
                 length /= 1.5
+                held = f"a correction takes {iterations} Newton steps"
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
+        if held and length < SHORT * self.steps.largest:
+            self.branch.ended += f"; steps are down to a length of {length:.2g}: {held}"
+        else:
+            moved = abs(float(along[-1])) * length
+            self.branch.ended += (
+                f"; a step of length {length:.2g} moves {self.branch.parameter} by a part of "
+                f"{moved / max(abs(float(point.values[0])), moved):.1g}"
+            )
+
+    def _check_kept(self, shooting: Shooting, following: Point, found: _Found) -> None:
+        """Raise OrbitError if a step leads off the automaton's orbits at no point that was found.
+
+        A closest approach may come into being within a step, and be too close at its end.
+        """
+        if not self.reconnecting or found.lost or not self.branch.points[-1].orbit.admissible:
+            return
+        if defects(shooting, following):
+            raise OrbitError("a margin is lost where none was watched", "take a shorter step")
+
+    def _other_side(self, lost: SpecialPoint) -> tuple[tuple[Shooting, Point, Floats] | None, str]:
+        """Return what `reconnect` finds at `lost`, or None and why it finds nothing."""
+        try:
+            return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
+        except (OrbitError, InvalidParameter) as error:
+            return None, str(error)
+
+    def _rename(
+        self,
+        met: SpecialPoint,
+        located: list[SpecialPoint],
+        before: dict[Monitor, float],
+        after: dict[Monitor, float],
+    ) -> None:
+        """Call a point at which two events met what happens there, or drop it if nothing does.
+
+        At a switch of the drive the branch has a corner, and may turn or lose its stability.
+        Elsewhere the orbit is only cut in another way, and its test functions go on.
+        """
+        changed = [
+            monitor
+            for monitor in (Monitor(kind) for kind in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER))
+            if before[monitor] * after[monitor] < 0.0
+            and sum(special.monitor == monitor for special in located) % 2 == 0
+        ]
+        i, segments = met.monitor.segment, met.orbit.segments
+        at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
+        self.branch.special_points.remove(met)
+        if at_switch and changed:
+            self.branch.special_points.append(met)
+        elif changed:
+            special = special_at(changed[0], met.orbit.shooting, met.orbit.point, met.direction)
+            self.branch.special_points += [special] if special else []
 
     def _within_bounds(self, point: Point, along: Floats, length: float) -> float:
         """Shorten a step that would go far beyond a bound, where the model may end."""
@@ -323,33 +379,39 @@ class _Walker:
         before: dict[Monitor, float],
         after: dict[Monitor, float],
     ) -> _Found:
-        """Locate all sign changes of the last step."""
-        found: list[tuple[float, SpecialPoint]] = []
-        for monitor, value in before.items():
-            if monitor not in after or not value * after[monitor] < 0.0:
-                continue
-            if monitor.role and value < 0.0:
-                continue  # back to what the automaton has: nothing is lost
-            if monitor.kind == NEIMARK_SACKER and max(abs(value), abs(after[monitor])) < NOISE:
-                continue  # multipliers that stay on the unit circle
-            located = locate(shooting, point, along, length, monitor)
-            if located is not None:
-                found.append(located)
-        found = [item for item in found if self.low <= item[1].value <= self.high]
-        found.sort(key=lambda item: item[0])
-        lost = [(position, special) for position, special in found if special.monitor.role]
-        # Where a guard is touched at zero speed, what would follow on the event loses its margin
-        # in the same point; the event itself is the one to name.
-        first = min(
-            (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
-            key=lambda item: ROLES.index(item[1].monitor.role),
-            default=None,
+        """Locate all sign changes of the last step, up to where the orbit is lost."""
+
+        def crossed(after: dict[Monitor, float], reach: float) -> list[tuple[float, SpecialPoint]]:
+            found = [
+                locate(shooting, point, along, reach, monitor)
+                for monitor, value in before.items()
+                if monitor in after and value * after[monitor] < 0.0
+            ]
+            inside = [item for item in found if item and self.low <= item[1].value <= self.high]
+            return sorted(inside, key=lambda item: item[0])
+
+        # Back to what the automaton has, nothing is lost.
+        lost = crossed(
+            {m: v for m, v in after.items() if m.role and before.get(m, 0.0) > 0.0}, length
         )
-        special_points = [
-            special
-            for position, special in found
-            if not special.monitor.role and (first is None or position < first[0] - COINCIDENT)
-        ]
+        first, reach = None, length
+        if lost:
+            first = min(
+                (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+                key=lambda item: _rank(item[1]),
+            )
+            # Beyond, the test functions may jump, and what they say is of no interest.
+            reach = max(lost[0][0] - COINCIDENT, 0.0)
+            start = np.append(point.unknowns, point.values[0])
+            here, _ = correct(shooting, start + reach * along, along)
+            after = monitors(shooting, here, tangent(here, along))
+        # Multipliers may stay on the unit circle.
+        smooth = {
+            m: v
+            for m, v in after.items()
+            if not m.role and not (m.kind == NEIMARK_SACKER and max(abs(v), abs(before[m])) < NOISE)
+        }
+        special_points = [special for _, special in crossed(smooth, reach)]
         if first is None:
             return _Found(special_points, None)
         return _Found([*special_points, first[1]], first[1])
@@ -381,25 +443,48 @@ def locate(
         test(position)
     except (KeyError, ValueError) as error:
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
-    here, direction = last[-1]
+    special = special_at(monitor, shooting, *last[-1])
+    return None if special is None else (position, special)
+
+
+def special_at(
+    monitor: Monitor, shooting: Shooting, here: Point, direction: Floats
+) -> SpecialPoint | None:
+    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
+
+    A test function may change its sign through infinity (an impact at zero speed), and the product
+    of two real multipliers may pass one.
+    """
     orbit = make_orbit(shooting, here)
-    # A test function may change its sign through infinity (an impact at zero speed), and the
-    # product of two real multipliers may pass one.
-    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > 1e-3:
+    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
         return None
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
-    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < 1e-3):
+    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
         return None
-    kind = PERIOD_DOUBLING if monitor.kind == FOLD and collapsed(orbit) else monitor.kind
+    kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
-    return position, SpecialPoint(kind, label, value, orbit, direction, monitor)
+    return SpecialPoint(kind, label, value, orbit, direction, monitor)
 
 
-def collapsed(orbit: PeriodicOrbit) -> bool:
-    """Return whether the second half of an orbit repeats the first: one of half the period.
+def _rank(special: SpecialPoint) -> int:
+    """Return which of several losses in one point to name and to act upon, the lowest first.
 
-    There the branch of the doubled orbit turns back upon itself, in the period doubling from which
-    it comes.
+    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
+    same point. Where an event meets another one, its margin is zero at an end of a segment.
+    """
+    monitor = special.monitor
+    if monitor.role == "approach":
+        touch = closest(special.orbit.shooting, special.orbit.point, monitor.guard)
+        return 1 if touch is not None and touch.inside else 3
+    return 0 if monitor.role == "rate" else 2
+
+
+def halves(orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is one of half the period, at its period doubling.
+
+    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
+    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
+    fold, of an orbit that is traversed twice.
     """
     half, odd = divmod(len(orbit.segments), 2)
     if odd or orbit.periods % 2:
@@ -409,7 +494,10 @@ def collapsed(orbit: PeriodicOrbit) -> bool:
         return False
     states, _ = orbit.shooting.unpack(orbit.point.unknowns)
     apart = float(np.abs(states[:half] - states[half:]).max())
-    return apart < SAME_HALVES * float(np.abs(states).max())
+    if apart >= SAME_HALVES * float(np.abs(states).max()):
+        return False
+    multipliers = np.linalg.eigvals(reduced(orbit.shooting, orbit.point, half))
+    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
 
 
 __all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]

@@ -35,7 +35,7 @@ def step(shooting: Shooting, point: Point, direction: Floats, length: float) -> 
     -------
     point : Point
     iterations : int
-        Newton steps that it took.
+        Newton steps that it took until the next one was as small as the error of the integration.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def step(shooting: Shooting, point: Point, direction: Floats, length: float) -> 
 def correct(shooting: Shooting, guess: Floats, direction: Floats) -> tuple[Point, int]:
     """Correct `guess` (unknowns and parameter) in the plane through it across `direction`."""
     unknowns = guess.copy()
-    previous = np.inf
+    previous, needed = np.inf, ITERATIONS
     for iteration in range(ITERATIONS):
         point = shooting.evaluate(unknowns[:-1], unknowns[-1:])
         matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), direction])
@@ -61,8 +61,10 @@ def correct(shooting: Shooting, guess: Floats, direction: Floats) -> tuple[Point
                 "the branch has no single tangent here", "take another step"
             ) from error
         size = float(np.abs(change).max())
+        if size < ACCEPTED:
+            needed = min(needed, iteration)
         if size < TOLERANCE or (size >= previous and float(np.abs(residual).max()) < ACCEPTED):
-            return point, iteration
+            return point, min(needed, iteration)
         if not np.isfinite(size) or size > 1e3 or (iteration > 2 and size > 10.0 * previous):
             break
         previous = size

@@ -13,6 +13,7 @@ from mems_impact.continuation.grazing import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
+    NEAR,
     PERIOD_DOUBLING,
     Monitor,
     closest,
@@ -393,7 +394,7 @@ class _Curve:
         orbit = make_orbit(self.shooting, point)
         if test in ("multiplier +1", "multiplier -1"):
             target = 1.0 if test == "multiplier +1" else -1.0
-            if np.abs(orbit.multipliers - target).min() > 1e-3:
+            if np.abs(orbit.multipliers - target).min() > NEAR:
                 return None  # a sign change through infinity
         values = (float(point.values[0]), float(point.values[1]))
         return position, CodimensionTwo(kind, values, orbit)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mems_impact.continuation.monitors import Monitor, closest
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.loop import TRANSITION
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
@@ -79,6 +79,11 @@ def kick(
 
     Learnt from trials: the impact and what follows on it (a slip, say) until the mode is the old
     one, compared with the flow of the old mode over the same time, pulled back to the impact.
+
+    Raises
+    ------
+    OrbitError
+        If the mode does not come back.
     """
     family = shooting.family.at(**dict(zip(shooting.active, values.tolist(), strict=True)))
     problem = family.problem()
@@ -87,7 +92,13 @@ def kick(
     def left_behind(speed: float) -> Floats:
         before = weak_contact(shooting, mode, guard, time, y, speed)
         events = run(problem, Instant(0, time, mode, before), 0.02).events
-        last = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))[0]
+        back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
+        if not back.size:
+            raise OrbitError(
+                f"a weak contact at {values} does not lead back to the mode that it came from",
+                "take a range in which the stopper is touched while the frame is at rest",
+            )
+        last = back[0]
         elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
         undisturbed = shooting.variational.arc(mode, before, time, elapsed)
         difference = events.after[last][free] - undisturbed.end[free]

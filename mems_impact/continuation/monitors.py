@@ -19,6 +19,7 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER = (
     "period-doubling",
     "Neimark-Sacker",
 )
+NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
 LABELS = {GRAZING: "G", FOLD: "CF", PERIOD_DOUBLING: "PD", NEIMARK_SACKER: "NS"}
 

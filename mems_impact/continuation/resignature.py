@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import takewhile
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,11 @@ import numpy as np
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
 from mems_impact.continuation.monitors import Closest, Monitor, closest, monitors
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.orbit import PeriodicOrbit
-from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
+from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
 
 SPEED = 1e-4  # rate at the guard with which the other signature is entered
@@ -23,12 +22,17 @@ DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 # Time after two events have met at which the other order is entered. The branch has a corner where
 # they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
 APART = 1e-5
+GRADIENT_STEP = 1e-6  # of the differences that give the gradient of a test function
+ITERATIONS = 20
 
 
 def reconnect(
     orbit: PeriodicOrbit, monitor: Monitor, parameter: str
-) -> tuple[Shooting, Point, Floats] | None:
+) -> tuple[Shooting, Point, Floats]:
     """Return the branch of the other signature that meets `orbit`, and the direction away from it.
+
+    It may lie on either side of `orbit` in the parameter. It is entered a little away from where
+    the two meet, since the equations have a corner there if one of two events is a switch.
 
     Parameters
     ----------
@@ -41,62 +45,49 @@ def reconnect(
     Returns
     -------
     shooting, point, direction
-        Or None where no orbit of another signature is found.
+
+    Raises
+    ------
+    OrbitError
+        If there is no such branch, or none that is found: says why.
+    """
+    guess, wanted, level = _other(orbit, monitor)
+    shooting = Shooting(orbit.family, guess.segments, (parameter,))
+    unknowns = shooting.pack(guess)
+    value = orbit.family.values[parameter]
+    shooting.pin(shooting.evaluate(unknowns, np.array([value])))
+    point = _at_level(shooting, unknowns, value, wanted, level)
+    direction = tangent(point)
+    gain = _derivative(shooting, point, wanted, direction)
+    return shooting, point, direction if gain > 0.0 else -direction
+
+
+def _other(orbit: PeriodicOrbit, monitor: Monitor) -> tuple[Guess, Monitor, float]:
+    """Return a guess of the other signature, the test function that grows from zero, a small value.
+
+    Raises
+    ------
+    OrbitError
+        If no other signature is known to join.
     """
     if monitor.role == "length":
-        return pass_by(orbit, monitor.segment, parameter)
+        # The orbit is only cut elsewhere.
+        guess, grows = move_event(orbit, monitor.segment) or swap_events(orbit, monitor.segment)
+        return guess, Monitor(monitor.kind, "length", grows), APART
+    if monitor.role == "rate":
+        return (
+            without_event(orbit, monitor),
+            Monitor(monitor.kind, "approach", -1, monitor.guard),
+            DEPTH,
+        )
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
-    if monitor.role == "approach" and touch is not None and touch.inside:
-        guess = with_event(orbit, monitor.guard, touch)
-        wanted = Monitor(monitor.kind, "rate", touch.segment, monitor.guard)
-        level = SPEED
-    elif monitor.role == "rate":
-        guess = without_event(orbit, monitor)
-        wanted = Monitor(monitor.kind, "approach", -1, monitor.guard)
-        level = DEPTH
-    else:
-        return None
-    if guess is None:
-        return None
-    shooting = Shooting(orbit.family, guess.segments, (parameter,))
-    unknowns = shooting.pack(guess)
-    value = orbit.family.values[parameter]
-    try:
-        shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-        point = _at_level(shooting, unknowns, value, wanted, level)
-        if point is None:
-            return None
-        direction = tangent(point)
-        gain = _derivative(shooting, point, wanted, direction)
-    except (OrbitError, InvalidParameter):
-        return None
-    return shooting, point, direction if gain > 0.0 else -direction
-
-
-def pass_by(orbit: PeriodicOrbit, i: int, parameter: str) -> tuple[Shooting, Point, Floats] | None:
-    """Let the event at an end of the vanishing segment `i` pass the other end.
-
-    It moves into the neighbouring period, or changes places with another event. Nothing happens
-    to the orbit there; it is only cut elsewhere. None if two events meet whose order matters.
-    """
-    moved = move_event(orbit, i) or swap_events(orbit, i)
-    if moved is None:
-        return None
-    guess, grows = moved
-    shooting = Shooting(orbit.family, guess.segments, (parameter,))
-    value = orbit.family.values[parameter]
-    unknowns = shooting.pack(guess)
-    length = Monitor("simultaneous events", "length", grows)
-    try:
-        shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-        point = _at_level(shooting, unknowns, value, length, APART)
-        if point is None:
-            return None
-        direction = tangent(point)
-        gain = _derivative(shooting, point, length, direction)
-    except OrbitError:
-        return None
-    return shooting, point, direction if gain > 0.0 else -direction
+    if touch is None or not touch.inside:
+        raise OrbitError(
+            "the margin is touched at another event or a switch of the drive, not in between",
+            "find an orbit beyond and follow that",
+        )
+    guess = with_event(orbit, monitor.guard, touch)
+    return guess, Monitor(monitor.kind, "rate", touch.segment, monitor.guard), SPEED
 
 
 def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
@@ -142,21 +133,29 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
     return None
 
 
-def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
+def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int]:
     """Return the orbit with the two events around segment `i` in the other order.
 
-    Also returned: the segment that grows from length zero. None unless the state and the mode after
-    both are the same in either order.
+    Also returned: the segment that grows from length zero.
+
+    Raises
+    ------
+    OrbitError
+        Unless the state and the mode after both are the same in either order.
     """
+    matters = OrbitError("two events meet whose order matters", "find an orbit beyond")
     shooting, point = orbit.shooting, orbit.point
     segments, count = list(orbit.segments), len(orbit.segments)
     switch = 2 * shooting.m
     first, second = (i - 1) % count, i
     one, other = segments[first], segments[second]
     if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
-        return None
+        raise OrbitError(
+            "two events meet at the start of a period, which cannot pass each other there",
+            "give the drive a phase",
+        )
     if one.code == other.code == switch:
-        return None
+        raise matters
     problem = orbit.family.problem()
     p = np.asarray(problem.parameters, dtype=float)
     automaton, time = shooting.automaton, float(point.ends[first])
@@ -175,9 +174,9 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
     following = (i + 1) % count
     free = shooting.free
     if last != segments[following].mode:
-        return None
+        raise matters
     if np.abs(final[free] - states[following][free]).max() > 1e-6:
-        return None
+        raise matters
     segments[first] = Segment(one.mode, one.cycle, other.code, other.switch)
     segments[second] = Segment(mode, one.cycle, one.code, one.switch)
     states = np.array(states)
@@ -189,11 +188,16 @@ def _rotated(items: list[Any], by: int) -> list[Any]:
     return items[by:] + items[:by]
 
 
-def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess | None:
+def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess:
     """Return a guess with the events that a weak contact at the closest approach brings.
 
     What follows on a contact at vanishing speed is learnt from a run that starts on the guard with
     a small speed into it, until it is back in the mode that it came from.
+
+    Raises
+    ------
+    OrbitError
+        If it does not come back before the period ends or the drive switches.
     """
     shooting, point = orbit.shooting, orbit.point
     i, time = touch.segment, touch.time
@@ -205,79 +209,96 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess | None
     share = 0.02
     trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
     whole = 1 if time + share * problem.period < problem.period else 2
-    try:
-        piece = guess_from(trajectory, whole, problem.switches)
-    except OrbitError:
-        return None
-    codes = list(takewhile(lambda s: s.code != BOUNDARY, piece.segments))
-    if not codes or codes[0].code != guard:
-        return None
-    count = len(codes)
-    # Back in the mode that it came from, and in the same period.
-    if count == len(piece.segments) or piece.segments[count].mode != segment.mode:
-        return None
-    inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in codes)
+    piece = guess_from(trajectory, whole, problem.switches)
+    back = (k for k, s in enumerate(piece.segments) if k > 0 and s.mode == segment.mode)
+    count = next(back, 0)
+    followed = piece.segments[:count]
+    elsewhere = (BOUNDARY, 2 * shooting.m)
+    if not followed or followed[0].code != guard or any(s.code in elsewhere for s in followed):
+        raise OrbitError(
+            f"after a weak contact the mode is not {shooting.automaton.modes[segment.mode]} again "
+            "before the period ends or the drive switches",
+            "find an orbit beyond",
+        )
+    inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in followed)
     segments = orbit.segments[:i] + inserted + orbit.segments[i:]
     new_states = np.vstack([states[: i + 1], piece.states[1 : count + 1], states[i + 1 :]])
     times = np.concatenate([point.ends[:i], piece.times[:count], point.ends[i:]])
     return Guess(segments, new_states, times)
 
 
-def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess | None:
-    """Return a guess without the event, and without what followed on it in no time."""
+def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess:
+    """Return a guess without the event, and without what followed on it in no time.
+
+    Raises
+    ------
+    OrbitError
+        If what followed on it lasts.
+    """
     shooting, point = orbit.shooting, orbit.point
-    i = monitor.segment
+    segments, i = orbit.segments, monitor.segment
     states, _ = shooting.unpack(point.unknowns)
-    mode = orbit.segments[i].mode
+    mode, cycle = segments[i].mode, segments[i].cycle
+    lengths = point.ends - point.starts
     following = i + 1
-    while following < len(orbit.segments) and orbit.segments[following].mode != mode:
-        if point.ends[following] - point.starts[following] > 1e-3:
-            return None
+    while following < len(segments) and segments[following].mode != mode:
+        if lengths[following] > 1e-3:
+            break
         following += 1
     if (
-        following >= len(orbit.segments)
-        or orbit.segments[following].cycle != orbit.segments[i].cycle
+        following == len(segments)
+        or segments[following].mode != mode
+        or segments[following].cycle != cycle
     ):
-        return None
-    segments = orbit.segments[:i] + orbit.segments[following:]
-    keep = [*range(i + 1), *range(following + 1, len(orbit.segments))]
+        raise OrbitError(
+            f"what the event sets off does not return to {shooting.automaton.modes[mode]} at once",
+            "find an orbit beyond",
+        )
+    keep = [*range(i + 1), *range(following + 1, len(segments))]
     times = np.concatenate([point.ends[:i], point.ends[following:]])
-    return Guess(segments, states[keep], times)
+    return Guess(segments[:i] + segments[following:], states[keep], times)
 
 
 def _at_level(
     shooting: Shooting, unknowns: Floats, value: float, monitor: Monitor, level: float
-) -> Point | None:
+) -> Point:
     """Solve for the orbit on which `monitor` has the value `level`, by Newton's method.
 
     The parameter is free. The gradient of the monitor is taken by differences.
+
+    Raises
+    ------
+    OrbitError
+        If the iteration does not converge.
     """
     u = np.append(unknowns, value)
 
-    def observed(x: Floats) -> float:
+    def observed(x: Floats) -> tuple[Point, float]:
         point = shooting.evaluate(x[:-1], x[-1:])
-        return monitors(shooting, point, np.zeros(x.size)).get(monitor, np.nan)
+        return point, monitors(shooting, point, np.zeros(x.size)).get(monitor, np.nan)
 
-    for _ in range(12):
-        point = shooting.evaluate(u[:-1], u[-1:])
-        here = monitors(shooting, point, np.zeros(u.size)).get(monitor, np.nan)
-        if not np.isfinite(here):
-            return None
-        gradient = np.zeros(u.size)
-        for c in range(u.size):
-            shift = np.zeros(u.size)
-            shift[c] = 1e-6
-            gradient[c] = (observed(u + shift) - observed(u - shift)) / 2e-6
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), gradient])
+    # The way is short, so that the gradient at its start will do.
+    gradient = np.array(
+        [
+            (observed(u + shift)[1] - observed(u - shift)[1]) / (2.0 * GRADIENT_STEP)
+            for shift in GRADIENT_STEP * np.eye(u.size)
+        ]
+    )
+    previous = np.inf
+    for _ in range(ITERATIONS):
+        point, here = observed(u)
         residual = np.append(point.residual, here - level)
-        if not np.isfinite(matrix).all():
-            return None
-        change = np.linalg.lstsq(matrix, -residual)[0]
-        u = u + change
-        if np.abs(change).max() < 1e-10:
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), gradient])
+        if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
-    point = shooting.evaluate(u[:-1], u[-1:])
-    return point if np.abs(point.residual).max() < ACCEPTED else None
+        change = np.linalg.lstsq(matrix, -residual)[0]
+        size = float(np.abs(change).max())
+        small = float(np.abs(residual).max()) < ACCEPTED
+        if small and (size < TOLERANCE or size >= previous):
+            return point
+        previous = size
+        u = u + change
+    raise OrbitError("the orbits of the other signature could not be corrected", "find one beyond")
 
 
 def _derivative(shooting: Shooting, point: Point, monitor: Monitor, direction: Floats) -> float:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mems_impact.continuation.corrector import correct
+from mems_impact.continuation.monitors import NEAR
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting
@@ -45,7 +46,7 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
     value = np.array([orbit.family.values[parameter]])
     point = shooting.evaluate(unknowns, value)
     vectors = np.linalg.svd(point.jacobian)[2]
-    if np.abs(orbit.multipliers + 1.0).min() > 1e-4:
+    if np.abs(orbit.multipliers + 1.0).min() > NEAR:
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
     # The null vector of the doubled equations: one way in the first pass, the other in the second.
     away = np.append(vectors[-1], 0.0)

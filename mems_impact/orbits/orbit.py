@@ -56,7 +56,8 @@ class PeriodicOrbit:
         The solved equations.
     multipliers : complex array
         Floquet multipliers on the components that are neither cyclic nor fixed in the first
-        segment, largest first.
+        segment, largest first; where all are fixed, as at rest on a stopper, a single 0: what
+        disturbs such an orbit is gone in finite time.
     defects : tuple of Defect
         Empty if the orbit is admissible.
     """
@@ -102,6 +103,16 @@ class PeriodicOrbit:
         return bool(np.all(np.abs(self.multipliers) < 1.0))
 
     @property
+    def touches(self) -> bool:
+        """Whether an event ends a segment at no speed: then multipliers have no bound."""
+        m = self.shooting.m
+        return any(
+            abs(float(event.rates[segment.code % m])) <= SLACK
+            for segment, event in zip(self.segments, self.point.events, strict=True)
+            if event is not None and segment.code != 2 * m
+        )
+
+    @property
     def residual(self) -> float:
         """Largest residual of the shooting equations."""
         return float(np.abs(self.point.residual).max())
@@ -128,10 +139,13 @@ class PeriodicOrbit:
         return reduced(self.shooting, self.point)
 
 
-def reduced(shooting: Shooting, point: Point) -> Floats:
-    """Return the monodromy matrix without the components that the first mode holds fixed."""
+def reduced(shooting: Shooting, point: Point, first: int | None = None) -> Floats:
+    """Return the monodromy matrix without the components that the first mode holds fixed.
+
+    Or that over the `first` segments alone.
+    """
     keep = reduced_components(shooting, point)
-    return shooting.monodromy(point)[np.ix_(keep, keep)]
+    return shooting.monodromy(point, first)[np.ix_(keep, keep)]
 
 
 def reduced_components(shooting: Shooting, point: Point) -> list[int]:
@@ -153,7 +167,7 @@ def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:
     matrix = reduced(shooting, point)
     if not np.isfinite(matrix).all():
         raise OrbitError("the monodromy matrix is not finite", "take another guess", point)
-    multipliers = np.linalg.eigvals(matrix).astype(complex)
+    multipliers = np.linalg.eigvals(matrix).astype(complex) if matrix.size else np.zeros(1, complex)
     return PeriodicOrbit(
         family=shooting.family.at(**values),
         periods=shooting.segments[-1].cycle + 1,

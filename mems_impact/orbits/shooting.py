@@ -268,15 +268,17 @@ class Shooting:
         offset = rates[:, first] - slope * times[first]
         return np.column_stack([offset, slope]) / self.scales[:, None]
 
-    def monodromy(self, point: Point) -> Floats:
+    def monodromy(self, point: Point, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
+
+        Or that over the `first` segments alone.
 
         At an event with margin h and jump R, a perturbation is carried over by the saltation
         matrix ``DR + (f_after - DR f_before - R_t) (grad h)^T / (grad h . f_before + h_t)``.
         """
         free = self.free
         total = np.eye(len(free))
-        for i, segment in enumerate(self.segments):
+        for i, segment in enumerate(self.segments[:first]):
             arc, event = point.arcs[i], point.events[i]
             moved = arc.by_state  # (n, f)
             if event is not None:

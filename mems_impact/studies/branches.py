@@ -157,7 +157,8 @@ class Branch:
         """One row an orbit, in the order of the branch.
 
         Columns: the parameter, stable, admissible, piece (0, 1, …: a new one where an impact or
-        another event comes in or drops out), largest multiplier (its absolute value), impacts
+        another event comes in or drops out), largest multiplier (its absolute value; inf where an
+        impact has lost its speed), impacts
         and the largest impact speed over the orbit, step of the frame, closest approach, and v2
         at the crossings of x2 = 0 with v2 > 0 in descending order: v2, v2 2, v2 3, …
         """
@@ -541,7 +542,7 @@ def _measures(orbit: Orbit) -> dict[str, Any]:
     return {
         "stable": found.stable,
         "admissible": found.admissible,
-        "largest multiplier": float(np.abs(found.multipliers[0])),
+        "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
         "impacts": len(speeds),
         "impact speed": max(speeds, default=math.nan),
         "step": float(found.advance[X1]),

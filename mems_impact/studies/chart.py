@@ -24,6 +24,7 @@ from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
 from mems_impact.orbits import orbit as orbits
 from mems_impact.orbits.family import Family
 from mems_impact.studies.branches import CodimensionTwo, GrazingType, curve_of
+from mems_impact.studies.design import pull_in_voltage
 from mems_impact.studies.orbits import ORBIT_OPTIONS, System, whole
 from mems_impact.studies.simulate import instant_of_state, simulate
 from mems_impact.studies.state import State, is_number
@@ -38,6 +39,7 @@ __all__ = ["Chart", "crisis", "operating_chart"]
 AMPLITUDE, OMEGA = "amplitude", "omega"
 ON, OFF = "on", "off"
 CRISIS = "crisis"
+BAND = (0.88, 1.02)  # range of the forcing frequency by default, in the block's own: as in Fig. 7
 FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
 RAMP = 21  # amplitudes from where the attractor is first looked for to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
@@ -122,7 +124,7 @@ def operating_chart(
     actuator: Actuator,
     drive: Drive | None = None,
     *,
-    omega: tuple[float, float] = (0.44, 0.51),
+    omega: tuple[float | None, float | None] = (None, None),
     crises: int = 7,
     periods: int = 2000,
     options: Options = ORBIT_OPTIONS,
@@ -145,7 +147,9 @@ def operating_chart(
         A waveform with ``amplitude`` and ``omega``, whose values here do not matter; a sine by
         default.
     omega : tuple of float, optional
-        Range of the frequency; that of Fig. 7 by default.
+        Range of the frequency [rad/s]; where an end is None, that of the band about the resonance
+        of the block, in which the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``. For the
+        device of the paper that is Fig. 7's, 0.44 to 0.51.
     crises : int, optional
         Frequencies of type III at which the crisis is simulated, >= 0.
     periods : int, optional
@@ -167,7 +171,8 @@ def operating_chart(
     InvalidParameter
         If an argument is out of range.
     OrbitError
-        If the orbit without impacts does not graze at either end of the range.
+        If the orbit without impacts does not graze at either end of the range, or at a frequency
+        within it; says what it meets instead.
     ChartInterrupted
         On Ctrl-C; its ``chart`` holds what was done.
     """
@@ -176,7 +181,7 @@ def operating_chart(
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
-    low, high = _range(omega)
+    low, high = _range(omega, _band(system))
     system.changed(omega=low)
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
@@ -303,9 +308,7 @@ class _Maker:
         self.regions: list[tuple[GrazingType, float, float]] = []
         self.pieces: list[tuple[str, GrazingType, str, Sequence[Point]]] = []
         self.done = self.total = 0  # pieces that are whole, and that there will be
-        actuator = system.actuator
-        pull_in = math.sqrt(4.0 * actuator.k * actuator.d**3 / (27.0 * actuator.alpha))
-        self.pull_in = system.into(AMPLITUDE, pull_in)
+        self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
         """Compute the parts, those last that take longest; `chart` gives what is done."""
@@ -329,7 +332,7 @@ class _Maker:
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
             grazings = _joined(dict(_values(inside)), ends)
             region = self._type(left, right)
-            self.tell(f"omega {left:.6g} to {right:.6g}: type {region.paper}")
+            self.tell(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
             self.regions.append((region, left, right))
             for piece in self._followed(region, left, right, grazings):
                 self.pieces.append(piece)
@@ -389,9 +392,33 @@ class _Maker:
                     self.notes.append(f"the grazing curve: {curve.ended}")
                 return curve
         raise OrbitError(
-            f"the orbit without impacts does not graze at omega {low:g} or {high:g} below pull-in",
+            f"{self._not_grazing(low)}, and {self._not_grazing(high)}",
             "take another range of omega",
         )
+
+    def _grazing(self, omega: float) -> branches.SpecialPoint:
+        """Return where the orbit without impacts grazes; OrbitError if it does not."""
+        for special in self._special(omega):
+            if _grazes(special):
+                return special
+        raise OrbitError(self._not_grazing(omega), "take another range of omega")
+
+    def _not_grazing(self, omega: float) -> str:
+        """Say what the orbit without impacts meets at a frequency at which it does not graze."""
+        out, name = self.system.out, self.system.label(AMPLITUDE)
+        met = [f"a {s.kind} at {out(AMPLITUDE, s.value):.6g}" for s in self._special(omega)]
+        pull_in = f"{name} = {out(AMPLITUDE, self.pull_in):.6g}"
+        return (
+            f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
+            f"{pull_in} (it meets {', '.join(met) or 'nothing'})"
+        )
+
+    def _number(self, omega: float) -> str:
+        return f"{self.system.out(OMEGA, omega):.9g}"
+
+    def _at(self, omega: float) -> str:
+        """Return a frequency in words, in the user's units."""
+        return f"{self.system.label(OMEGA)} = {self._number(omega)}"
 
     def _curve(
         self, special: branches.SpecialPoint, low: float, high: float, direction: float
@@ -402,7 +429,7 @@ class _Maker:
 
     def _type(self, left: float, right: float) -> GrazingType:
         """Return the type between two points of codimension two, where they are far."""
-        touching = next(s for s in self._special(0.5 * (left + right)) if _grazes(s))
+        touching = self._grazing(0.5 * (left + right))
         return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
 
     def _followed(
@@ -438,7 +465,7 @@ class _Maker:
             if s.kind == "fold" and (not s.orbit.impacts) == without_impact
         ]
         if not folds:
-            self.notes.append(f"{what}: none at omega {middle:g}")
+            self.notes.append(f"{what}: none at {self._at(middle)}")
             return ()
         ending = [end for end in ends if end[0] in self.marks]
         points: list[CurvePoint] = []
@@ -451,7 +478,7 @@ class _Maker:
             points += here
             reached = here[-1].values[1] if here else middle
             if not at_mark and abs(reached - bound) > 1e-9:
-                self.notes.append(f"{what} ends at omega {reached:.9g}: {curve.ended}")
+                self.notes.append(f"{what} ends at {self._at(reached)}: {curve.ended}")
         values = dict(_values(points))
         touching = [end for end in ending if self._ends_in_grazing(end, values)]
         return _joined(values, touching)
@@ -483,7 +510,10 @@ class _Maker:
 
         def one(omega: float) -> Point | str:
             try:
-                fold = next(s for s in self._special(omega, watch) if s.kind == "fold").value
+                met = [s.value for s in self._special(omega, watch) if s.kind == "fold"]
+                if not met:
+                    raise OrbitError("no fold to begin at", "take another range of omega")
+                fold = met[0]
                 here = self.system.changed(omega=out(OMEGA, omega))
                 value = crisis(
                     here.actuator,
@@ -495,8 +525,8 @@ class _Maker:
                     watch=watch,
                 )
                 return omega, self.system.into(AMPLITUDE, value)
-            except (OrbitError, StopIteration) as error:
-                return f"crisis at omega {omega:.6g}: {error}"
+            except OrbitError as error:
+                return f"crisis at {self._at(omega)}: {error}"
 
         self.tell(f"the crisis, simulated at {crises} frequencies")
         with stoppable_threads(workers) as (threads, watch):
@@ -527,14 +557,26 @@ def _joined(
     return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
-def _range(omega: tuple[float, float]) -> tuple[float, float]:
+def _band(system: System) -> tuple[float, float]:
+    """Return the range of omega in which the force is near the resonance of the block."""
+    own = math.sqrt(system.actuator.k / system.actuator.m2)
+    drive = system.changed(omega=own).drive
+    repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega
+    return BAND[0] * own / repeats, BAND[1] * own / repeats
+
+
+def _range(
+    omega: tuple[float | None, float | None], band: tuple[float, float]
+) -> tuple[float, float]:
     allowed = "(lowest, highest) with 0 < lowest < highest"
     try:
-        low, high = omega
+        given_low, given_high = omega
     except (TypeError, ValueError):
         raise InvalidParameter("omega", omega, allowed) from None
+    low = band[0] if given_low is None else given_low
+    high = band[1] if given_high is None else given_high
     if not (is_number(low) and is_number(high) and 0.0 < low < high):
-        raise InvalidParameter("omega", omega, allowed)
+        raise InvalidParameter("omega", (low, high), allowed)
     return float(low), float(high)
 
 

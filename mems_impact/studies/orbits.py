@@ -204,7 +204,7 @@ class Orbit:
         """Floquet multipliers over the whole orbit, largest first.
 
         Of the components of the state that are free where the orbit begins: x2 and v2 where the
-        frame is stuck.
+        frame is stuck. A single 0 where none is: at rest on a stopper.
         """
         return self.found.multipliers
 

@@ -1,6 +1,7 @@
 """Bad input for every field of every drive is one clear error."""
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -187,10 +188,24 @@ def test_interpolation_is_that_of_pchip():
 def test_forcing_periods():
     turn = 4.0 * math.pi
     assert mi.Square(amplitude=0.3, omega=0.5).period == turn
-    assert mi.Square(amplitude=0.3, omega=0.5, low=-0.3).period == turn / 2
-    assert mi.Square(amplitude=0.3, omega=0.5, low=-0.3, duty=0.4).period == turn
+    assert mi.Square(amplitude=0.3, omega=0.5, low=-0.3, rise=0.1).period == turn / 2
+    assert mi.Square(amplitude=0.3, omega=0.5, low=-0.3, rise=0.1, duty=0.4).period == turn
     assert mi.Trapezoid(amplitude=0.3, omega=0.5).period == turn / 2
     assert mi.Trapezoid(amplitude=0.3, omega=0.5, bias=0.1).period == turn
     assert DRIVES["two-sided, 2 to 3"].period == 30.0
     assert mi.Burst(wave=SINE, on=3, off=1).period == pytest.approx(2 * turn)
     assert mi.Burst(wave=SINE, on=3, pause=1.0).period == pytest.approx(1.5 * turn + 1.0)
+
+
+@pytest.mark.parametrize("low", [-0.3, 0.3])
+def test_a_square_wave_of_constant_force_warns(low):
+    with pytest.warns(UserWarning, match=f"never changes.*low = {low:g}"):
+        mi.Square(amplitude=0.3, omega=0.5, low=low)
+
+
+def test_a_square_wave_whose_force_changes_does_not_warn():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mi.Square(amplitude=0.3, omega=0.5, low=-0.3, rise=0.1)
+        mi.Square(amplitude=0.3, omega=0.5, low=-0.2)
+        mi.Square(amplitude=0.0, omega=0.5)

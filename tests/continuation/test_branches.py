@@ -1,13 +1,31 @@
 """Branches of the actuator: bounds, ends, special points from either side, parameters."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
+import mems_impact as mi
+from mems_impact.actuator.drive import Square
+from mems_impact.continuation import branch as branches
 from mems_impact.continuation.branch import Steps, follow
-from mems_impact.errors import InvalidParameter
+from mems_impact.continuation.corrector import step
+from mems_impact.continuation.monitors import Monitor, closest
+from mems_impact.continuation.resignature import reconnect
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import check_closed, find_orbit
 from tests.continuation import free_block
-from tests.orbits.families import actuator, actuator_orbit, at, silent_orbit, table
+from tests.orbits.families import (
+    DEVICE,
+    actuator,
+    actuator_orbit,
+    at,
+    silent_orbit,
+    sticking,
+    table,
+)
 
 # f of the special points at omega = 0.5 and 0.45, as computed from either side.
 GRAZING_5, FOLD_5 = 0.2271775831, 0.176515440628
@@ -55,7 +73,9 @@ def test_special_points_at_nine_twentieths_from_either_side(name):
 
 def test_orbits_of_a_branch_are_ones_that_a_run_follows():
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.17, high=0.25)
-    for point in branch.points[::5]:
+    # At the grazing itself the sign of the impact's speed is one of rounding.
+    away = [point for point in branch.points if abs(point.value - GRAZING_5) > 1e-9]
+    for point in away[::5]:
         growth = max(1.0, float(np.abs(point.orbit.multipliers).max()))
         assert check_closed(point.orbit) < 3e-9 * growth
 
@@ -104,6 +124,14 @@ def test_without_reconnection_the_branch_goes_on_beyond_the_stopper():
         assert point.orbit.admissible == (point.value < GRAZING_5 + 1e-9)
 
 
+def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
+    """The frame sticks until the wave switches; where it breaks away, its speed is zero."""
+    orbit = find_orbit(sticking(), at((0.3, 0.0)), transient=30, active=("amplitude",))
+    broke_away = [i for i, s in enumerate(orbit.segments) if orbit.segments[i - 1].mode == 0]
+    assert broke_away
+    assert closest(orbit.shooting, orbit.point, 0).value > 0.1
+
+
 # Ends and refusals.
 
 
@@ -111,6 +139,75 @@ def test_budget_of_points():
     branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=Steps(most=5))
     assert len(branch.points) == 5
     assert "budget" in branch.ended
+    assert "moves amplitude by a part of" in branch.ended
+
+
+def test_a_branch_that_is_held_back_says_by_what():
+    steps = Steps(initial=3.0, largest=3.0, most=2)
+    branch = follow(silent_orbit(0.2355, 0.45), "amplitude", low=0.1, high=0.3, steps=steps)
+    assert "steps are down to a length of" in branch.ended
+    assert "too sharply" in branch.ended
+
+
+# Steps.
+
+
+def unknowns(point):
+    return np.append(point.orbit.point.unknowns, point.value)
+
+
+@pytest.mark.parametrize("steps", [Steps(), Steps(initial=0.3, largest=1.0)], ids=["short", "long"])
+def test_a_branch_begins_with_its_first_step_and_never_turns_sharply(steps):
+    branch = follow(silent_orbit(0.23, 0.45), "amplitude", low=0.2, high=0.3, steps=steps)
+    free = [point for point in branch.points if point.piece == 0]
+    assert len(free) > 3
+    apart = [np.linalg.norm(unknowns(b) - unknowns(a)) for a, b in pairwise(free)]
+    assert apart[0] <= 1.01 * steps.initial
+    assert max(apart) <= 1.1 * steps.largest
+    assert min(a.direction @ b.direction for a, b in pairwise(free)) >= 0.9
+
+
+def test_noise_of_the_integration_counts_as_no_difficulty():
+    """A tiny step is there at once; what the iteration then does is to rattle in the rounding."""
+    branch = follow(actuator_orbit(0.24, 0.5), "amplitude", low=0.23, high=0.25)
+    for point in branch.points[:-1]:
+        shooting = point.orbit.shooting
+        assert step(shooting, point.orbit.point, point.direction, 1e-5)[1] <= 1
+
+
+def test_a_fold_next_to_a_grazing_is_listed():
+    """The two meet at omega = 0.480271; at 0.4801 they are 5e-3 apart on the branch."""
+    start, steps = silent_orbit(0.177, 0.4801), Steps(initial=0.03, most=3)
+    branch = follow(start, "amplitude", low=0.1, high=0.3, steps=steps)
+    assert [s.kind for s in branch.special_points][:2] == ["fold", "grazing"]
+    fold, grazing = branch.special_points[:2]
+    apart = np.append(fold.orbit.point.unknowns, fold.value)
+    apart -= np.append(grazing.orbit.point.unknowns, grazing.value)
+    assert np.linalg.norm(apart) < 1e-2
+
+
+def test_the_last_step_does_not_go_far_beyond_a_bound():
+    """There the model may end."""
+    start = silent_orbit(0.1999, 0.5)
+
+    def build(values):
+        if values["amplitude"] > 0.204:
+            raise InvalidParameter("amplitude", values["amplitude"], "0.204 at most")
+        return start.family.build(values)
+
+    family = Family(build, start.family.values)
+    branch = follow(replace(start, family=family), "amplitude", low=0.1, high=0.2)
+    assert branch.ended == "amplitude reached its bound"
+    assert len(branch.points) == 2
+
+
+def test_multipliers_that_pass_through_infinity_are_no_period_doubling():
+    """The impact loses its speed at the grazing, and beyond it is one backwards."""
+    branch = follow(
+        actuator_orbit(0.24, 0.5), "amplitude", low=0.1, high=0.3, direction=-1, reconnecting=False
+    )
+    assert "grazing" in [s.kind for s in branch.special_points]
+    assert values(branch, "period-doubling") == []
 
 
 @pytest.mark.parametrize("direction", [-1.0, 1.0])
@@ -118,6 +215,29 @@ def test_start_at_a_bound(direction):
     branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16, direction=direction)
     assert branch.ended == "amplitude reached its bound"
     assert all(point.value == pytest.approx(0.16, abs=1e-14) for point in branch.points)
+
+
+def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(monkeypatch):
+    def nothing(*_):
+        raise OrbitError("there is nothing", "look elsewhere")
+
+    monkeypatch.setattr(branches, "reconnect", nothing)
+    branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25)
+    assert branch.ended == "grazing: there is nothing; look elsewhere"
+    assert branch.points[-1].value == pytest.approx(GRAZING_5, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("segment", "reason"), [(0, "at the start of a period"), (1, "whose order matters")]
+)
+def test_events_that_cannot_pass_each_other(segment, reason):
+    """A switch begins the period; an impact is followed by a slip, not the other way round."""
+    drive = Square(amplitude=0.4, omega=1.0)
+    orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked(DEVICE), transient=300).found
+    assert orbit.segments[-1].code == 2 * orbit.shooting.m
+    meeting = Monitor("simultaneous events", "length", segment)
+    with pytest.raises(OrbitError, match=reason):
+        reconnect(orbit, meeting, "amplitude")
 
 
 def test_progress_hears_every_value():

@@ -11,7 +11,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.orbits.orbit import check_closed, find_orbit
 from tests.orbits.exact import Exact
-from tests.orbits.families import actuator_orbit, at, oscillator
+from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
 
 pytestmark = pytest.mark.slow
 
@@ -109,3 +109,22 @@ def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
     assert found.value == pytest.approx(doubling.value, abs=1e-6)
     assert back.points[-1].value == found.value
     assert "half the period" in back.ended
+
+
+def test_the_fold_of_an_orbit_of_half_the_period_is_a_fold():
+    """The orbit without impacts, traversed twice: +1 over half the period, not -1."""
+    twice = silent_orbit(0.23, 0.45, periods=2)
+    assert twice.periods == 2
+    branch = follow(twice, "amplitude", low=0.225, high=0.24)
+    fold = branch.special_points[0]
+    assert (fold.kind, fold.label) == ("fold", "CF")
+    assert fold.value == pytest.approx(0.235565433578, abs=1e-9)
+    assert "half the period" not in branch.ended
+
+
+def test_what_is_listed_as_a_doubling_can_be_switched(doubling):
+    """A multiplier within 1e-3 of -1 is one that is -1, for the list and for the switch."""
+    beside = actuator(doubling.value - 1e-6, 0.485)
+    near = find_orbit(beside, doubling.orbit.instant, active=("amplitude",))
+    assert 1e-4 < np.abs(near.multipliers + 1.0).min() < 1e-3
+    assert doubled(near, "amplitude")[0].periods == 2

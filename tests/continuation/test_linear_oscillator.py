@@ -129,6 +129,8 @@ def test_closed_branch():
         for value in found:
             assert np.abs(np.array(expected) - value).min() < 1e-9
         assert branch.ended == "the branch closed upon itself"
+        ends = [np.append(p.orbit.point.unknowns, p.value) for p in branch.points]
+        assert np.linalg.norm(ends[-1] - ends[0]) <= Steps().largest
         assert len(found) == 2
 
 

@@ -1,16 +1,18 @@
 """Families of problems: the paper's actuator, and the linear impact oscillator with its kin."""
 
+import math
+
 import numpy as np
 
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.engines.options import Options
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import find_orbit
-from tests.hybrid.systems import BALL, STOP, TAU, at, ball, problem, stop
+from tests.hybrid.systems import BALL, COULOMB, SQUARE, STOP, TAU, at, ball, coulomb, problem, stop
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 # An orbit of the linear oscillator moves by a hundred times the error of an arc: at TIGHT an impact
@@ -106,3 +108,53 @@ def table(**values):
     """A ball on a table that vibrates: x'' = -g - A cos(omega t)."""
     still = {"e": 0.5, "g": 1.0, "amplitude": 0.0, "omega": 1.0, "square": 0.0}
     return Family(_ball_problem, {**still, **values})
+
+
+# The same table in the frame of the room, where what an impact does depends on its instant: the
+# table is at B cos(omega t), p = (g, e, B, omega).
+
+
+def _room_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = -p[0]
+
+
+def _room_margins(mode, t, y, p, g, r):
+    g[0] = y[0] - p[2] * math.cos(p[3] * t)
+    r[0] = y[1] + p[2] * p[3] * math.sin(p[3] * t)
+
+
+def _room_transition(mode, code, t, y, p):
+    speed = -p[2] * p[3] * math.sin(p[3] * t)
+    y[1] = (1.0 + p[1]) * speed - p[1] * y[1] if code == 0 else speed
+    return 0
+
+
+ROOM = Automaton(
+    states=("z", "v"),
+    modes=("flying",),
+    guards=(Guard(name="table", order=0, impact=True),),
+    flow=_room_flow,
+    margins=_room_margins,
+    transition=_room_transition,
+)
+
+
+def _room_problem(values):
+    p = (1.0, 0.5, values["amplitude"], values["omega"])
+    return problem(ROOM, p, period=TAU / values["omega"], **TIGHT)
+
+
+def table_in_the_room(**values):
+    """A ball with e = 0.5 on a table that vibrates, seen from outside."""
+    return Family(_room_problem, {"amplitude": 1.2, "omega": 1.0, **values})
+
+
+def _coulomb_problem(values):
+    p = coulomb(1.0, values["amplitude"], values["omega"], 1.0)
+    return problem(COULOMB, p, period=TAU / values["omega"], switches=SQUARE, **TIGHT)
+
+
+def sticking(**values):
+    """An oscillator with dry friction under a square wave; it sticks until the wave switches."""
+    return Family(_coulomb_problem, {"amplitude": 1.5, "omega": 0.3, **values})

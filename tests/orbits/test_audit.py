@@ -1,5 +1,7 @@
 """Monodromy matrices against differences of the simulated map, and against the normal form."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from tests.orbits.families import (
     oscillator,
     silent_orbit,
     table,
+    table_in_the_room,
 )
 
 pytestmark = pytest.mark.slow
@@ -88,6 +91,18 @@ def test_chatter_and_rest_forget_the_state():
     result = audit(orbit)
     assert result.worst < 1e-12
     assert np.abs(orbit.multipliers).max() < 1e-12
+
+
+def test_an_impact_whose_outcome_depends_on_its_instant():
+    """One impact a period at which the table moves at pi (1 - e)/(1 + e) upwards."""
+    speed = math.pi * 0.5 / 1.5
+    time = -math.asin(speed / 1.2)
+    fall = np.array([1.2 * math.cos(time) - math.pi * time - time**2 / 2.0, math.pi + time])
+    orbit = find_orbit(table_in_the_room(), at(fall))
+    np.testing.assert_allclose(orbit.state, fall, atol=1e-10)
+    result = audit(orbit)
+    assert result.worst < 1e-8
+    assert np.linalg.det(result.computed) == pytest.approx(0.25, abs=1e-9)  # e squared
 
 
 def test_audit_of_an_orbit_that_begins_at_rest():

@@ -176,3 +176,18 @@ def test_unknown_parameter_is_named():
 def test_guess_beyond_a_stopper_is_refused():
     with pytest.raises(RunError, match="beyond the guard 'right impact'"):
         find_orbit(actuator(0.24, 0.5), at((0.0, 0.0, 0.7, 0.1)))
+
+
+@pytest.mark.parametrize(
+    ("share", "allowed"),
+    [(0.4, False), (0.5, False), (0.6, True), (1.8, True), (2.0, False), (2.5, False)],
+)
+def test_a_period_that_jumps_is_refused(share, allowed):
+    """A sine with a bias has twice the period of one without: that is no small change."""
+    orbit = find_orbit(oscillator(amplitude=0.1), at((0.0, 0.0)), transient=100, active=("omega",))
+    if allowed:
+        orbit.shooting.move_to(np.array([1.0 / share]))
+        assert orbit.shooting.period == pytest.approx(share * 2.0 * math.pi)
+        return
+    with pytest.raises(OrbitError, match="period jumps"):
+        orbit.shooting.move_to(np.array([1.0 / share]))

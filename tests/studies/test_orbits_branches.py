@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.units import Scales
+from mems_impact.studies import chart as chart_module
 from mems_impact.studies.chart import crisis
+from mems_impact.studies.orbits import ORBIT_OPTIONS, System
 
 ZHAO = mi.load_actuator("zhao2004")
 
@@ -32,6 +35,71 @@ def test_special_points_of_fig_4(branch):
     assert values == pytest.approx([0.176515440628, 0.2271775831], abs=1e-10)
     assert list(branch.special_table["label"]) == ["CF", "G"]
     assert branch.special_points[0].multipliers[0] == pytest.approx(1.0, abs=1e-5)
+    # At no impact speed a multiplier has no bound, and what rounding makes of that is no figure.
+    assert branch.special_table["largest multiplier"].tolist() == [pytest.approx(1.0), math.inf]
+
+
+def test_a_fold_with_its_impact_at_the_start_of_a_period(branch):
+    fold = branch.special_points[0]
+    drive = mi.Sine(amplitude=0.24, omega=0.5, phase=0.5 * fold.orbit.impacts["time"].iloc[0])
+    orbit = mi.find_orbit(ZHAO, drive, guess=mi.kicked(ZHAO), transient=300)
+    shifted = mi.continue_orbit(orbit, "amplitude", stop=0.16)
+    assert [s.label for s in shifted.special_points] == ["CF", "G"]
+    assert shifted.special_points[0].value == pytest.approx(fold.value, abs=1e-9)
+
+
+def test_an_orbit_at_rest_on_a_stopper():
+    """Above the resting voltage of 0.354 the block stays there, and forgets all."""
+    drive = mi.Sine(amplitude=0.05, bias=0.6, omega=0.5)
+    orbit = mi.find_orbit(ZHAO, drive, transient=50)
+    assert orbit.multipliers.tolist() == [0.0]
+    assert orbit.stable
+    branch = mi.continue_orbit(orbit, "amplitude", stop=0.06)
+    assert branch.ended == "amplitude reached its bound"
+    assert set(branch.table["largest multiplier"]) == {0.0}
+
+
+# A device under a square wave, whose orbit with three impacts grazes where one with four joins.
+SWITCHED = mi.Actuator(
+    m1=24.3283251270096, m2=1.0, k=1.298951881659454, c=0.286575243617524, d=1.0,
+    delta=0.2404180119478011, e=0.6162524571957751, mu_s=0.2321270847825908,
+    mu_d=0.20453662758979016, alpha=1.0, g=2.1580142533682705,
+)  # fmt: skip
+SQUARE = mi.Square(amplitude=0.6106797744688056, omega=0.8738705532393327, duty=0.3908614095356825)
+
+
+@pytest.fixture(scope="module")
+def switched():
+    orbit = mi.find_orbit(SWITCHED, SQUARE, guess=mi.kicked(SWITCHED), transient=300)
+    return mi.continue_orbit(orbit, "delta", 0.144, steps=mi.Steps(largest=0.02, most=60))
+
+
+def test_the_orbits_beyond_a_grazing_against_the_walk_are_found(switched):
+    grazing = switched.special_points[0]
+    assert (grazing.label, grazing.value) == ("G", pytest.approx(0.20026297191, abs=1e-9))
+    beyond = switched.table[switched.table["piece"] == 1]
+    assert set(beyond["impacts"]) == {4}
+    assert beyond["admissible"].all()
+    # They lie where the branch came from, not ahead.
+    assert (beyond["delta"].iloc[:5] > grazing.value).all()
+    orbit = switched.orbits[beyond.index[5]]
+    found = mi.find_orbit(orbit.actuator, SQUARE, guess=orbit.state)
+    assert len(found.impacts) == 4
+    assert found.state.x2 == pytest.approx(orbit.state.x2, abs=1e-9)
+    assert found.multipliers[0] == pytest.approx(orbit.multipliers[0], rel=1e-5)
+
+
+def test_an_impact_that_meets_a_switch_is_a_corner_at_which_a_branch_turns(switched):
+    corner = switched.special_points[1]
+    assert corner.kind == "simultaneous events"
+    assert corner.value == pytest.approx(0.2252675, abs=1e-6)
+    assert switched.table["delta"].max() == pytest.approx(SWITCHED.delta)
+    after = switched.table[switched.table["piece"] == 1]
+    assert after["delta"].max() <= corner.value
+    assert after["delta"].iloc[-1] < corner.value
+    # The impact, and then the end of its slip, come before the switch.
+    ends = switched.orbits[after.index[-2]].segments["ends with"].tolist()
+    assert ends == 4 * ["right impact", "slip end"] + 2 * ["drive switches"]
 
 
 def _cosine(t, q):
@@ -200,6 +268,56 @@ def test_chart_from_curves_alone():
     assert on["omega"].iloc[[0, -1]].tolist() == pytest.approx([0.478, 0.492], abs=1e-8)
     off = chart.table[(chart.table["boundary"] == "off") & (chart.table["type"] == "I")]
     assert (off["amplitude"] <= np.interp(off["omega"], on["omega"], on["amplitude"]) + 1e-4).all()
+
+
+SCALES = Scales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
+
+
+def test_a_chart_in_si_finds_its_band_and_speaks_its_units():
+    device, heard = ZHAO.to_si(SCALES), []
+    # The lower end is that of the band: 0.44 in the units of the paper.
+    chart = mi.operating_chart(
+        device, omega=(None, 0.46 / SCALES.time), crises=0, progress=heard.append
+    )
+    assert chart.omega == pytest.approx((0.44 / SCALES.time, 0.46 / SCALES.time))
+    assert list(chart.types["type"]) == ["III"]
+    said = [line for line in heard if "type III" in line]
+    assert said == [f"omega [rad/s] = {chart.omega[0]:.9g} to {chart.omega[1]:.9g}: type III"]
+
+
+def test_the_band_of_a_chart_is_about_the_resonance():
+    assert default_band(ZHAO) == pytest.approx((0.44, 0.51), abs=1e-15)
+    assert default_band(ZHAO.replace(k=4.0)) == pytest.approx((0.88, 1.02))
+    # With a bias the force repeats once in a period of the voltage, not twice.
+    assert default_band(ZHAO, bias=0.1) == pytest.approx((0.88, 1.02))
+
+
+def default_band(device, bias=0.0):
+    drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
+    return chart_module._band(System.of(device, drive, ORBIT_OPTIONS))
+
+
+def test_a_chart_without_a_band_says_what_it_found():
+    with pytest.raises(mi.OrbitError, match=r"at omega \[rad/s\] = 1000 .* does not graze"):
+        mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
+
+
+def test_a_stopper_before_pull_in_bounds_the_search():
+    device = ZHAO.replace(delta=0.2)
+    maker = chart_module._Maker(
+        System.of(device, mi.Sine(amplitude=0.0, omega=1.0), ORBIT_OPTIONS), mi.Steps(), print
+    )
+    assert maker.pull_in == pytest.approx(mi.resting_voltage(device))
+    assert maker.pull_in < math.sqrt(4.0 / 27.0)
+
+
+def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
+    """With hardly any friction the slip of a trial impact does not end."""
+    device = ZHAO.replace(mu_d=1e-6)
+    orbit = mi.find_orbit(device, mi.Sine(amplitude=0.2, omega=0.5))
+    found = mi.continue_orbit(orbit, "amplitude", 0.24, through_grazing=False)
+    with pytest.raises(mi.OrbitError, match="does not lead back"):
+        mi.grazing_type(found.special_points[0])
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from typing import Annotated, Self
 
 from annotated_types import Gt, Lt
@@ -46,7 +47,7 @@ class Square(PiecewiseDrive):
     -----
     The forcing period is 2 pi/omega, and pi/omega where the lower half mirrors the upper one
     (low = -amplitude and duty = 1/2): the force cannot tell them apart. Without a rise time that
-    wave is a constant force.
+    wave is a constant force, as is any with low = -amplitude or low = amplitude: a warning says so.
     """
 
     amplitude: NonNegative
@@ -74,6 +75,13 @@ class Square(PiecewiseDrive):
         if not self.rise <= longest + ROUNDING * turn:
             allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
+        if self.amplitude > 0.0 and abs(self.low) == self.amplitude and self.rise == 0.0:
+            warnings.warn(
+                f"the force of this square wave never changes: it goes with the square of the "
+                f"voltage, and low = {self.low:g} is as strong as amplitude = {self.amplitude:g}; "
+                "take another low, 0 say",
+                stacklevel=2,
+            )
         return self
 
     @property
