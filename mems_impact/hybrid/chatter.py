@@ -17,6 +17,7 @@ from mems_impact.hybrid.record import (
     AHEAD,
     ENTERED,
     EPS,
+    GAIN,
     HIT_INTERVAL,
     HIT_REACH,
     HIT_SPEED,
@@ -25,6 +26,7 @@ from mems_impact.hybrid.record import (
     MOVED,
     NONE,
     PAST,
+    SIZE,
     G,
     next_switch,
     note,
@@ -101,7 +103,8 @@ def what_is_left(
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
-    size, gain, _, _ = resolution(engine, s, s.mode, guard, t, y, layout, buffers)
+    resolution(engine, s, s.mode, t, y, layout, buffers)
+    size, gain = buffers.work[SIZE][guard], buffers.work[GAIN][guard]
     height = 0.25 * before * interval
     reach = max(hits[HIT_REACH], height) if interval < earlier < math.inf else height
     hits[HIT_REACH] = reach

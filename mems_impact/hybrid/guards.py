@@ -14,15 +14,18 @@ from mems_impact.hybrid.record import (
     AHEAD,
     BEND,
     EPS,
+    GAIN,
     LOOKED,
     MOVED,
     NONE,
     NOW,
+    SIZE,
     SLOPE,
     STAGE,
     STATE,
     SUM,
     THEN,
+    TIMED,
     G,
     next_switch,
 )
@@ -32,20 +35,24 @@ TOLERANCES = 1e3  # a margin so many tolerances below zero is no error of the in
 FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
 
 
-def resolution(
-    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
-) -> tuple[float, float, float, float]:
-    """Return the size of what makes up margin `i` and its gain, and the same of its rate.
+def resolution(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> None:
+    """Write what the margins and their rates are made up of, for each its size and its gain.
 
-    ``size`` is the sum of |dg/dy_j| |y_j|, ``gain`` that of |dg/dy_j|: roundings of the state move
-    the margin by EPS * size, the tolerances by rtol * size + atol * gain. Overwrites MOVED.
+    The size is the sum of |dg/dy_j| |y_j|, the gain that of |dg/dy_j|: roundings of the state move
+    a margin by EPS * size, the tolerances by rtol * size + atol * gain. Roundings of time move it
+    by EPS |dg/dt| t. Left in SIZE, GAIN and, the last product, TIMED; LOOKED holds the margins.
+    Overwrites MOVED.
     """
-    m = layout.order.size
-    g, moved = buffers.work[G], buffers.work[MOVED]
-    arc.margins(engine, mode, t, y, g)
-    margin, rate = g[i], g[m + i]
-    size = gain = rate_size = rate_gain = 0.0
-    n = buffers.offset.size
+    work, n, count = buffers.work, buffers.offset.size, buffers.edge.shape[1]
+    base, g, moved = work[LOOKED], work[G], work[MOVED]
+    size, gain, timed = work[SIZE], work[GAIN], work[TIMED]
+    arc.margins(engine, mode, t, y, base)
+    shift = min(2.0**-26 * abs(t), 0.25 * (next_switch(s, t, layout) - t))
+    arc.margins(engine, mode, t + shift, y, g)
+    for k in range(count):
+        size[k] = 0.0
+        gain[k] = 0.0
+        timed[k] = abs(g[k] - base[k]) / shift * abs(t) if shift > 0.0 else 0.0
     for j in range(n):
         moved[j] = y[j]
     for j in range(n):
@@ -53,13 +60,23 @@ def resolution(
         moved[j] = y[j] + shift
         arc.margins(engine, mode, t, moved, g)
         moved[j] = y[j]
-        slope = abs(g[i] - margin) / shift
-        gain += slope
-        size += slope * abs(y[j])
-        slope = abs(g[m + i] - rate) / shift
-        rate_gain += slope
-        rate_size += slope * abs(y[j])
-    return size, gain, rate_size, rate_gain
+        for k in range(count):
+            slope = abs(g[k] - base[k]) / shift
+            gain[k] += slope
+            size[k] += slope * abs(y[j])
+
+
+def rounding_of(buffers: Any, k: int) -> float:
+    """Return within how much of zero margin or rate `k` has no sign; after `resolution`."""
+    rounding: float = ROUNDINGS * EPS * (buffers.work[SIZE][k] + buffers.work[TIMED][k])
+    return rounding
+
+
+def error_of(s: Any, buffers: Any, k: int) -> float:
+    """Return what the integration may make of margin or rate `k`; after `resolution`."""
+    size, gain = buffers.work[SIZE][k], buffers.work[GAIN][k]
+    error: float = s.rtol * size + s.atol * gain
+    return error
 
 
 def follow(engine: Any, mode: int, t: float, y: Any, h: float, out: Any, buffers: Any) -> None:
@@ -92,13 +109,12 @@ def trend(
 ) -> int:
     """Return whether margin `i` is about to rise (1), to fall (-1), or neither (0).
 
-    The flow is followed for longer and longer until the margin has moved by more than rounding: a
-    gap that opens with no speed and no acceleration, as that of a body
-    which a moving wall lets go, is told by what comes next. Overwrites MOVED, AHEAD, STAGE, SLOPE,
-    SUM.
+    After `resolution`. The flow is followed for longer and longer until the margin has moved by
+    more than rounding: a gap that opens with no speed and no acceleration, as that of a body which
+    a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE, SUM.
     """
     g, ahead = buffers.work[G], buffers.work[AHEAD]
-    size, _, _, _ = resolution(engine, s, mode, i, t, y, layout, buffers)
+    seen = rounding_of(buffers, i)
     arc.margins(engine, mode, t, y, g)
     margin = g[i]
     farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
@@ -108,13 +124,15 @@ def trend(
         follow(engine, mode, t, y, h, ahead, buffers)
         arc.margins(engine, mode, t + h, ahead, g)
         moved = g[i] - margin
-        if abs(moved) > ROUNDINGS * EPS * size:
+        if abs(moved) > seen:
             return 1 if moved > 0.0 else -1
     return 0
 
 
-def falls(engine: Any, s: Any, i: int, t: float, y: Any, layout: Any, buffers: Any) -> bool:
-    """Return whether margin `i` really falls at (t, y).
+def falling(
+    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
+) -> bool:
+    """Return whether margin `i` really falls at (t, y); after `resolution`.
 
     The polynomial of a step has the integration error, and a difference of large numbers its
     rounding; below them a margin seems to fall through zero where it does not, again and again.
@@ -122,14 +140,10 @@ def falls(engine: Any, s: Any, i: int, t: float, y: Any, layout: Any, buffers: A
     does.
     """
     m = layout.order.size
-    g = buffers.work[G]
-    arc.margins(engine, s.mode, t, y, g)
-    rate = g[m + i]
-    if rate < 0.0:
-        _, _, size, gain = resolution(engine, s, s.mode, i, t, y, layout, buffers)
-        if rate < -error_of(s, size, gain):
-            return True
-    return trend(engine, s, s.mode, i, t, y, layout, buffers) < 0
+    rate = buffers.work[LOOKED][m + i]
+    if rate < -rounding_of(buffers, m + i) - error_of(s, buffers, m + i):
+        return True
+    return trend(engine, s, mode, i, t, y, layout, buffers) < 0
 
 
 def violated(
@@ -137,54 +151,42 @@ def violated(
 ) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
-    The guard `but` is left out.
-
-    Its margin is zero or below and falls; or it is clearly negative, and no gap. Overwrites LOOKED
-    and what `trend` does.
+    Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
+    guard `but` is left out. Overwrites what `resolution` and `trend` do.
     """
     m = layout.order.size
-    order = layout.order
-    looked = buffers.work[LOOKED]
-    arc.margins(engine, mode, t, y, looked)
+    order, looked = layout.order, buffers.work[LOOKED]
+    resolution(engine, s, mode, t, y, layout, buffers)
     guard = NONE
     for i in range(m):
-        if looked[i] <= 0.0 and i != but and (guard == NONE or order[i] < order[guard]):
-            rate = looked[m + i]
-            size, gain, by_rate, gain_of_rate = resolution(
-                engine, s, mode, i, t, y, layout, buffers
-            )
-            error = error_of(s, by_rate, gain_of_rate)
-            fires = rate < -error or (
-                rate <= error and trend(engine, s, mode, i, t, y, layout, buffers) < 0
-            )
-            beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, rate, size, gain)
-            if fires or beyond:
+        sooner = i != but and (guard == NONE or order[i] < order[guard])
+        if sooner and looked[i] <= rounding_of(buffers, i):
+            rising = looked[m + i] > rounding_of(buffers, m + i) + error_of(s, buffers, m + i)
+            beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers)
+            if beyond or (not rising and falling(engine, s, mode, i, t, y, layout, buffers)):
                 guard = i
     return guard
 
 
-def error_of(s: Any, size: float, gain: float) -> float:
-    """Return what integration and rounding may make of a quantity (see `resolution`)."""
-    error: float = ROUNDINGS * EPS * size + s.rtol * size + s.atol * gain
-    return error
+def clearly(s: Any, i: int, layout: Any, buffers: Any) -> float:
+    """Return how far below zero margin `i` must be to be there for no error's sake.
 
-
-def clearly(s: Any, rate: float, size: float, gain: float) -> float:
-    """Return how far below zero a margin must be to be there for no error's sake."""
-    error: float = TOLERANCES * (s.rtol * size + s.atol * gain) + 1e-6 * abs(rate) * s.scale
-    return error
+    After `resolution`.
+    """
+    rate = buffers.work[LOOKED][layout.order.size + i]
+    far: float = TOLERANCES * error_of(s, buffers, i) + 1e-6 * abs(rate) * s.scale
+    return far
 
 
 def inside(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> int:
     """Return a gap that is clearly negative and does not open, as a start may be; or NONE."""
     m = layout.order.size
     looked = buffers.work[LOOKED]
-    arc.margins(engine, s.mode, t, y, looked)
+    resolution(engine, s, s.mode, t, y, layout, buffers)
     for i in range(m):
-        if layout.impact[i] == 1 and looked[i] < 0.0 and looked[m + i] <= 0.0:
-            size, gain, _, _ = resolution(engine, s, s.mode, i, t, y, layout, buffers)
-            if looked[i] < -clearly(s, looked[m + i], size, gain):
-                return i
+        closed = layout.impact[i] == 1 and looked[m + i] <= 0.0
+        if closed and looked[i] < -clearly(s, i, layout, buffers):
+            return i
     return NONE
 
 
@@ -195,7 +197,7 @@ def first_guard(
 
     A margin fires where the engine says so; where it has dipped below zero at its closest
     approach, a root of its rate; and where a look inside the step finds it. Overwrites STATE and
-    what `falls` does.
+    what `violated` does.
     """
     m = layout.order.size
     order = layout.order
@@ -228,7 +230,8 @@ def first_guard(
             or (t_crossing == t_event and order[i] < order[guard])
         ):
             arc.interpolate(engine, t_crossing, y)
-            if falls(engine, s, i, t_crossing, y, layout, buffers):
+            resolution(engine, s, s.mode, t_crossing, y, layout, buffers)
+            if falling(engine, s, s.mode, i, t_crossing, y, layout, buffers):
                 guard, t_event = i, t_crossing
             else:
                 s.doubt = 1
@@ -270,7 +273,8 @@ def hidden(
     A step of a flow that is nearly a polynomial may be long enough for two minima of a margin.
     What the margin may do between two instants is bounded by its values and rates there and by
     how much the rates change: nothing, for most steps. Else the step is walked through, in parts so
-    short that the bound holds. Overwrites STATE and, where it finds something, what `falls` does.
+    short that the bound holds. Overwrites STATE and, where it finds something, what
+    `resolution` does.
     """
     m = layout.order.size
     then, now, bend = buffers.edge[THEN], buffers.edge[NOW], buffers.edge[BEND]
@@ -300,8 +304,8 @@ def hidden(
         if b - a > finest and not stays(g_a, r_a, abs(g_b), r_b, b - a, curved):
             width *= 0.5
         elif g_b < 0.0:
-            size, _, _, _ = resolution(engine, s, s.mode, i, b, y, layout, buffers)
-            if g_b < -ROUNDINGS * EPS * (size + abs(r_b * b)):
+            resolution(engine, s, s.mode, b, y, layout, buffers)
+            if g_b < -rounding_of(buffers, i):
                 return crossing(engine, s, i, a, b, buffers)
             a, g_a, r_a = b, 0.0, r_b
         else:

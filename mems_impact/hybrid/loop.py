@@ -22,11 +22,11 @@ import numpy as np
 from mems_impact.engines import contract as arc
 from mems_impact.hybrid.chatter import complete_chatter
 from mems_impact.hybrid.guards import (
-    ROUNDINGS,
     clearly,
     first_guard,
     inside,
     resolution,
+    rounding_of,
     violated,
 )
 from mems_impact.hybrid.record import (
@@ -38,7 +38,6 @@ from mems_impact.hybrid.record import (
     CYCLE,
     CYCLING,
     DONE,
-    EPS,
     EVENT_BUDGET,
     FAILED,
     GUARD,
@@ -182,6 +181,7 @@ def advance(
         if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
             arc.state(engine, y)
             guard = violated(engine, s, s.mode, t, y, layout, buffers)
+            s.doubt = still_below(layout, buffers)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         take_samples(engine, s, min(t_event, end), t_event >= end, buffers)
@@ -240,8 +240,8 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
         lift = now[i] <= 0.0 and now[m + i] >= 0.0
         arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + 1e-300 if lift else 0.0)
         if lift and now[i] < 0.0:
-            size, gain, _, _ = resolution(engine, s, s.mode, i, s.t, y, layout, buffers)
-            if now[i] < -clearly(s, now[m + i], size, gain):
+            resolution(engine, s, s.mode, s.t, y, layout, buffers)
+            if now[i] < -clearly(s, i, layout, buffers):
                 s.lifted = 1
     arc.restart(engine, s.mode, s.t, y, s.stop)
     s.restart = 0
@@ -281,6 +281,14 @@ def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:
                 s.lifted = 1
 
 
+def still_below(layout: Any, buffers: Any) -> int:
+    """Return 1 if a margin was not positive where the last step ended."""
+    for i in range(layout.order.size):
+        if buffers.edge[NOW][i] <= 0.0:
+            return 1
+    return 0
+
+
 def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) -> int:
     """Carry out all transitions of the instant ``s.t``, beginning with `guard`.
 
@@ -289,7 +297,7 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
     it, which is later where a sequence of impacts is completed.
     """
     m = layout.order.size
-    g, past = buffers.work[LOOKED], buffers.work[PAST]
+    looked, past = buffers.work[LOOKED], buffers.work[PAST]
     s.restart = 1
     while guard != NONE:
         if s.rows + ROOM > buffers.events.shape[0]:
@@ -300,8 +308,8 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
         impact = guard < m and layout.impact[guard] == 1
         code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
         if impact:
-            arc.margins(engine, mode, s.t, y, g)
-            if g[m + guard] >= 0.0 or closes_by_rounding(engine, s, y, guard, layout, buffers):
+            resolution(engine, s, mode, s.t, y, layout, buffers)
+            if looked[m + guard] >= -rounding_of(buffers, m + guard):
                 # A contact that is not closing: a rebound would throw the body through the wall.
                 code, kind = m + guard, ACCUMULATION
         s.mode = arc.transition(engine, mode, code, s.t, y)
@@ -337,14 +345,6 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
             guard = NONE
     s.instant = 0
     return DONE
-
-
-def closes_by_rounding(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) -> bool:
-    """Return whether the closing speed at `guard` is one of rounding alone."""
-    m = layout.order.size
-    rate = buffers.work[LOOKED][m + guard]
-    _, _, size, _ = resolution(engine, s, s.mode, guard, s.t, y, layout, buffers)
-    return bool(abs(rate) <= ROUNDINGS * EPS * size)
 
 
 def comes_back(s: Any, y: Any, buffers: Any) -> bool:

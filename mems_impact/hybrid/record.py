@@ -31,7 +31,8 @@ THEN, NOW, BEND, EDGES = 0, 1, 2, 3
 
 # Rows of `Buffers.work`, scratch that is only good until the next call. A function says what it
 # leaves there.
-G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE, ROWS = range(13)
+G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(12)
+SIZE, GAIN, TIMED, ROWS = 12, 13, 14, 15
 
 # All that the loop remembers between two calls, beside the buffers.
 CLOCK = np.dtype(
