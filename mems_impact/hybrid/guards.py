@@ -284,6 +284,8 @@ def hidden(
     g_end = 0.0 if fired else now[i] + bias
     if g_a < 0.0 or t <= before or s.lifted == 1:
         return math.inf
+    if not fired and now[i] == then[i] and now[m + i] == r_a:
+        return math.inf  # a margin that does not apply is constant
     turning = abs(now[m + i] - r_a) / (t - before)
     curved = max(turning, 0.5 * bend[i])
     bend[i] = curved
