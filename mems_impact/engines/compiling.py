@@ -163,6 +163,19 @@ def cacheable(*functions: Callable[..., Any]) -> bool:
     return True
 
 
+def record_at(kind: Any) -> Any:
+    """Return what turns an address into the record of type `kind` there, in compiled code."""
+
+    @intrinsic
+    def view(_typing: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(kind))
+
+        return kind(types.int64), codegen
+
+    return view
+
+
 @intrinsic
 def matrix(_typing: Any, address: Any, size: Any) -> Any:
     """Look at `size` x `size` doubles at `address`, stored by columns, as an array."""

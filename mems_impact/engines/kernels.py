@@ -1,15 +1,14 @@
-"""Compiled C functions: those of an automaton, and the callbacks through which CVODE calls them."""
+"""The functions of an automaton as C functions, and what compiled code needs to call them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
-from numba import cfunc, from_dtype, types
+from numba import cfunc, types
 from numba.extending import intrinsic
 
 from mems_impact.engines.compiling import (
@@ -21,60 +20,33 @@ from mems_impact.engines.compiling import (
     identity,
     make_compilable,
     matrix,
-    pointer,
 )
-from mems_impact.engines.cvode import library
-
-_data = library.symbol("N_VGetArrayPointer_Serial")
-_matrix_data = library.symbol("SUNDenseMatrix_Data")
 
 # One signature for all functions of an automaton, arrays being addresses:
 # kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
 _word, _real = types.int64, types.float64
 KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
-CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
-JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
 
-
-# What compiled code needs of an engine: addresses and numbers. A record is one pointer to numba,
-# and lies where CVODE's callbacks find it as user data.
-HANDLE = np.dtype(
-    [
-        ("cvode", np.int64),
-        ("vector", np.int64),  # N_Vector around y
-        ("dense", np.int64),  # N_Vector around spare
-        ("y", np.int64),
-        ("spare", np.int64),
-        ("fired", np.int64),
-        ("bias", np.int64),
-        ("parameters", np.int64),
-        ("flow", np.int64),
-        ("margins", np.int64),
-        ("transition", np.int64),
-        ("jacobian", np.int64),
-        ("n", np.int64),
-        ("m", np.int64),
-        ("parameter_count", np.int64),
-        ("t", np.float64),
-        ("mode", np.int64),
-        ("last_instant", np.float64),
-        ("section", np.int64),  # component, -1 for none
-        ("level", np.float64),
-        (f"sources_{fingerprint()}", np.int64),  # no value: puts the sources into the type
-    ],
-    align=True,
-)
-HANDLE_TYPE = from_dtype(HANDLE)
-
-
-@intrinsic
-def _handle(_typing: Any, address: Any) -> Any:
-    """Turn an address into the HANDLE there."""
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], context.get_value_type(HANDLE_TYPE))
-
-    return HANDLE_TYPE(types.int64), codegen
+# What compiled code needs of any engine: addresses and numbers. A record is one pointer to numba.
+# Each method adds fields of its own, by which its records are told from those of another one.
+FIELDS = [
+    ("y", np.int64),
+    ("fired", np.int64),
+    ("bias", np.int64),
+    ("parameters", np.int64),
+    ("flow", np.int64),
+    ("margins", np.int64),
+    ("transition", np.int64),
+    ("n", np.int64),
+    ("m", np.int64),
+    ("parameter_count", np.int64),
+    ("t", np.float64),
+    ("mode", np.int64),
+    ("last_instant", np.float64),
+    ("section", np.int64),  # component, -1 for none
+    ("level", np.float64),
+    (f"sources_{fingerprint()}", np.int64),  # no value: puts the sources into the type
+]
 
 
 @intrinsic
@@ -169,76 +141,3 @@ def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
         return mode
 
     return jacobian_kernel
-
-
-class Callbacks(NamedTuple):
-    """What CVODE calls, whatever the automaton: C functions over a HANDLE."""
-
-    rhs: Any
-    roots: Any
-
-
-@cache
-def callbacks() -> Callbacks:
-    """Compile the two callbacks of CVODE; they reach the automaton through the handle."""
-    library.load()  # before anything that names a symbol of SUNDIALS is linked
-    stamp = fingerprint()
-
-    @cfunc(CALLBACK, cache=True, **JIT)
-    def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
-        _ = stamp
-        handle = _handle(user)
-        slope = _data(dy)
-        now = min(t, handle.last_instant)
-        size, p = handle.parameter_count, handle.parameters
-        call_kernel(handle.flow, handle.mode, 0, now, _data(y), p, size, slope)
-        total = 0.0
-        for i in range(handle.n):
-            total += abs(pointer(slope)[i])
-        return 0 if math.isfinite(total) else -1
-
-    @cfunc(CALLBACK, cache=True, **JIT)
-    def roots(t, y, out, user):  # type: ignore[no-untyped-def]
-        _ = stamp
-        handle = _handle(user)
-        m = handle.m
-        state = _data(y)
-        now = min(t, handle.last_instant)
-        size, p = handle.parameter_count, handle.parameters
-        call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
-        values, bias = pointer(out), pointer(handle.bias)
-        for i in range(m):
-            if math.isnan(values[i]) or math.isnan(values[m + i]):
-                return -1
-            values[i] += bias[i]
-            # CVODE takes a zero at the end of a step for the root, and then overlooks one before
-            # it: the rate of a waveform that ends level, at a switch, is such a zero.
-            if values[m + i] == 0.0:
-                values[m + i] = 1e-300
-        values[2 * m] = 1.0
-        if handle.section >= 0:
-            values[2 * m] = pointer(state)[handle.section] - handle.level
-        return 0
-
-    return Callbacks(rhs, roots)
-
-
-@cache
-def jacobian_callback() -> Any:
-    """Compile the callback by which CVODE asks for the Jacobian."""
-    library.load()
-    stamp = fingerprint()
-
-    @cfunc(JACOBIAN_CALLBACK, cache=True, **JIT)
-    def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
-        _ = stamp
-        handle = _handle(user)
-        now = min(t, handle.last_instant)
-        size, p = handle.parameter_count, handle.parameters
-        entries = _matrix_data(out)
-        for i in range(handle.n * handle.n):
-            pointer(entries)[i] = 0.0
-        call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
-        return 0
-
-    return jacobian
