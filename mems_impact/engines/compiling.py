@@ -176,23 +176,54 @@ def record_at(kind: Any) -> Any:
     return view
 
 
+def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> Any:
+    """Return an array of doubles at the address `data`, which does not own them."""
+    view = make_array(kind)(context, builder)
+    word = ir.Constant(context.get_value_type(types.intp), WORD)
+    strides, stride = [], word
+    for size in shape if kind.layout == "F" else reversed(shape):
+        strides.append(stride)
+        stride = builder.mul(stride, size)
+    populate_array(
+        view,
+        data=builder.inttoptr(data, view.data.type),
+        shape=shape,
+        strides=strides if kind.layout == "F" else strides[::-1],
+        itemsize=word,
+        meminfo=None,
+    )
+    return view._getvalue()
+
+
 @intrinsic
 def matrix(_typing: Any, address: Any, size: Any) -> Any:
     """Look at `size` x `size` doubles at `address`, stored by columns, as an array."""
     kind = types.Array(types.float64, 2, "F")
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        view = make_array(kind)(context, builder)
-        word = context.get_value_type(types.intp)
-        populate_array(
-            view,
-            data=builder.inttoptr(args[0], view.data.type),
-            shape=[args[1], args[1]],
-            strides=[ir.Constant(word, WORD), builder.mul(args[1], ir.Constant(word, WORD))],
-            itemsize=ir.Constant(word, WORD),
-            meminfo=None,
-        )
-        return view._getvalue()
+        return _view(kind, context, builder, args[0], [args[1], args[1]])
+
+    return kind(types.int64, types.int64), codegen
+
+
+@intrinsic
+def table(_typing: Any, address: Any, rows: Any, width: Any) -> Any:
+    """Look at `rows` x `width` doubles at `address`, stored by rows, as an array."""
+    kind = types.Array(types.float64, 2, "C")
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return _view(kind, context, builder, args[0], [args[1], args[2]])
+
+    return kind(types.int64, types.int64, types.int64), codegen
+
+
+@intrinsic
+def array(_typing: Any, address: Any, size: Any) -> Any:
+    """Look at `size` doubles at `address` as an array."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return _view(kind, context, builder, args[0], [args[1]])
 
     return kind(types.int64, types.int64), codegen
 
@@ -225,25 +256,3 @@ def address(_typing: Any, handle: Any) -> Any:
         return builder.ptrtoint(args[0], ir.IntType(64))
 
     return types.int64(handle), codegen
-
-
-@intrinsic
-def array(_typing: Any, address: Any, size: Any) -> Any:
-    """Look at `size` doubles at `address` as an array, without owning them."""
-    kind = types.Array(types.float64, 1, "C")
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        view = make_array(kind)(context, builder)
-        data = builder.inttoptr(args[0], view.data.type)
-        word = context.get_value_type(types.intp)
-        populate_array(
-            view,
-            data=data,
-            shape=[args[1]],
-            strides=[ir.Constant(word, WORD)],
-            itemsize=ir.Constant(word, WORD),
-            meminfo=None,
-        )
-        return view._getvalue()
-
-    return kind(types.int64, types.int64), codegen

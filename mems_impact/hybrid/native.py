@@ -9,10 +9,10 @@ from typing import Any
 from numba import njit
 
 from mems_impact.engines.compiling import JIT, make_callees_compilable
-from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contract its overloads
-    compiled as _overloads,
+from mems_impact.engines.cvode import (  # noqa: F401 - give the contract its overloads
+    compiled as _cvode,
 )
-from mems_impact.engines.cvode import library
+from mems_impact.engines.onestep import compiled as _onestep  # noqa: F401 - as above
 
 
 @cache
@@ -22,7 +22,6 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     The handle of the engine carries the fingerprint of all sources in its type, and so in the key
     of numba's cache on disk.
     """
-    library.load()
     make_callees_compilable(function)
     result: Callable[..., Any] = njit(nogil=True, cache=True, **JIT)(function)
     return result

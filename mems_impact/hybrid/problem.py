@@ -7,12 +7,13 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from mems_impact.engines.options import Options
+from mems_impact.engines.options import FOLDERS, Options
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 
@@ -126,11 +127,16 @@ def bind(problem: Problem) -> Bound:
     return _interpreted(arguments)
 
 
+def _engine(form: str, arguments: dict[str, Any]) -> Any:
+    """Create the engine of the method, "compiled" or "interpreted"."""
+    folder = FOLDERS[arguments["options"].method]
+    return import_module(f"mems_impact.engines.{folder}.{form}").Engine(**arguments)
+
+
 def _compiled(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.engines.cvode import compiled
     from mems_impact.hybrid import native
 
-    engine = compiled.Engine(**arguments)
+    engine = _engine("compiled", arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
@@ -142,9 +148,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.engines.cvode import interpreted
-
-    engine = interpreted.Engine(**arguments)
+    engine = _engine("interpreted", arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)
