@@ -34,6 +34,9 @@ SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
 BETA = 0.0
 ALPHA = 1.0 / 8.0 - 0.2 * BETA
 
+# The textbook's first step is cautious at order 8: on smooth arcs of this package the error
+# estimate then allows one that is 5 to 18 times as long.
+BOLD = 6.0
 SMOOTH = 1e-4  # errors below this say no more about the next step
 RETREAT = 0.25  # a step into where the functions are not finite is cut to this
 ULP = 2.0**-52
@@ -79,15 +82,18 @@ def begin(engine: Any, w: Any) -> int:
     if not root_functions(engine, t, w[END], w[LOW]):
         return arc.NO_GUARD
     leave_section(engine, w, w[LOW], 0)
-    if engine.h_next == 0.0:
-        engine.h_next = first_step(engine, w)
+    engine.h_next = first_step(engine, w)
     engine.error = SMOOTH
     engine.begun = 1
     return arc.STEPPED
 
 
 def first_step(engine: Any, w: Any) -> float:
-    """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4)."""
+    """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
+
+    The length of the last arc's steps is no guide: an arc must not depend on what was before it,
+    or a run could not be taken up at any of its events.
+    """
     n = engine.n
     y, slope, ahead, changed = w[END], w[12], w[ARGUMENT], w[1]
     size, speed = 0.0, 0.0
@@ -96,8 +102,9 @@ def first_step(engine: Any, w: Any) -> float:
         size += (y[j] / scale) * (y[j] / scale)
         speed += (slope[j] / scale) * (slope[j] / scale)
     longest = min(engine.max_step, engine.stop - engine.t)
-    h = 1e-6 if size <= 1e-10 or speed <= 1e-10 else 0.01 * math.sqrt(size / speed)
-    h = min(h, longest)
+    # A state within the tolerance of zero, or a slope that is, has no scale of its own.
+    scaled = size > 1.0 and speed > 1e-10
+    h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
     for j in range(n):
         ahead[j] = y[j] + h * slope[j]
     arc.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
@@ -108,8 +115,9 @@ def first_step(engine: Any, w: Any) -> float:
     if not math.isfinite(bend):
         return h
     steepest = max(math.sqrt(bend) / h, math.sqrt(speed))
-    by_order = max(1e-6, 1e-3 * h) if steepest <= 1e-15 else (0.01 / steepest) ** (1.0 / 8.0)
-    return min(100.0 * h, by_order, longest)
+    if steepest <= 1e-15:
+        return longest
+    return min(100.0 * h, BOLD * (0.01 / steepest) ** (1.0 / 8.0), longest)
 
 
 def take_step(engine: Any, w: Any) -> int:
@@ -121,7 +129,7 @@ def take_step(engine: Any, w: Any) -> int:
     engine.dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
-    h = min(engine.h_next, engine.max_step)
+    h = max(min(engine.h_next, engine.max_step), smallest)
     failure = ERROR_TEST
     rejected = False
     while True:
