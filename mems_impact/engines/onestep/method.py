@@ -19,8 +19,8 @@ START, END = 17, 18  # states between which the step goes
 DENSE = 19  # seven rows of coefficients
 STATE = 26  # what `state` answers
 LOW, HIGH = 27, 28  # root functions where they are looked for from, and at the end of the step
-UPPER, TRIAL = 29, 30  # root functions while a root is closed in
-ROWS = 31
+SPARE = 29  # three rows of root functions while a root is closed in
+ROWS = 32
 
 
 def set_fired(engine: Any, i: int, direction: int) -> None:

@@ -18,14 +18,12 @@ from mems_impact.engines.onestep.method import (
     LOW,
     START,
     STATE,
-    UPPER,
     dense_at,
-    set_fired,
     slope_at_end,
     stretched,
     try_step,
 )
-from mems_impact.engines.onestep.roots import any_crossed, close_in, crossed, root_functions
+from mems_impact.engines.onestep.roots import any_crossed, close_in, root_functions
 
 ERROR_TEST = -3  # of contract.FAILURES
 
@@ -189,7 +187,7 @@ def watch_stability(engine: Any, w: Any, h: float) -> None:
 
 def look(engine: Any, w: Any) -> int:
     """Go to the first root between the time last told and the end of the step, or to that end."""
-    low, high, upper = w[LOW], w[HIGH], w[UPPER]
+    low, high = w[LOW], w[HIGH]
     count = 2 * engine.m + 1
     if any_crossed(engine, low, high):
         t = close_in(engine, w, engine.t, engine.t_end)
@@ -197,11 +195,7 @@ def look(engine: Any, w: Any) -> int:
             return arc.NO_GUARD
         # A root at the stop is not told: the loop looks at all margins after a switch.
         if t < engine.stop:
-            for i in range(count):
-                set_fired(engine, i, crossed(engine, i, low, upper))
-            leave_section(engine, w, upper, crossed(engine, count - 1, low, upper))
-            for i in range(count):
-                low[i] = upper[i]
+            leave_section(engine, w, low, arc.fired(engine, count - 1))
             dense_at(engine, w, t, w[STATE])
             engine.t = t
             engine.rest = 1 if t < engine.t_end else 0
