@@ -207,17 +207,6 @@ def matrix(_typing: Any, address: Any, size: Any) -> Any:
 
 
 @intrinsic
-def table(_typing: Any, address: Any, rows: Any, width: Any) -> Any:
-    """Look at `rows` x `width` doubles at `address`, stored by rows, as an array."""
-    kind = types.Array(types.float64, 2, "C")
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        return _view(kind, context, builder, args[0], [args[1], args[2]])
-
-    return kind(types.int64, types.int64, types.int64), codegen
-
-
-@intrinsic
 def array(_typing: Any, address: Any, size: Any) -> Any:
     """Look at `size` doubles at `address` as an array."""
     kind = types.Array(types.float64, 1, "C")
@@ -246,6 +235,38 @@ def integers(_typing: Any, address: Any) -> Any:
         return builder.inttoptr(args[0], ir.IntType(32).as_pointer())
 
     return types.CPointer(types.int32)(types.int64), codegen
+
+
+def caller(signature: Any) -> Any:
+    """Return what calls a C function of `signature`, in compiled code: by address, with a tuple."""
+
+    @intrinsic
+    def call(_typing: Any, function: Any, arguments: Any) -> Any:
+        def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+            kinds = [context.get_value_type(kind) for kind in signature.args]
+            void = signature.return_type == types.void
+            result = ir.VoidType() if void else context.get_value_type(signature.return_type)
+            pointer = ir.FunctionType(result, kinds).as_pointer()
+            answer = builder.call(builder.inttoptr(args[0], pointer), values)
+            return context.get_dummy_value() if void else answer
+
+        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
+
+    return call
+
+
+@intrinsic
+def data(_typing: Any, vector: Any) -> Any:
+    """Return the address of the numbers of an array, or of those that a pointer leads to."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        first = args[0]
+        if isinstance(vector, types.Array):
+            first = make_array(vector)(context, builder, first).data
+        return builder.ptrtoint(first, ir.IntType(64))
+
+    return types.int64(vector), codegen
 
 
 @intrinsic

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import overload
 
 from mems_impact.engines import contract
-from mems_impact.engines.compiling import INNER, JIT, integers, mark_compilable, pointer
+from mems_impact.engines.compiling import INNER, JIT, data, integers, mark_compilable, pointer
 from mems_impact.engines.kernels import call_kernel, kernels
 
 
@@ -148,7 +148,7 @@ def _flow(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
 
         def implementation(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
             size, p = engine.parameter_count, engine.parameters
-            call_kernel(engine.flow, mode, 0, t, y.ctypes.data, p, size, dy.ctypes.data)
+            call_kernel(engine.flow, mode, 0, t, data(y), p, size, data(dy))
 
         return implementation
 
@@ -159,7 +159,7 @@ def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
 
         def implementation(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
             size, p = engine.parameter_count, engine.parameters
-            call_kernel(engine.margins, mode, 0, t, y.ctypes.data, p, size, out.ctypes.data)
+            call_kernel(engine.margins, mode, 0, t, data(y), p, size, data(out))
 
         return implementation
 
@@ -170,6 +170,6 @@ def _transition(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
 
         def implementation(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
             size, p = engine.parameter_count, engine.parameters
-            return call_kernel(engine.transition, mode, code, t, y.ctypes.data, p, size, p)
+            return call_kernel(engine.transition, mode, code, t, data(y), p, size, p)
 
         return implementation

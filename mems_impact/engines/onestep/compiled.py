@@ -8,25 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from llvmlite import ir
 from numba import cfunc, from_dtype, types
-from numba.extending import intrinsic, overload
+from numba.extending import overload
 
 from mems_impact.engines import contract
 from mems_impact.engines.compiling import (
     INNER,
     JIT,
+    WORD,
     address,
-    array,
+    caller,
+    data,
     fingerprint,
     integers,
     make_compilable,
     mark_compilable,
+    pointer,
     record_at,
-    table,
 )
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import FIELDS
@@ -34,12 +35,13 @@ from mems_impact.engines.onestep import method, stepper
 from mems_impact.engines.onestep.method import ROWS, STATE
 from mems_impact.engines.options import Options
 
-_WORDS = ("step", "interpolate", "rows", "width", "direction", "begun", "rest", "dense")
+_FUNCTIONS = ("stages", "dense", "step", "interpolate")
+_WORDS = ("rows", "width", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps", "evaluations")
 _REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next", "error")
 HANDLE = np.dtype(
     [
-        *((name, np.int64) for name in (*_WORDS, *_COUNTS)),
+        *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
         *FIELDS,
     ],
@@ -47,9 +49,13 @@ HANDLE = np.dtype(
 )
 _handle = record_at(from_dtype(HANDLE))
 
-_word, _real = types.int64, types.float64
-STEP = _word(_word)
-INTERPOLATE = types.void(_word, _real, _word)
+_word, _real, _none = types.int64, types.float64, types.void
+SIGNATURES = {
+    "stages": _real(_word, _real, _real),
+    "dense": _none(_word),
+    "step": _word(_word),
+    "interpolate": _none(_word, _real, _word),
+}
 
 
 class Engine(HandleOwner):
@@ -80,8 +86,8 @@ class Engine(HandleOwner):
         )  # fmt: skip
         self._functions = functions()
         handle = self.handle
-        handle.step = self._functions.step.address
-        handle.interpolate = self._functions.interpolate.address
+        for name, function in self._functions.items():
+            handle[name] = function.address
         handle.width = rows.shape[1]
         handle.direction = section[2] if section is not None else 0
         handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
@@ -96,42 +102,47 @@ class Engine(HandleOwner):
         """Do nothing: the memory goes with the object."""
 
 
-class Stepper(NamedTuple):
-    """The stepper as C functions over the address of a HANDLE."""
-
-    step: Any
-    interpolate: Any
-
-
 @cache
-def functions() -> Stepper:
-    """Compile the stepper, or find it in the cache."""
-    make_compilable(stepper.step)
-    make_compilable(stepper.interpolate)
+def functions() -> dict[str, Any]:
+    """Compile the stepper to C functions over a HANDLE, or find them in the cache."""
+    for function in (method.stages, method.dense, stepper.step, stepper.interpolate):
+        make_compilable(function)
     stamp = fingerprint()
 
-    @cfunc(STEP, cache=True, **JIT)
+    def stages(engine, t, h):  # type: ignore[no-untyped-def]
+        _ = stamp
+        return method.stages(_handle(engine), t, h)
+
+    def dense(engine):  # type: ignore[no-untyped-def]
+        _ = stamp
+        method.dense(_handle(engine))
+
     def step(engine):  # type: ignore[no-untyped-def]
         _ = stamp
-        handle = _handle(engine)
-        return stepper.step(handle, table(handle.rows, ROWS, handle.width))
+        return stepper.step(_handle(engine))
 
-    @cfunc(INTERPOLATE, cache=True, **JIT)
     def interpolate(engine, t, y):  # type: ignore[no-untyped-def]
         _ = stamp
-        handle = _handle(engine)
-        w = table(handle.rows, ROWS, handle.width)
-        stepper.interpolate(handle, w, t, array(y, handle.n))
+        stepper.interpolate(_handle(engine), t, pointer(y))
 
-    return Stepper(step, interpolate)
+    return {
+        function.__name__: cfunc(SIGNATURES[function.__name__], cache=True, **JIT)(function)
+        for function in (stages, dense, step, interpolate)
+    }
 
 
 def _is_onestep(kind: Any) -> bool:
     return is_handle(kind) and "h_next" in kind.fields
 
 
-mark_compilable(method.set_fired)
+mark_compilable(method.row, method.set_fired, method.try_step, method.make_dense)
 make_compilable(stepper.restart)
+
+
+@overload(method.row, jit_options={**JIT, **INNER})
+def _row(engine, i):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
 
 
 @overload(method.set_fired, jit_options={**JIT, **INNER})
@@ -144,45 +155,37 @@ def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
         return implementation
 
 
-@intrinsic
-def _call_step(_typing: Any, function: Any, engine: Any) -> Any:
-    """Call the STEP at the address `function`."""
-
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        word = ir.IntType(64)
-        kind = ir.FunctionType(word, [word])
-        return builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-
-    return _word(_word, _word), codegen
+# In what follows the functions of the text are called where the handle has their addresses.
+_call_stages = caller(SIGNATURES["stages"])
+_call_dense = caller(SIGNATURES["dense"])
+_call_step = caller(SIGNATURES["step"])
+_call_interpolate = caller(SIGNATURES["interpolate"])
 
 
-@intrinsic
-def _call_interpolate(_typing: Any, function: Any, engine: Any, t: Any, y: Any) -> Any:
-    """Call the INTERPOLATE at the address `function`."""
+@overload(method.try_step, jit_options={**JIT, **INNER})
+def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, t, h: _call_stages(engine.stages, (address(engine), t, h))
 
-    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word, ir.DoubleType(), word])
-        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-        return _context.get_dummy_value()
 
-    return types.void(_word, _word, _real, _word), codegen
+@overload(method.make_dense, jit_options={**JIT, **INNER})
+def _make_dense(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_dense(engine.dense, (address(engine),))
 
 
 @overload(contract.step, jit_options={**JIT, **INNER})
 def _step(engine):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine: _call_step(engine.step, address(engine))
+        return lambda engine: _call_step(engine.step, (address(engine),))
 
 
 @overload(contract.interpolate, jit_options={**JIT, **INNER})
 def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-
-        def implementation(engine, t, y):  # type: ignore[no-untyped-def]
-            _call_interpolate(engine.interpolate, address(engine), t, y.ctypes.data)
-
-        return implementation
+        return lambda engine, t, y: _call_interpolate(
+            engine.interpolate, (address(engine), t, data(y))
+        )
 
 
 @overload(contract.restart, jit_options={**JIT, **INNER})
@@ -190,7 +193,6 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
 
         def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-            w = table(engine.rows, ROWS, engine.width)
-            stepper.restart(engine, w, mode, t, y, stop)
+            stepper.restart(engine, mode, t, y, stop)
 
         return implementation

@@ -44,7 +44,7 @@ class Engine(Functions):
         self.stop = self.last_instant = math.inf
         self.h_next = 0.0
         self.error = 1.0
-        self.begun = self.rest = self.dense = 0
+        self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
         self.steps = self.evaluations = 0
 
@@ -53,11 +53,11 @@ class Engine(Functions):
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        stepper.restart(self, self.rows, mode, t, y[: self.n].tolist(), stop)
+        stepper.restart(self, mode, t, y[: self.n].tolist(), stop)
 
     def step(self) -> int:
         """Take one step; STEPPED, STOPPED, ROOT or a negative code."""
-        return stepper.step(self, self.rows)
+        return stepper.step(self)
 
     def time(self) -> float:
         """Return the time at which the last step ended."""
@@ -73,4 +73,4 @@ class Engine(Functions):
 
     def interpolate(self, t: float, y: Any) -> None:
         """Write the state at `t`, within the last step, into `y`."""
-        stepper.interpolate(self, self.rows, t, y)
+        stepper.interpolate(self, t, y)

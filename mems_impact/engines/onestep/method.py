@@ -1,7 +1,7 @@
 """One step of the method: stages, error estimate, dense output.
 
 Like the loop, this is one text for both engines: `arc.flow` calls the automaton, and the rows of
-the table `w` are lists in Python and arrays in compiled code.
+the engine's table are lists in Python and pointers in compiled code.
 """
 
 from __future__ import annotations
@@ -23,12 +23,17 @@ SPARE = 29  # three rows of root functions while a root is closed in
 ROWS = 32
 
 
+def row(engine: Any, i: int) -> Any:
+    """Return row `i` of the table."""
+    return engine.rows[i]
+
+
 def set_fired(engine: Any, i: int, direction: int) -> None:
     """Say that root function `i` has crossed zero in `direction`, or not (0)."""
     engine.crossings[i] = direction
 
 
-def try_step(engine: Any, w: Any, t: float, h: float) -> float:
+def stages(engine: Any, t: float, h: float) -> float:
     """Fill rows 1 to 11 and END by a step from (t, START); return its error in tolerances.
 
     Row 0 must hold the slope there. The error estimate is that of DOP853, of order 7: it combines
@@ -36,107 +41,120 @@ def try_step(engine: Any, w: Any, t: float, h: float) -> float:
     """
     n, mode, limit = engine.n, engine.mode, engine.last_instant
     rtol, atol = engine.rtol, engine.atol
-    y, start, end = w[ARGUMENT], w[START], w[END]
-    k0, k1, k2, k3, k4, k5 = w[0], w[1], w[2], w[3], w[4], w[5]
-    k6, k7, k8, k9, k10, k11 = w[6], w[7], w[8], w[9], w[10], w[11]
+    y, start, end = row(engine, ARGUMENT), row(engine, START), row(engine, END)
+    k0, k1, k2, k3, k4, k5 = (
+        row(engine, 0),
+        row(engine, 1),
+        row(engine, 2),
+        row(engine, 3),
+        row(engine, 4),
+        row(engine, 5),
+    )
+    k6, k7, k8, k9, k10, k11 = (
+        row(engine, 6),
+        row(engine, 7),
+        row(engine, 8),
+        row(engine, 9),
+        row(engine, 10),
+        row(engine, 11),
+    )
+    (a0,) = A[1]
     for j in range(n):
-        y[j] = start[j] + h * A[1][0] * k0[j]
+        y[j] = start[j] + h * a0 * k0[j]
     arc.flow(engine, mode, min(t + C[1] * h, limit), y, k1)
+    a0, a1 = A[2]
     for j in range(n):
-        y[j] = start[j] + h * (A[2][0] * k0[j] + A[2][1] * k1[j])
+        y[j] = start[j] + h * (a0 * k0[j] + a1 * k1[j])
     arc.flow(engine, mode, min(t + C[2] * h, limit), y, k2)
+    a0, a2 = A[3]
     for j in range(n):
-        y[j] = start[j] + h * (A[3][0] * k0[j] + A[3][2] * k2[j])
+        y[j] = start[j] + h * (a0 * k0[j] + a2 * k2[j])
     arc.flow(engine, mode, min(t + C[3] * h, limit), y, k3)
+    a0, a2, a3 = A[4]
     for j in range(n):
-        y[j] = start[j] + h * (A[4][0] * k0[j] + A[4][2] * k2[j] + A[4][3] * k3[j])
+        y[j] = start[j] + h * (a0 * k0[j] + a2 * k2[j] + a3 * k3[j])
     arc.flow(engine, mode, min(t + C[4] * h, limit), y, k4)
+    a0, a3, a4 = A[5]
     for j in range(n):
-        y[j] = start[j] + h * (A[5][0] * k0[j] + A[5][3] * k3[j] + A[5][4] * k4[j])
+        y[j] = start[j] + h * (a0 * k0[j] + a3 * k3[j] + a4 * k4[j])
     arc.flow(engine, mode, min(t + C[5] * h, limit), y, k5)
+    a0, a3, a4, a5 = A[6]
     for j in range(n):
-        y[j] = start[j] + h * (
-            A[6][0] * k0[j] + A[6][3] * k3[j] + A[6][4] * k4[j] + A[6][5] * k5[j]
-        )
+        y[j] = start[j] + h * (a0 * k0[j] + a3 * k3[j] + a4 * k4[j] + a5 * k5[j])
     arc.flow(engine, mode, min(t + C[6] * h, limit), y, k6)
+    a0, a3, a4, a5, a6 = A[7]
     for j in range(n):
-        y[j] = start[j] + h * (
-            A[7][0] * k0[j] + A[7][3] * k3[j] + A[7][4] * k4[j] + A[7][5] * k5[j] + A[7][6] * k6[j]
-        )
+        y[j] = start[j] + h * (a0 * k0[j] + a3 * k3[j] + a4 * k4[j] + a5 * k5[j] + a6 * k6[j])
     arc.flow(engine, mode, min(t + C[7] * h, limit), y, k7)
+    a0, a3, a4, a5, a6, a7 = A[8]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[8][0] * k0[j]
-            + A[8][3] * k3[j]
-            + A[8][4] * k4[j]
-            + A[8][5] * k5[j]
-            + A[8][6] * k6[j]
-            + A[8][7] * k7[j]
+            a0 * k0[j] + a3 * k3[j] + a4 * k4[j] + a5 * k5[j] + a6 * k6[j] + a7 * k7[j]
         )
     arc.flow(engine, mode, min(t + C[8] * h, limit), y, k8)
+    a0, a3, a4, a5, a6, a7, a8 = A[9]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[9][0] * k0[j]
-            + A[9][3] * k3[j]
-            + A[9][4] * k4[j]
-            + A[9][5] * k5[j]
-            + A[9][6] * k6[j]
-            + A[9][7] * k7[j]
-            + A[9][8] * k8[j]
+            a0 * k0[j] + a3 * k3[j] + a4 * k4[j] + a5 * k5[j] + a6 * k6[j] + a7 * k7[j] + a8 * k8[j]
         )
     arc.flow(engine, mode, min(t + C[9] * h, limit), y, k9)
+    a0, a3, a4, a5, a6, a7, a8, a9 = A[10]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[10][0] * k0[j]
-            + A[10][3] * k3[j]
-            + A[10][4] * k4[j]
-            + A[10][5] * k5[j]
-            + A[10][6] * k6[j]
-            + A[10][7] * k7[j]
-            + A[10][8] * k8[j]
-            + A[10][9] * k9[j]
+            a0 * k0[j]
+            + a3 * k3[j]
+            + a4 * k4[j]
+            + a5 * k5[j]
+            + a6 * k6[j]
+            + a7 * k7[j]
+            + a8 * k8[j]
+            + a9 * k9[j]
         )
     arc.flow(engine, mode, min(t + C[10] * h, limit), y, k10)
+    a0, a3, a4, a5, a6, a7, a8, a9, a10 = A[11]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[11][0] * k0[j]
-            + A[11][3] * k3[j]
-            + A[11][4] * k4[j]
-            + A[11][5] * k5[j]
-            + A[11][6] * k6[j]
-            + A[11][7] * k7[j]
-            + A[11][8] * k8[j]
-            + A[11][9] * k9[j]
-            + A[11][10] * k10[j]
+            a0 * k0[j]
+            + a3 * k3[j]
+            + a4 * k4[j]
+            + a5 * k5[j]
+            + a6 * k6[j]
+            + a7 * k7[j]
+            + a8 * k8[j]
+            + a9 * k9[j]
+            + a10 * k10[j]
         )
     arc.flow(engine, mode, min(t + C[11] * h, limit), y, k11)
+    b0, b5, b6, b7, b8, b9, b10, b11 = A[12]
+    e0, e5, e6, e7, e8, e9, e10, e11 = ERROR_5
+    w0, w8, w11 = WEIGHTS_3
     error_5, error_3, probe = 0.0, 0.0, 0.0
     for j in range(n):
         slope = (
-            A[12][0] * k0[j]
-            + A[12][5] * k5[j]
-            + A[12][6] * k6[j]
-            + A[12][7] * k7[j]
-            + A[12][8] * k8[j]
-            + A[12][9] * k9[j]
-            + A[12][10] * k10[j]
-            + A[12][11] * k11[j]
+            b0 * k0[j]
+            + b5 * k5[j]
+            + b6 * k6[j]
+            + b7 * k7[j]
+            + b8 * k8[j]
+            + b9 * k9[j]
+            + b10 * k10[j]
+            + b11 * k11[j]
         )
         end[j] = start[j] + h * slope
         scale = atol + rtol * max(abs(start[j]), abs(end[j]))
         difference = (
-            ERROR_5[0] * k0[j]
-            + ERROR_5[5] * k5[j]
-            + ERROR_5[6] * k6[j]
-            + ERROR_5[7] * k7[j]
-            + ERROR_5[8] * k8[j]
-            + ERROR_5[9] * k9[j]
-            + ERROR_5[10] * k10[j]
-            + ERROR_5[11] * k11[j]
-        )
-        error_5 += (difference / scale) * (difference / scale)
-        difference = slope - (WEIGHTS_3[0] * k0[j] + WEIGHTS_3[1] * k8[j] + WEIGHTS_3[2] * k11[j])
-        error_3 += (difference / scale) * (difference / scale)
+            e0 * k0[j]
+            + e5 * k5[j]
+            + e6 * k6[j]
+            + e7 * k7[j]
+            + e8 * k8[j]
+            + e9 * k9[j]
+            + e10 * k10[j]
+            + e11 * k11[j]
+        ) / scale
+        error_5 += difference * difference
+        difference = (slope - (w0 * k0[j] + w8 * k8[j] + w11 * k11[j])) / scale
+        error_3 += difference * difference
         # Stages that have no weight of their own.
         probe += k1[j] + k2[j] + k3[j] + k4[j]
     total = error_5 + 0.01 * error_3
@@ -145,22 +163,32 @@ def try_step(engine: Any, w: Any, t: float, h: float) -> float:
     return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
 
 
-def slope_at_end(engine: Any, w: Any, t: float) -> bool:
+def try_step(engine: Any, t: float, h: float) -> float:
+    """Call `stages`, which compiled code has as a C function, as it has `dense`."""
+    return stages(engine, t, h)
+
+
+def make_dense(engine: Any) -> None:
+    """Call `dense`."""
+    dense(engine)
+
+
+def slope_at_end(engine: Any, t: float) -> bool:
     """Evaluate stage 12, the slope at END and time `t`; return whether it is finite."""
-    k12 = w[12]
-    arc.flow(engine, engine.mode, min(t, engine.last_instant), w[END], k12)
+    k12 = row(engine, 12)
+    arc.flow(engine, engine.mode, min(t, engine.last_instant), row(engine, END), k12)
     total = 0.0
     for j in range(engine.n):
         total += abs(k12[j])
     return math.isfinite(total)
 
 
-def stretched(engine: Any, w: Any, h: float) -> float:
+def stretched(engine: Any, h: float) -> float:
     """Return h times Hairer's estimate of the largest eigenvalue, from stages 11 and 12.
 
     Both are slopes at the end of the step, at the state of ARGUMENT and at END.
     """
-    k11, k12, y, end = w[11], w[12], w[ARGUMENT], w[END]
+    k11, k12, y, end = row(engine, 11), row(engine, 12), row(engine, ARGUMENT), row(engine, END)
     slopes, states = 0.0, 0.0
     for j in range(engine.n):
         slopes += (k12[j] - k11[j]) * (k12[j] - k11[j])
@@ -168,52 +196,71 @@ def stretched(engine: Any, w: Any, h: float) -> float:
     return abs(h) * math.sqrt(slopes / states) if states > 0.0 else 0.0
 
 
-def make_dense(engine: Any, w: Any) -> None:
-    """Compute the dense output of the last step, once."""
-    if engine.dense == 1:
-        return
-    engine.dense = 1
+def dense(engine: Any) -> None:
+    """Compute the coefficients of the dense output of the last step, by three more stages."""
     n, mode, limit = engine.n, engine.mode, engine.last_instant
     t, h = engine.t_start, engine.t_end - engine.t_start
-    y, start, end = w[ARGUMENT], w[START], w[END]
-    k0, k5, k6, k7, k8, k9 = w[0], w[5], w[6], w[7], w[8], w[9]
-    k10, k11, k12, k13, k14, k15 = w[10], w[11], w[12], w[13], w[14], w[15]
-    f0, f1, f2, f3 = w[DENSE], w[DENSE + 1], w[DENSE + 2], w[DENSE + 3]
-    f4, f5, f6 = w[DENSE + 4], w[DENSE + 5], w[DENSE + 6]
+    y, start, end = row(engine, ARGUMENT), row(engine, START), row(engine, END)
+    k0, k5, k6, k7, k8, k9 = (
+        row(engine, 0),
+        row(engine, 5),
+        row(engine, 6),
+        row(engine, 7),
+        row(engine, 8),
+        row(engine, 9),
+    )
+    k10, k11, k12, k13, k14, k15 = (
+        row(engine, 10),
+        row(engine, 11),
+        row(engine, 12),
+        row(engine, 13),
+        row(engine, 14),
+        row(engine, 15),
+    )
+    f0, f1, f2, f3 = (
+        row(engine, DENSE),
+        row(engine, DENSE + 1),
+        row(engine, DENSE + 2),
+        row(engine, DENSE + 3),
+    )
+    f4, f5, f6 = row(engine, DENSE + 4), row(engine, DENSE + 5), row(engine, DENSE + 6)
+    a0, a6, a7, a8, a9, a10, a11, a12 = A[13]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[13][0] * k0[j]
-            + A[13][6] * k6[j]
-            + A[13][7] * k7[j]
-            + A[13][8] * k8[j]
-            + A[13][9] * k9[j]
-            + A[13][10] * k10[j]
-            + A[13][11] * k11[j]
-            + A[13][12] * k12[j]
+            a0 * k0[j]
+            + a6 * k6[j]
+            + a7 * k7[j]
+            + a8 * k8[j]
+            + a9 * k9[j]
+            + a10 * k10[j]
+            + a11 * k11[j]
+            + a12 * k12[j]
         )
     arc.flow(engine, mode, min(t + C[13] * h, limit), y, k13)
+    a0, a5, a6, a7, a10, a11, a12, a13 = A[14]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[14][0] * k0[j]
-            + A[14][5] * k5[j]
-            + A[14][6] * k6[j]
-            + A[14][7] * k7[j]
-            + A[14][10] * k10[j]
-            + A[14][11] * k11[j]
-            + A[14][12] * k12[j]
-            + A[14][13] * k13[j]
+            a0 * k0[j]
+            + a5 * k5[j]
+            + a6 * k6[j]
+            + a7 * k7[j]
+            + a10 * k10[j]
+            + a11 * k11[j]
+            + a12 * k12[j]
+            + a13 * k13[j]
         )
     arc.flow(engine, mode, min(t + C[14] * h, limit), y, k14)
+    a0, a5, a6, a7, a8, a12, a13, a14 = A[15]
     for j in range(n):
         y[j] = start[j] + h * (
-            A[15][0] * k0[j]
-            + A[15][5] * k5[j]
-            + A[15][6] * k6[j]
-            + A[15][7] * k7[j]
-            + A[15][8] * k8[j]
-            + A[15][12] * k12[j]
-            + A[15][13] * k13[j]
-            + A[15][14] * k14[j]
+            a0 * k0[j]
+            + a5 * k5[j]
+            + a6 * k6[j]
+            + a7 * k7[j]
+            + a8 * k8[j]
+            + a12 * k12[j]
+            + a13 * k13[j]
+            + a14 * k14[j]
         )
     arc.flow(engine, mode, min(t + C[15] * h, limit), y, k15)
     for j in range(n):
@@ -221,75 +268,90 @@ def make_dense(engine: Any, w: Any) -> None:
         f0[j] = rise
         f1[j] = h * k0[j] - rise
         f2[j] = 2.0 * rise - h * (k12[j] + k0[j])
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[0]
+    for j in range(n):
         f3[j] = h * (
-            D[0][0] * k0[j]
-            + D[0][5] * k5[j]
-            + D[0][6] * k6[j]
-            + D[0][7] * k7[j]
-            + D[0][8] * k8[j]
-            + D[0][9] * k9[j]
-            + D[0][10] * k10[j]
-            + D[0][11] * k11[j]
-            + D[0][12] * k12[j]
-            + D[0][13] * k13[j]
-            + D[0][14] * k14[j]
-            + D[0][15] * k15[j]
+            d0 * k0[j]
+            + d5 * k5[j]
+            + d6 * k6[j]
+            + d7 * k7[j]
+            + d8 * k8[j]
+            + d9 * k9[j]
+            + d10 * k10[j]
+            + d11 * k11[j]
+            + d12 * k12[j]
+            + d13 * k13[j]
+            + d14 * k14[j]
+            + d15 * k15[j]
         )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[1]
+    for j in range(n):
         f4[j] = h * (
-            D[1][0] * k0[j]
-            + D[1][5] * k5[j]
-            + D[1][6] * k6[j]
-            + D[1][7] * k7[j]
-            + D[1][8] * k8[j]
-            + D[1][9] * k9[j]
-            + D[1][10] * k10[j]
-            + D[1][11] * k11[j]
-            + D[1][12] * k12[j]
-            + D[1][13] * k13[j]
-            + D[1][14] * k14[j]
-            + D[1][15] * k15[j]
+            d0 * k0[j]
+            + d5 * k5[j]
+            + d6 * k6[j]
+            + d7 * k7[j]
+            + d8 * k8[j]
+            + d9 * k9[j]
+            + d10 * k10[j]
+            + d11 * k11[j]
+            + d12 * k12[j]
+            + d13 * k13[j]
+            + d14 * k14[j]
+            + d15 * k15[j]
         )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[2]
+    for j in range(n):
         f5[j] = h * (
-            D[2][0] * k0[j]
-            + D[2][5] * k5[j]
-            + D[2][6] * k6[j]
-            + D[2][7] * k7[j]
-            + D[2][8] * k8[j]
-            + D[2][9] * k9[j]
-            + D[2][10] * k10[j]
-            + D[2][11] * k11[j]
-            + D[2][12] * k12[j]
-            + D[2][13] * k13[j]
-            + D[2][14] * k14[j]
-            + D[2][15] * k15[j]
+            d0 * k0[j]
+            + d5 * k5[j]
+            + d6 * k6[j]
+            + d7 * k7[j]
+            + d8 * k8[j]
+            + d9 * k9[j]
+            + d10 * k10[j]
+            + d11 * k11[j]
+            + d12 * k12[j]
+            + d13 * k13[j]
+            + d14 * k14[j]
+            + d15 * k15[j]
         )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[3]
+    for j in range(n):
         f6[j] = h * (
-            D[3][0] * k0[j]
-            + D[3][5] * k5[j]
-            + D[3][6] * k6[j]
-            + D[3][7] * k7[j]
-            + D[3][8] * k8[j]
-            + D[3][9] * k9[j]
-            + D[3][10] * k10[j]
-            + D[3][11] * k11[j]
-            + D[3][12] * k12[j]
-            + D[3][13] * k13[j]
-            + D[3][14] * k14[j]
-            + D[3][15] * k15[j]
+            d0 * k0[j]
+            + d5 * k5[j]
+            + d6 * k6[j]
+            + d7 * k7[j]
+            + d8 * k8[j]
+            + d9 * k9[j]
+            + d10 * k10[j]
+            + d11 * k11[j]
+            + d12 * k12[j]
+            + d13 * k13[j]
+            + d14 * k14[j]
+            + d15 * k15[j]
         )
 
 
-def dense_at(engine: Any, w: Any, t: float, y: Any) -> None:
+def dense_at(engine: Any, t: float, y: Any) -> None:
     """Write the state at `t` within the last step into `y`; beyond the step its ends."""
-    start, end = w[START], w[END]
+    start, end = row(engine, START), row(engine, END)
     inside = engine.t_start < t < engine.t_end
     if not inside:
         for j in range(engine.n):
             y[j] = start[j] if t <= engine.t_start else end[j]
         return
-    make_dense(engine, w)
-    f0, f1, f2, f3 = w[DENSE], w[DENSE + 1], w[DENSE + 2], w[DENSE + 3]
-    f4, f5, f6 = w[DENSE + 4], w[DENSE + 5], w[DENSE + 6]
+    if engine.has_dense == 0:
+        engine.has_dense = 1
+        make_dense(engine)
+    f0, f1, f2, f3 = (
+        row(engine, DENSE),
+        row(engine, DENSE + 1),
+        row(engine, DENSE + 2),
+        row(engine, DENSE + 3),
+    )
+    f4, f5, f6 = row(engine, DENSE + 4), row(engine, DENSE + 5), row(engine, DENSE + 6)
     u = (t - engine.t_start) / (engine.t_end - engine.t_start)
     v = 1.0 - u
     for j in range(engine.n):

@@ -17,6 +17,7 @@ from mems_impact.engines.onestep.method import (
     LOW,
     SPARE,
     dense_at,
+    row,
     set_fired,
 )
 
@@ -35,9 +36,9 @@ def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
     return True
 
 
-def value(engine: Any, i: int, row: Any) -> float:
+def value(engine: Any, i: int, values: Any) -> float:
     """Return function `i`, a margin with its bias."""
-    return row[i] + arc.bias(engine, i) if i < engine.m else row[i]
+    return values[i] + arc.bias(engine, i) if i < engine.m else values[i]
 
 
 def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
@@ -77,7 +78,7 @@ def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
     return first, place
 
 
-def close_in(engine: Any, w: Any, begin: float, end: float) -> float:
+def close_in(engine: Any, begin: float, end: float) -> float:
     """Return the first root after `begin`, where LOW stands; NaN if a function is not a number.
 
     HIGH stands at `end`, and some function crosses zero between the two. The answer is on the far
@@ -94,7 +95,7 @@ def close_in(engine: Any, w: Any, begin: float, end: float) -> float:
     count = 2 * engine.m + 1
     near, far, last, trial = LOW, SPARE, SPARE + 1, SPARE + 2  # rows
     for i in range(count):
-        w[far][i] = w[HIGH][i]
+        row(engine, far)[i] = row(engine, HIGH)[i]
     a, b, c = begin, end, end
     moved_far, points = False, 2
     radius = b - a
@@ -105,13 +106,13 @@ def close_in(engine: Any, w: Any, begin: float, end: float) -> float:
         if width <= 2.0 * limit:
             break
         middle = a + 0.5 * width
-        i, place = first_crossed(engine, w[near], w[far])
+        i, place = first_crossed(engine, row(engine, near), row(engine, far))
         t = a + width * place
         side = 1.0 if middle >= t else -1.0
         push = shift * width * width
         if points == 3:
-            f_a, f_b = value(engine, i, w[near]), value(engine, i, w[far])
-            f_c = value(engine, i, w[last])
+            f_a, f_b = value(engine, i, row(engine, near)), value(engine, i, row(engine, far))
+            f_c = value(engine, i, row(engine, last))
             new, old = (b, a) if moved_far else (a, b)
             f_new, f_old = (f_b, f_a) if moved_far else (f_a, f_b)
             if (f_new - f_old) * (f_c - f_old) > 0.0:
@@ -129,10 +130,10 @@ def close_in(engine: Any, w: Any, begin: float, end: float) -> float:
         t = min(max(t, a + limit), b - limit)
         if t <= a or t >= b:
             break
-        dense_at(engine, w, t, w[ARGUMENT])
-        if not root_functions(engine, t, w[ARGUMENT], w[trial]):
+        dense_at(engine, t, row(engine, ARGUMENT))
+        if not root_functions(engine, t, row(engine, ARGUMENT), row(engine, trial)):
             return math.nan
-        moved_far = any_crossed(engine, w[near], w[trial])
+        moved_far = any_crossed(engine, row(engine, near), row(engine, trial))
         if moved_far:
             c, b = b, t
             last, far, trial = far, trial, last
@@ -142,7 +143,7 @@ def close_in(engine: Any, w: Any, begin: float, end: float) -> float:
         points = 3
         radius *= 0.5
     for i in range(count):
-        set_fired(engine, i, crossed(engine, i, w[near], w[far]))
+        set_fired(engine, i, crossed(engine, i, row(engine, near), row(engine, far)))
     for i in range(count):
-        w[LOW][i] = w[far][i]
+        row(engine, LOW)[i] = row(engine, far)[i]
     return b

@@ -19,6 +19,7 @@ from mems_impact.engines.onestep.method import (
     START,
     STATE,
     dense_at,
+    row,
     slope_at_end,
     stretched,
     try_step,
@@ -44,11 +45,11 @@ ULP = 2.0**-52
 BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
 
 
-def restart(engine: Any, w: Any, mode: int, t: float, y: Any, stop: float) -> None:
+def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on."""
     for j in range(engine.n):
-        w[END][j] = y[j]
-        w[STATE][j] = y[j]
+        row(engine, END)[j] = y[j]
+        row(engine, STATE)[j] = y[j]
     engine.mode = mode
     engine.t = t
     engine.t_start = t
@@ -59,41 +60,46 @@ def restart(engine: Any, w: Any, mode: int, t: float, y: Any, stop: float) -> No
     engine.rest = 0
 
 
-def step(engine: Any, w: Any) -> int:
+def step(engine: Any) -> int:
     """Take one step, or go to the first root in it or in what is left of the last one."""
     if engine.rest == 0:
         if engine.begun == 0:
-            status = begin(engine, w)
+            status = begin(engine)
             if status < 0:
                 return status
-        status = take_step(engine, w)
+        status = take_step(engine)
         if status < 0:
             return status
-    return look(engine, w)
+    return look(engine)
 
 
-def begin(engine: Any, w: Any) -> int:
+def begin(engine: Any) -> int:
     """Evaluate slope and root functions at the start of an arc, and choose its first step."""
     t = engine.t
-    if not slope_at_end(engine, w, t):
+    if not slope_at_end(engine, t):
         return arc.NON_FINITE
-    if not root_functions(engine, t, w[END], w[LOW]):
+    if not root_functions(engine, t, row(engine, END), row(engine, LOW)):
         return arc.NO_GUARD
-    leave_section(engine, w, w[LOW], 0)
-    engine.h_next = first_step(engine, w)
+    leave_section(engine, row(engine, LOW), 0)
+    engine.h_next = first_step(engine)
     engine.error = SMOOTH
     engine.begun = 1
     return arc.STEPPED
 
 
-def first_step(engine: Any, w: Any) -> float:
+def first_step(engine: Any) -> float:
     """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
 
     The length of the last arc's steps is no guide: an arc must not depend on what was before it,
     or a run could not be taken up at any of its events.
     """
     n = engine.n
-    y, slope, ahead, changed = w[END], w[12], w[ARGUMENT], w[1]
+    y, slope, ahead, changed = (
+        row(engine, END),
+        row(engine, 12),
+        row(engine, ARGUMENT),
+        row(engine, 1),
+    )
     size, speed = 0.0, 0.0
     for j in range(n):
         scale = engine.atol + engine.rtol * abs(y[j])
@@ -118,13 +124,13 @@ def first_step(engine: Any, w: Any) -> float:
     return min(100.0 * h, BOLD * (0.01 / steepest) ** (1.0 / 8.0), longest)
 
 
-def take_step(engine: Any, w: Any) -> int:
+def take_step(engine: Any) -> int:
     """Take one step that the error estimate allows, from where the last one ended."""
-    start, end = w[START], w[END]
+    start, end = row(engine, START), row(engine, END)
     for j in range(engine.n):
         start[j] = end[j]
-        w[0][j] = w[12][j]
-    engine.dense = 0
+        row(engine, 0)[j] = row(engine, 12)[j]
+    engine.has_dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
     h = max(min(engine.h_next, engine.max_step), smallest)
@@ -136,17 +142,17 @@ def take_step(engine: Any, w: Any) -> int:
         if t + 1.01 * h >= engine.stop:
             ahead = engine.stop
         h = ahead - t  # exactly the time that goes by
-        error = try_step(engine, w, t, h)
+        error = try_step(engine, t, h)
         engine.evaluations += 11
         if not math.isfinite(error):
             failure = arc.NON_FINITE
             h *= RETREAT
         elif error > 1.0:
             h /= min(1.0 / SHRINK, math.exp(ALPHA * math.log(error)) / SAFETY)
-        elif not slope_at_end(engine, w, ahead):
+        elif not slope_at_end(engine, ahead):
             failure = arc.NON_FINITE
             h *= RETREAT
-        elif not root_functions(engine, ahead, end, w[HIGH]):
+        elif not root_functions(engine, ahead, end, row(engine, HIGH)):
             failure = arc.NO_GUARD
             h *= RETREAT
         else:
@@ -166,15 +172,15 @@ def take_step(engine: Any, w: Any) -> int:
     # A step that was cut at the stop does not say that a longer one would fail.
     engine.h_next = max(longer, planned) if h < planned else longer
     engine.error = error
-    watch_stability(engine, w, h)
+    watch_stability(engine, h)
     return arc.STEPPED
 
 
-def watch_stability(engine: Any, w: Any, h: float) -> None:
+def watch_stability(engine: Any, h: float) -> None:
     """Count steps at the border of stability; mark the run as stiff after many in a row."""
     if engine.at_border == 0 and engine.steps % EVERY != 0:
         return
-    if stretched(engine, w, h) > BORDER:
+    if stretched(engine, h) > BORDER:
         engine.off_border = 0
         engine.at_border += 1
         if engine.at_border >= IN_A_ROW:
@@ -185,44 +191,44 @@ def watch_stability(engine: Any, w: Any, h: float) -> None:
             engine.at_border = 0
 
 
-def look(engine: Any, w: Any) -> int:
+def look(engine: Any) -> int:
     """Go to the first root between the time last told and the end of the step, or to that end."""
-    low, high = w[LOW], w[HIGH]
+    low, high = row(engine, LOW), row(engine, HIGH)
     count = 2 * engine.m + 1
     if any_crossed(engine, low, high):
-        t = close_in(engine, w, engine.t, engine.t_end)
+        t = close_in(engine, engine.t, engine.t_end)
         if math.isnan(t):
             return arc.NO_GUARD
         # A root at the stop is not told: the loop looks at all margins after a switch.
         if t < engine.stop:
-            leave_section(engine, w, low, arc.fired(engine, count - 1))
-            dense_at(engine, w, t, w[STATE])
+            leave_section(engine, low, arc.fired(engine, count - 1))
+            dense_at(engine, t, row(engine, STATE))
             engine.t = t
             engine.rest = 1 if t < engine.t_end else 0
             return arc.ROOT
-    leave_section(engine, w, high, 0)
+    leave_section(engine, high, 0)
     for i in range(count):
         low[i] = high[i]
     for j in range(engine.n):
-        w[STATE][j] = w[END][j]
+        row(engine, STATE)[j] = row(engine, END)[j]
     engine.t = engine.t_end
     engine.rest = 0
     return arc.STOPPED if engine.t_end >= engine.stop else arc.STEPPED
 
 
-def leave_section(engine: Any, w: Any, row: Any, side: int) -> None:
+def leave_section(engine: Any, values: Any, side: int) -> None:
     """Put a state on the section to the side that it goes to, lest it cross it twice or never.
 
     `side` is 0 at the start or end of a step, where the slope tells.
     """
     last = 2 * engine.m
-    if row[last] == 0.0:
-        slope = w[12][engine.section]
+    if values[last] == 0.0:
+        slope = row(engine, 12)[engine.section]
         if side == 0:
             side = 1 if slope > 0.0 else (-1 if slope < 0.0 else 0)
-        row[last] = 1e-300 * side
+        values[last] = 1e-300 * side
 
 
-def interpolate(engine: Any, w: Any, t: float, y: Any) -> None:
+def interpolate(engine: Any, t: float, y: Any) -> None:
     """Write the state at `t`, within the last step, into `y`."""
-    dense_at(engine, w, t, y)
+    dense_at(engine, t, y)
