@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         OrbitError,
         RunError,
         RunInterrupted,
+        StiffnessWarning,
         SweepInterrupted,
     )
     from mems_impact.plotting.bifurcation import plot_sweep
@@ -97,6 +98,7 @@ __all__ = [
     "Square",
     "State",
     "Steps",
+    "StiffnessWarning",
     "SweepInterrupted",
     "Target",
     "Trapezoid",
@@ -158,6 +160,7 @@ _HOMES = {
         "OrbitError",
         "RunError",
         "RunInterrupted",
+        "StiffnessWarning",
         "SweepInterrupted",
     ),
     "plotting.branch": ("plot_branch",),

@@ -17,6 +17,7 @@ __all__ = [
     "InvalidParameter",
     "MemsImpactError",
     "RunError",
+    "StiffnessWarning",
     "SweepInterrupted",
 ]
 
@@ -232,6 +233,10 @@ class SweepInterrupted(KeyboardInterrupt):
 
 class EngineFallbackWarning(UserWarning):
     """The engine that was asked for is unavailable, and a slower one does its work."""
+
+
+class StiffnessWarning(UserWarning):
+    """The steps of an explicit method are limited by stability; an implicit one would be faster."""
 
 
 def _restore(

@@ -127,16 +127,26 @@ def bind(problem: Problem) -> Bound:
     return _interpreted(arguments)
 
 
-def _engine(form: str, arguments: dict[str, Any]) -> Any:
-    """Create the engine of the method, "compiled" or "interpreted"."""
-    folder = FOLDERS[arguments["options"].method]
-    return import_module(f"mems_impact.engines.{folder}.{form}").Engine(**arguments)
+def is_compiled(options: Options) -> bool:
+    """Return whether runs with `options` are compiled, and so hold no lock of Python's."""
+    if options.engine == "interpreted":
+        return False
+    try:
+        _module("compiled", options).prepare()
+    except EngineUnavailable:
+        return False
+    return True
+
+
+def _module(form: str, options: Options) -> Any:
+    """Import what holds the engine of the method, "compiled" or "interpreted"."""
+    return import_module(f"mems_impact.engines.{FOLDERS[options.method]}.{form}")
 
 
 def _compiled(arguments: dict[str, Any]) -> Bound:
     from mems_impact.hybrid import native
 
-    engine = _engine("compiled", arguments)
+    engine = _module("compiled", arguments["options"]).Engine(**arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
@@ -148,7 +158,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
-    engine = _engine("interpreted", arguments)
+    engine = _module("interpreted", arguments["options"]).Engine(**arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)

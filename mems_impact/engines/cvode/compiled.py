@@ -36,6 +36,11 @@ _clear_stop = library.symbol("CVodeClearStopTime")
 _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
+def prepare() -> None:
+    """Bind SUNDIALS; raises EngineUnavailable where that cannot be done."""
+    library.load()
+
+
 class Engine(HandleOwner):
     """One CVODE object whose callbacks are compiled; its memory is freed with it.
 

@@ -31,7 +31,7 @@ from mems_impact.engines.compiling import (
 )
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import FIELDS
-from mems_impact.engines.onestep import method, stepper
+from mems_impact.engines.onestep import method, stepper, stiffness
 from mems_impact.engines.onestep.method import ROWS, STATE
 from mems_impact.engines.options import Options
 
@@ -56,6 +56,10 @@ SIGNATURES = {
     "step": _word(_word),
     "interpolate": _none(_word, _real, _word),
 }
+
+
+def prepare() -> None:
+    """Do nothing: there is nothing to bind."""
 
 
 class Engine(HandleOwner):
@@ -93,13 +97,11 @@ class Engine(HandleOwner):
         handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
         handle.error = 1.0
 
-    @property
-    def stiff(self) -> int:
-        """1 once steps have been limited by stability rather than accuracy."""
-        return int(self.handle.stiff)
-
     def close(self) -> None:
-        """Do nothing: the memory goes with the object."""
+        """Warn if the run was stiff; the memory goes with the object."""
+        if self.handle.stiff == 1:
+            self.handle.stiff = 0
+            stiffness.warn()
 
 
 @cache

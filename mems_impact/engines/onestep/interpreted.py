@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from mems_impact.engines.interpreting import Functions
-from mems_impact.engines.onestep import stepper
+from mems_impact.engines.onestep import stepper, stiffness
 from mems_impact.engines.onestep.method import ROWS, STATE
 from mems_impact.engines.options import Options
 
@@ -49,7 +49,10 @@ class Engine(Functions):
         self.steps = self.evaluations = 0
 
     def close(self) -> None:
-        """Do nothing: the memory is Python's own."""
+        """Warn if the run was stiff; the memory is Python's own."""
+        if self.stiff == 1:
+            self.stiff = 0
+            stiffness.warn()
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
