@@ -12,7 +12,7 @@ from numba import cfunc, types
 from numba.extending import intrinsic
 
 from mems_impact.engines.compiling import (
-    JIT,
+    FOR_C,
     WORD,
     array,
     cacheable,
@@ -89,7 +89,7 @@ def _kernel(*functions: Callable[..., Any]) -> tuple[int, Callable[..., Any]]:
     def kernel(function: Callable[..., Any]) -> Any:
         # Symbols of compiled code carry this name: automata that meet in a process must not share.
         function.__qualname__ += f"_{name}"
-        return cfunc(KERNEL, cache=keep, **JIT)(function)
+        return cfunc(KERNEL, cache=keep, **FOR_C)(function)
 
     return fingerprint(functions), kernel
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cfunc, from_dtype, types
 
-from mems_impact.engines.compiling import JIT, fingerprint, pointer, record_at
+from mems_impact.engines.compiling import FOR_C, fingerprint, pointer, record_at
 from mems_impact.engines.cvode import library
 from mems_impact.engines.kernels import FIELDS, call_kernel
 
@@ -47,7 +47,7 @@ def callbacks() -> Callbacks:
     library.load()  # before anything that names a symbol of SUNDIALS is linked
     stamp = fingerprint()
 
-    @cfunc(CALLBACK, cache=True, **JIT)
+    @cfunc(CALLBACK, cache=True, **FOR_C)
     def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
         _ = stamp
         handle = _handle(user)
@@ -60,7 +60,7 @@ def callbacks() -> Callbacks:
             total += abs(pointer(slope)[i])
         return 0 if math.isfinite(total) else -1
 
-    @cfunc(CALLBACK, cache=True, **JIT)
+    @cfunc(CALLBACK, cache=True, **FOR_C)
     def roots(t, y, out, user):  # type: ignore[no-untyped-def]
         _ = stamp
         handle = _handle(user)
@@ -92,7 +92,7 @@ def jacobian_callback() -> Any:
     library.load()
     stamp = fingerprint()
 
-    @cfunc(JACOBIAN_CALLBACK, cache=True, **JIT)
+    @cfunc(JACOBIAN_CALLBACK, cache=True, **FOR_C)
     def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
         _ = stamp
         handle = _handle(user)

@@ -16,6 +16,7 @@ from numba.extending import overload
 
 from mems_impact.engines import contract
 from mems_impact.engines.compiling import (
+    FOR_C,
     INNER,
     JIT,
     WORD,
@@ -128,7 +129,7 @@ def functions() -> dict[str, Any]:
         stepper.interpolate(_handle(engine), t, pointer(y))
 
     return {
-        function.__name__: cfunc(SIGNATURES[function.__name__], cache=True, **JIT)(function)
+        function.__name__: cfunc(SIGNATURES[function.__name__], cache=True, **FOR_C)(function)
         for function in (stages, dense, step, interpolate)
     }
 
