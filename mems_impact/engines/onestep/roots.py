@@ -100,13 +100,13 @@ def close_in(engine: Any, begin: float, end: float) -> float:
     moved_far, points = False, 2
     radius = b - a
     shift = 0.2 / radius
+    i, place = first_crossed(engine, row(engine, near), row(engine, far))
     while True:
         limit = ULP * max(abs(b), 1e-3 * (end - begin))
         width = b - a
         if width <= 2.0 * limit:
             break
         middle = a + 0.5 * width
-        i, place = first_crossed(engine, row(engine, near), row(engine, far))
         t = a + width * place
         side = 1.0 if middle >= t else -1.0
         push = shift * width * width
@@ -133,13 +133,15 @@ def close_in(engine: Any, begin: float, end: float) -> float:
         dense_at(engine, t, row(engine, ARGUMENT))
         if not root_functions(engine, t, row(engine, ARGUMENT), row(engine, trial)):
             return math.nan
-        moved_far = any_crossed(engine, row(engine, near), row(engine, trial))
+        i, place = first_crossed(engine, row(engine, near), row(engine, trial))
+        moved_far = i != NONE
         if moved_far:
             c, b = b, t
             last, far, trial = far, trial, last
         else:
             c, a = a, t
             last, near, trial = near, trial, last
+            i, place = first_crossed(engine, row(engine, near), row(engine, far))
         points = 3
         radius *= 0.5
     for i in range(count):
