@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         OrbitError,
         RunError,
         RunInterrupted,
+        StiffnessWarning,
         SweepInterrupted,
         UnitsWarning,
     )
@@ -107,6 +108,7 @@ __all__ = [
     "Square",
     "State",
     "Steps",
+    "StiffnessWarning",
     "SweepInterrupted",
     "Target",
     "Trapezoid",
@@ -173,6 +175,7 @@ _HOMES = {
         "OrbitError",
         "RunError",
         "RunInterrupted",
+        "StiffnessWarning",
         "SweepInterrupted",
         "UnitsWarning",
     ),

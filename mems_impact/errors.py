@@ -23,6 +23,7 @@ __all__ = [
     "OrbitError",
     "RunError",
     "RunInterrupted",
+    "StiffnessWarning",
     "SweepInterrupted",
     "UnitsWarning",
 ]
@@ -307,6 +308,10 @@ class FitWarning(UserWarning):
 
 class UnitsWarning(UserWarning):
     """The numbers of a device file look like SI, but it does not say so."""
+
+
+class StiffnessWarning(UserWarning):
+    """The steps of an explicit method are limited by stability; an implicit one would be faster."""
 
 
 def _restore(

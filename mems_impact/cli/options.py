@@ -70,7 +70,8 @@ def _integrator(rtol: float, atol: float) -> Decorator:
             "--method",
             type=click.Choice(METHODS),
             default=Options.method,
-            help=f"CVODE's family of formulas.  [{Options.method}]",
+            help="CVODE's Adams or BDF formulas, or a one-step method of order 8.  "
+            f"[{Options.method}]",
         ),
         click.option("--rtol", type=float, default=rtol, help=f"Relative tolerance.  [{rtol:g}]"),
         click.option("--atol", type=float, default=atol, help=f"Absolute tolerance.  [{atol:g}]"),

@@ -13,7 +13,7 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.typing import Signature
 
-from mems_impact.engines.compiling import JIT
+from mems_impact.engines.compiling import FOR_C, JIT
 
 _log = logging.getLogger("mems_impact")
 
@@ -84,7 +84,7 @@ def compile_callback(function: Callable[..., Any], signature: Signature, name: s
         Names the function and all that it draws on, the same in every process; None if that can't
         be told. Compiled code that has a name is kept on disk.
     """
-    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, dict(JIT))
+    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, dict(FOR_C))
     compiled._cache = _cache_of(function, name)
     compiled.compile()
     return compiled

@@ -14,8 +14,43 @@ from numba.np.arrayobj import make_array, populate_array
 # faster.
 JIT = {"_nrt": False, "error_model": "numpy"}
 INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# A C function is a wrapper around the function proper, whose arrays travel over the stack and whose
+# errors are looked for: a quarter of the time of a small one, unless it is inlined.
+FOR_C = {**JIT, "forceinline": True}
 
 WORD = 8  # bytes of a double
+
+
+def record_at(kind: Any) -> Any:
+    """Return what turns an address into the record of type `kind` there, in compiled code."""
+
+    @intrinsic
+    def view(_typing: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(kind))
+
+        return kind(types.int64), codegen
+
+    return view
+
+
+def _view(kind: Any, context: Any, builder: Any, data: Any, shape: list[Any]) -> Any:
+    """Return an array of doubles at the address `data`, which does not own them."""
+    view = make_array(kind)(context, builder)
+    word = ir.Constant(context.get_value_type(types.intp), WORD)
+    strides, stride = [], word
+    for size in shape if kind.layout == "F" else reversed(shape):
+        strides.append(stride)
+        stride = builder.mul(stride, size)
+    populate_array(
+        view,
+        data=builder.inttoptr(data, view.data.type),
+        shape=shape,
+        strides=strides if kind.layout == "F" else strides[::-1],
+        itemsize=word,
+        meminfo=None,
+    )
+    return view._getvalue()
 
 
 @intrinsic
@@ -24,17 +59,18 @@ def matrix(_typing: Any, address: Any, size: Any) -> Any:
     kind = types.Array(types.float64, 2, "F")
 
     def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        view = make_array(kind)(context, builder)
-        word = context.get_value_type(types.intp)
-        populate_array(
-            view,
-            data=builder.inttoptr(args[0], view.data.type),
-            shape=[args[1], args[1]],
-            strides=[ir.Constant(word, WORD), builder.mul(args[1], ir.Constant(word, WORD))],
-            itemsize=ir.Constant(word, WORD),
-            meminfo=None,
-        )
-        return view._getvalue()
+        return _view(kind, context, builder, args[0], [args[1], args[1]])
+
+    return kind(types.int64, types.int64), codegen
+
+
+@intrinsic
+def array(_typing: Any, address: Any, size: Any) -> Any:
+    """Look at `size` doubles at `address` as an array."""
+    kind = types.Array(types.float64, 1, "C")
+
+    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        return _view(kind, context, builder, args[0], [args[1]])
 
     return kind(types.int64, types.int64), codegen
 
@@ -59,6 +95,38 @@ def integers(_typing: Any, address: Any) -> Any:
     return types.CPointer(types.int32)(types.int64), codegen
 
 
+def caller(signature: Any) -> Any:
+    """Return what calls a C function of `signature`, in compiled code: by address, with a tuple."""
+
+    @intrinsic
+    def call(_typing: Any, function: Any, arguments: Any) -> Any:
+        def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+            kinds = [context.get_value_type(kind) for kind in signature.args]
+            void = signature.return_type == types.void
+            result = ir.VoidType() if void else context.get_value_type(signature.return_type)
+            pointer = ir.FunctionType(result, kinds).as_pointer()
+            answer = builder.call(builder.inttoptr(args[0], pointer), values)
+            return context.get_dummy_value() if void else answer
+
+        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
+
+    return call
+
+
+@intrinsic
+def data(_typing: Any, vector: Any) -> Any:
+    """Return the address of the numbers of an array, or of those that a pointer leads to."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        first = args[0]
+        if isinstance(vector, types.Array):
+            first = make_array(vector)(context, builder, first).data
+        return builder.ptrtoint(first, ir.IntType(64))
+
+    return types.int64(vector), codegen
+
+
 @intrinsic
 def address(_typing: Any, handle: Any) -> Any:
     """Turn a HANDLE into its address."""
@@ -67,25 +135,3 @@ def address(_typing: Any, handle: Any) -> Any:
         return builder.ptrtoint(args[0], ir.IntType(64))
 
     return types.int64(handle), codegen
-
-
-@intrinsic
-def array(_typing: Any, address: Any, size: Any) -> Any:
-    """Look at `size` doubles at `address` as an array, without owning them."""
-    kind = types.Array(types.float64, 1, "C")
-
-    def codegen(context: Any, builder: Any, _signature: Any, args: Any) -> Any:
-        view = make_array(kind)(context, builder)
-        data = builder.inttoptr(args[0], view.data.type)
-        word = context.get_value_type(types.intp)
-        populate_array(
-            view,
-            data=data,
-            shape=[args[1]],
-            strides=[ir.Constant(word, WORD)],
-            itemsize=ir.Constant(word, WORD),
-            meminfo=None,
-        )
-        return view._getvalue()
-
-    return kind(types.int64, types.int64), codegen

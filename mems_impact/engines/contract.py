@@ -1,21 +1,22 @@
 """The contract between the event loop and whatever integrates an arc.
 
 The loop of `mems_impact.hybrid.loop` is written in terms of the functions below and nothing
-else. Interpreted, they call the methods of `engines.cvode.interpreted.Engine`; compiled by numba,
-the overloads of `engines.cvode.compiled` take their place, so that one text of the loop serves
-both.
+else. Interpreted, they call the methods of an `Engine` in the file `interpreted` of a method's
+folder; compiled by numba, overloads take their place (`engines.handles` and the file `compiled` of
+the folder), so that one text of the loop serves both.
 
 An engine holds one system of ``n`` equations with ``m`` margins. Its root functions are, in this
 order, the ``m`` margins (plus their bias), the ``m`` rates of the margins and one section:
-``2 m + 1`` in all. `step` takes exactly one internal step of CVODE, or stops at the first root in
-it. Because a step never depends on who looks at it, a run is the same whether or not it is sampled.
+``2 m + 1`` in all. `step` takes exactly one internal step of the method, or stops at the first root
+in it, or in what is left of the last step after a root. Because a step never depends on who looks
+at it, a run is the same whether or not it is sampled.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-# What `step` answers: CVODE's own codes. Negative is a failure (see FAILURES).
+# What `step` answers: the codes of CVODE. Negative is a failure (see FAILURES).
 STEPPED = 0
 STOPPED = 1
 ROOT = 2
@@ -33,16 +34,6 @@ FAILURES = {
     NON_FINITE: "the right-hand side is not finite",
     NO_GUARD: "the margin of a guard is not a number",
 }
-
-
-def first_step(max_step: float) -> float:
-    """Return the first step of an arc.
-
-    CVODE's own makes an error of the whole tolerance, at order 1: more than the flight after a
-    weak impact is high. One far below it costs a step or two an arc, and only has to stay above
-    the spacing of the numbers.
-    """
-    return 1e-13 + 256.0 * 2.0**-52 * max_step
 
 
 def step(engine: Any) -> int:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 from mems_impact.errors import InvalidParameter
 
-METHODS = ("adams", "bdf")
+# Each method, and the folder beside this file that holds its engines.
+FOLDERS = {"adams": "cvode", "bdf": "cvode", "dop853": "onestep"}
+METHODS = tuple(FOLDERS)
 ENGINES = ("auto", "compiled", "interpreted")
 
 
@@ -17,9 +19,11 @@ class Options:
 
     Parameters
     ----------
-    method : {"adams", "bdf"}
-        Linear multistep family. Adams (default) needs about half the right-hand sides where the
-        drive is near the resonance; BDF wins where the drive is slow against it.
+    method : {"adams", "bdf", "dop853"}
+        CVODE's linear multistep families: Adams (default) needs about half the right-hand sides
+        where the drive is near the resonance; BDF wins where the drive is slow against it, or the
+        system stiff. ``"dop853"`` is Dormand and Prince's one-step method of order 8, which loses
+        no order at an event: several times as fast where arcs are short. It needs no SUNDIALS.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float

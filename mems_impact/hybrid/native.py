@@ -8,10 +8,10 @@ from functools import cache
 from typing import Any
 
 from mems_impact.engines.cache import compile_loop
-from mems_impact.engines.cvode import (  # noqa: F401 - compiled gives the contract its overloads
-    compiled as _overloads,
+from mems_impact.engines.cvode import (  # noqa: F401 - give the contract its overloads
+    compiled as _cvode,
 )
-from mems_impact.engines.cvode import library
+from mems_impact.engines.onestep import compiled as _onestep  # noqa: F401 - as above
 from mems_impact.engines.snapshot import take
 
 _making = threading.Lock()  # threads that start together want the same loop, compiled once
@@ -25,7 +25,6 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
 
 @cache
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    library.load()
     snapshot = take(function)
     (frozen,) = snapshot.frozen()
     return compile_loop(frozen, snapshot.name if snapshot.lasting else None)

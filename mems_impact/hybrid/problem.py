@@ -7,12 +7,13 @@ import math
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from mems_impact.engines.options import Options
+from mems_impact.engines.options import FOLDERS, Options
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 
@@ -126,11 +127,26 @@ def bind(problem: Problem) -> Bound:
     return _interpreted(arguments)
 
 
+def is_compiled(options: Options) -> bool:
+    """Return whether runs with `options` are compiled, and so hold no lock of Python's."""
+    if options.engine == "interpreted":
+        return False
+    try:
+        _module("compiled", options).prepare()
+    except EngineUnavailable:
+        return False
+    return True
+
+
+def _module(form: str, options: Options) -> Any:
+    """Import what holds the engine of the method, "compiled" or "interpreted"."""
+    return import_module(f"mems_impact.engines.{FOLDERS[options.method]}.{form}")
+
+
 def _compiled(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.engines.cvode import compiled
     from mems_impact.hybrid import native
 
-    engine = compiled.Engine(**arguments)
+    engine = _module("compiled", arguments["options"]).Engine(**arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
@@ -142,9 +158,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
-    from mems_impact.engines.cvode import interpreted
-
-    engine = interpreted.Engine(**arguments)
+    engine = _module("interpreted", arguments["options"]).Engine(**arguments)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)

@@ -12,9 +12,9 @@ import numpy as np
 from mems_impact import tables
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.engines.cvode import library
 from mems_impact.engines.options import Options
-from mems_impact.errors import EngineUnavailable, InvalidParameter, SweepInterrupted
+from mems_impact.errors import InvalidParameter, SweepInterrupted
+from mems_impact.hybrid.problem import is_compiled
 from mems_impact.studies.chains import Case, Chain, Point, Study, in_threads, in_turn
 from mems_impact.studies.run import check_direction
 from mems_impact.studies.state import State, is_number
@@ -159,12 +159,8 @@ def _numbers(values: ArrayLike) -> np.ndarray:
 def _threads(workers: int | None, chains: int, options: Options) -> int:
     if workers is not None:
         workers = _count("workers", workers, 1)
-    # The interpreted engine holds Python's lock, and silences standard output for all threads.
-    if options.engine == "interpreted":
-        return 1
-    try:
-        library.load()
-    except EngineUnavailable:
+    # An interpreted engine holds Python's lock; CVODE's silences standard output for all threads.
+    if not is_compiled(options):
         return 1
     return chains if workers is None else min(workers, chains)
 

@@ -167,6 +167,10 @@ def stop(c=0.0, k=1.0, amplitude=0.0, omega=1.0, square=0.0, d=1.0, e=0.8):
 SQUARE = (0.5, 1.0)  # switching times of the square wave, in periods
 
 
+# Options of the problems below, which a fixture may change.
+DEFAULTS = {"rtol": 1e-10, "atol": 1e-12, "engine": "compiled"}
+
+
 def problem(automaton, p, *, period=TAU, switches=(), section=None, **options):
     return Problem(
         automaton=automaton,
@@ -174,7 +178,7 @@ def problem(automaton, p, *, period=TAU, switches=(), section=None, **options):
         period=period,
         switches=tuple(fraction * period for fraction in switches),
         section=section,
-        options=Options(**{"rtol": 1e-10, "atol": 1e-12, "engine": "compiled", **options}),
+        options=Options(**{**DEFAULTS, **options}),
     )
 
 

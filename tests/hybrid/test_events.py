@@ -22,6 +22,8 @@ from tests.hybrid.systems import (
     times,
 )
 
+pytestmark = pytest.mark.usefixtures("each_method")
+
 # Three guards that fire at y = 1. Which of them stands in which slot is in p; each one switches
 # itself off in `fired`, and writes its digit to `log`.
 

@@ -19,6 +19,8 @@ from tests.hybrid.systems import (
     times,
 )
 
+pytestmark = pytest.mark.usefixtures("each_method")
+
 both = pytest.mark.parametrize("engine", ENGINES)
 FLOOR = Guard(name="floor", order=1, impact=True)
 

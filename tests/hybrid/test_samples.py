@@ -23,6 +23,8 @@ from tests.hybrid.systems import (
     stop,
 )
 
+pytestmark = pytest.mark.usefixtures("each_method")
+
 # name: automaton, parameters, start, mode, period, section
 CASES = {
     "impacts": (STOP, stop(c=0.1, amplitude=0.7, omega=0.8), [0.2, 1.5], 0, TAU / 0.8, (0, 0.0, 0)),

@@ -6,6 +6,8 @@ import pytest
 from mems_impact.hybrid import loop
 from tests.hybrid.systems import COULOMB, STOP, STUCK, TAU, coulomb, simulate, stop
 
+pytestmark = pytest.mark.usefixtures("each_method")
+
 PHASES = np.linspace(0.3, 3.05, 200)
 DEPTHS = [10.0**-k for k in range(3, 11)]
 THIN = [("compiled", PHASES), ("interpreted", PHASES[::100])]

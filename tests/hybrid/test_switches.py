@@ -24,6 +24,8 @@ from tests.hybrid.systems import (
     times,
 )
 
+pytestmark = pytest.mark.usefixtures("each_method")
+
 FAR = 50.0  # a stop that is never reached
 
 

@@ -14,22 +14,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 
 from mems_impact.engines import contract
-from mems_impact.engines.compiling import INNER, JIT, address, integers, pointer
+from mems_impact.engines.compiling import INNER, JIT, address, pointer
 from mems_impact.engines.cvode import library
-from mems_impact.engines.kernels import (
-    HANDLE,
-    call_kernel,
-    callbacks,
-    jacobian_callback,
-    jacobian_of,
-    kernels,
-)
+from mems_impact.engines.cvode.callbacks import HANDLE, callbacks, jacobian_callback
+from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.handles import HandleOwner, is_handle
+from mems_impact.engines.kernels import jacobian_of
 from mems_impact.engines.options import Options
-from mems_impact.engines.snapshot import mark_overloaded
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -42,7 +36,12 @@ _clear_stop = library.symbol("CVodeClearStopTime")
 _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
-class Engine:
+def prepare() -> None:
+    """Bind SUNDIALS; raises EngineUnavailable where that cannot be done."""
+    library.load()
+
+
+class Engine(HandleOwner):
     """One CVODE object whose callbacks are compiled; its memory is freed with it.
 
     The parameters are those of `mems_impact.engines.cvode.interpreted.Engine`. Adams runs with
@@ -64,27 +63,13 @@ class Engine:
         section: tuple[int, float, int] | None = None,
     ) -> None:
         sun = library.load()
-        self._kernels = kernels(flow, margins, transition, n, m)
+        arrays = {"spare": np.zeros(n)}
+        super().__init__(
+            HANDLE, flow, margins, transition, n=n, m=m, parameters=parameters, section=section,
+            arrays=arrays,
+        )  # fmt: skip
+        handle, direction = self.handle, section[2] if section is not None else 0
         self._callbacks = callbacks()
-        component, level, direction = section if section is not None else (-1, 0.0, 0)
-        # The handle holds addresses of these arrays; they live as long as the engine.
-        self._arrays = {
-            "y": np.zeros(n),
-            "spare": np.zeros(n),
-            "bias": np.zeros(m),
-            "parameters": np.array(parameters, dtype=float),
-            "fired": np.zeros(2 * m + 1, dtype=np.int32),
-        }
-        self._handles = np.zeros(1, dtype=HANDLE)
-        self.handle = handle = self._handles.view(np.recarray)[0]
-        for name, array in self._arrays.items():
-            handle[name] = array.ctypes.data
-        handle.n, handle.m, handle.parameter_count = n, m, self._arrays["parameters"].size
-        handle.section, handle.level = component, level
-        handle.flow = self._kernels.flow.address
-        handle.margins = self._kernels.margins.address
-        handle.transition = self._kernels.transition.address
-
         context = ctypes.c_void_p()
         sun.SUNContext_Create(0, ctypes.byref(context))
         # The default handler prints to standard error; the codes say it all.
@@ -125,7 +110,7 @@ class Engine:
         _must(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
         _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
         _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
-        _must(sun.CVodeSetInitStep(memory, contract.first_step(max_step)), "CVodeSetInitStep")
+        _must(sun.CVodeSetInitStep(memory, first_step(max_step)), "CVodeSetInitStep")
         self._sun = sun
 
     def close(self) -> None:
@@ -167,30 +152,13 @@ def _must(flag: int, name: str) -> None:
         raise RuntimeError(f"{name} failed with code {flag}")
 
 
-def _is_handle(kind: Any) -> bool:
-    return isinstance(kind, types.Record) and "cvode" in kind.fields
-
-
-mark_overloaded(
-    contract.step,
-    contract.time,
-    contract.state,
-    contract.fired,
-    contract.interpolate,
-    contract.restart,
-    contract.bias,
-    contract.set_bias,
-    contract.parameter,
-    contract.set_parameter,
-    contract.flow,
-    contract.margins,
-    contract.transition,
-)
+def _is_cvode(kind: Any) -> bool:
+    return is_handle(kind) and "cvode" in kind.fields
 
 
 @overload(contract.step, jit_options={**JIT, **INNER})
 def _step(engine):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
+    if _is_cvode(engine):
 
         def implementation(engine):  # type: ignore[no-untyped-def]
             # CVODE takes the end of the interval for direction and first step only.
@@ -203,32 +171,9 @@ def _step(engine):  # type: ignore[no-untyped-def]
         return implementation
 
 
-@overload(contract.time, jit_options={**JIT, **INNER})
-def _time(engine):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-        return lambda engine: engine.t
-
-
-@overload(contract.state, jit_options={**JIT, **INNER})
-def _state(engine, y):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, y):  # type: ignore[no-untyped-def]
-            for i in range(engine.n):
-                y[i] = pointer(engine.y)[i]
-
-        return implementation
-
-
-@overload(contract.fired, jit_options={**JIT, **INNER})
-def _fired(engine, i):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-        return lambda engine, i: np.int64(integers(engine.fired)[i])
-
-
 @overload(contract.interpolate, jit_options={**JIT, **INNER})
 def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
+    if _is_cvode(engine):
 
         def implementation(engine, t, y):  # type: ignore[no-untyped-def]
             _dky(engine.cvode, t, 0, engine.dense)
@@ -240,7 +185,7 @@ def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
 
 @overload(contract.restart, jit_options={**JIT, **INNER})
 def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
+    if _is_cvode(engine):
 
         def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             for i in range(engine.n):
@@ -254,70 +199,5 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             else:
                 engine.last_instant = math.inf
                 _clear_stop(engine.cvode)
-
-        return implementation
-
-
-@overload(contract.bias, jit_options={**JIT, **INNER})
-def _bias(engine, i):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-        return lambda engine, i: pointer(engine.bias)[i]
-
-
-@overload(contract.set_bias, jit_options={**JIT, **INNER})
-def _set_bias(engine, i, value):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
-            pointer(engine.bias)[i] = value
-
-        return implementation
-
-
-@overload(contract.parameter, jit_options={**JIT, **INNER})
-def _parameter(engine, i):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-        return lambda engine, i: pointer(engine.parameters)[i]
-
-
-@overload(contract.set_parameter, jit_options={**JIT, **INNER})
-def _set_parameter(engine, i, value):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
-            pointer(engine.parameters)[i] = value
-
-        return implementation
-
-
-@overload(contract.flow, jit_options={**JIT, **INNER})
-def _flow(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
-            size, p = engine.parameter_count, engine.parameters
-            call_kernel(engine.flow, mode, 0, t, y.ctypes.data, p, size, dy.ctypes.data)
-
-        return implementation
-
-
-@overload(contract.margins, jit_options={**JIT, **INNER})
-def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
-            size, p = engine.parameter_count, engine.parameters
-            call_kernel(engine.margins, mode, 0, t, y.ctypes.data, p, size, out.ctypes.data)
-
-        return implementation
-
-
-@overload(contract.transition, jit_options={**JIT, **INNER})
-def _transition(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
-    if _is_handle(engine):
-
-        def implementation(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
-            size, p = engine.parameter_count, engine.parameters
-            return call_kernel(engine.transition, mode, code, t, y.ctypes.data, p, size, p)
 
         return implementation

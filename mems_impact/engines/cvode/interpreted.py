@@ -13,28 +13,19 @@ import numpy as np
 from sksundae.cvode import CVODE
 
 from mems_impact.engines import contract
+from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.interpreting import Functions
 from mems_impact.engines.options import Options
 
 # Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
 _SILENCE = threading.Lock()
 
 
-# What Python raises where compiled code goes on with infinity or not-a-number.
-_DOMAIN = (ArithmeticError, ValueError)
-
-
 class _Failure(Exception):
     """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
 
 
-def _fill(out: Any, values: list[float]) -> None:
-    try:
-        out[:] = values
-    except TypeError:  # a root of a negative number is complex
-        out[:] = math.nan
-
-
-class Engine:
+class Engine(Functions):
     """CVODE with Python callbacks, behind the contract of `mems_impact.engines.contract`.
 
     Parameters
@@ -65,11 +56,8 @@ class Engine:
         max_step: float,
         section: tuple[int, float, int] | None = None,
     ) -> None:
-        self._flow, self._margins, self._transition = flow, margins, transition
-        self._n, self._m = n, m
+        super().__init__(flow, margins, transition, n=n, m=m, parameters=parameters)
         component, level, direction = section if section is not None else (-1, 0.0, 0)
-        self.parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
-        self.bias = np.zeros(m)
         self._mode = 0
         self._stop: float | None = None
         self._last_instant = math.inf
@@ -108,36 +96,11 @@ class Engine:
             rtol=options.rtol,
             atol=options.atol,
             jacfn=newton if jacobian is not None else None,
-            first_step=contract.first_step(max_step),
+            first_step=first_step(max_step),
             max_step=max_step,
             eventsfn=roots,
             num_events=2 * m + 1,
         )
-
-    def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
-        """Write the derivative of the state in `mode` into `dy`."""
-        # Scalars out of a list are several times as fast as out of an array.
-        slope = [0.0] * self._n
-        try:
-            self._flow(mode, t, y[: self._n].tolist(), self.parameters, slope)
-            _fill(dy[: self._n], slope)
-        except _DOMAIN:
-            dy[: self._n] = math.nan
-
-    def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
-        """Write the m margins, then their m rates, into `out`."""
-        m = self._m
-        g, r = [1.0] * m, [1.0] * m
-        try:
-            self._margins(mode, t, y[: self._n].tolist(), self.parameters, g, r)
-            _fill(out[:m], g)
-            _fill(out[m : 2 * m], r)
-        except _DOMAIN:
-            out[: 2 * m] = math.nan
-
-    def transition(self, mode: int, code: int, t: float, y: Any) -> int:
-        """Apply the transition `code`, changing `y` in place; return the new mode."""
-        return int(self._transition(mode, code, t, y, self.parameters))
 
     def close(self) -> None:
         """Do nothing: scikit-sundae frees its memory with the object."""
@@ -173,7 +136,7 @@ class Engine:
 
     def state(self, y: Any) -> None:
         """Copy the state at `time` into `y`."""
-        y[: self._n] = self._result.y
+        y[: self.n] = self._result.y
 
     def fired(self, i: int) -> int:
         """Return how root function `i` crossed zero at the last ROOT."""
@@ -183,13 +146,13 @@ class Engine:
         """Write the state at `t`, within the last internal step, into `y`."""
         # Going back, CVODE looks for roots on its way and forgets those that it has found. So it
         # is shown the values that it knows, which do not change, and led back to where it was.
-        frozen = np.empty(2 * self._m + 1)
+        frozen = np.empty(2 * self.m + 1)
         self._roots(self._t, self._result.y, frozen)
         if self._result.status == contract.ROOT:
             # A root that is exactly zero has been crossed.
             zero = frozen == 0.0
             frozen[zero] = 1e-300 * self._result.i_events[-1][zero]
         self._frozen = frozen
-        y[: self._n] = self._solver.step(t, method="normal").y
+        y[: self.n] = self._solver.step(t, method="normal").y
         self._solver.step(self._t, method="normal")
         self._frozen = None

@@ -18,7 +18,10 @@ from typing import Any
 from mems_impact.errors import EngineUnavailable
 
 SUPPORTED_MAJOR = 7
-REMEDY = "install a scikit-sundae wheel of version 1.x, or use engine='interpreted'"
+REMEDY = (
+    "install a scikit-sundae wheel of version 1.x, use method='dop853', which needs no SUNDIALS, "
+    "or engine='interpreted'"
+)
 
 _int, _real, _ptr = ctypes.c_int32, ctypes.c_double, ctypes.c_void_p
 

@@ -1,0 +1,176 @@
+"""Compiled engines: the record that compiled code takes for one, and what all methods share.
+
+numba compiles the event loop once for each type of record. The contract of
+`mems_impact.engines.contract` gets its overloads here, as far as they are the same for every
+method; `step`, `restart` and `interpolate` are each method's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from mems_impact.engines import contract
+from mems_impact.engines.compiling import INNER, JIT, data, integers, pointer
+from mems_impact.engines.kernels import call_kernel, kernels
+from mems_impact.engines.snapshot import mark_overloaded
+
+
+class HandleOwner:
+    """A record of addresses for compiled code, and the memory that it points to.
+
+    Parameters
+    ----------
+    dtype : numpy.dtype
+        `mems_impact.engines.kernels.FIELDS` and the fields of the method.
+    flow, margins, transition, n, m, parameters, section
+        Those of an engine (see `mems_impact.engines.cvode.interpreted.Engine`).
+    arrays : dict of str to array
+        Memory of the method; the field of that name gets the address.
+    """
+
+    def __init__(
+        self,
+        dtype: np.dtype[Any],
+        flow: Callable[..., Any],
+        margins: Callable[..., Any],
+        transition: Callable[..., Any],
+        *,
+        n: int,
+        m: int,
+        parameters: Any,
+        section: tuple[int, float, int] | None,
+        arrays: dict[str, Any],
+    ) -> None:
+        self._kernels = kernels(flow, margins, transition, n, m)
+        # The handle holds addresses of these arrays; they live as long as the engine.
+        self._arrays = {
+            "y": np.zeros(n),
+            "bias": np.zeros(m),
+            "parameters": np.array(parameters, dtype=float),
+            "fired": np.zeros(2 * m + 1, dtype=np.int32),
+            **arrays,
+        }
+        self._handles = np.zeros(1, dtype=dtype)
+        self.handle = handle = self._handles.view(np.recarray)[0]
+        for name, array in self._arrays.items():
+            handle[name] = array.ctypes.data
+        handle.n, handle.m, handle.parameter_count = n, m, self._arrays["parameters"].size
+        handle.section, handle.level = (-1, 0.0) if section is None else section[:2]
+        handle.flow = self._kernels.flow.address
+        handle.margins = self._kernels.margins.address
+        handle.transition = self._kernels.transition.address
+
+
+def is_handle(kind: Any) -> bool:
+    """Return whether the numba type `kind` is the record of an engine."""
+    return isinstance(kind, types.Record) and "last_instant" in kind.fields
+
+
+mark_overloaded(
+    contract.step,
+    contract.time,
+    contract.state,
+    contract.fired,
+    contract.interpolate,
+    contract.restart,
+    contract.bias,
+    contract.set_bias,
+    contract.parameter,
+    contract.set_parameter,
+    contract.flow,
+    contract.margins,
+    contract.transition,
+)
+
+
+@overload(contract.time, jit_options={**JIT, **INNER})
+def _time(engine):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine: engine.t
+
+
+@overload(contract.state, jit_options={**JIT, **INNER})
+def _state(engine, y):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, y):  # type: ignore[no-untyped-def]
+            for i in range(engine.n):
+                y[i] = pointer(engine.y)[i]
+
+        return implementation
+
+
+@overload(contract.fired, jit_options={**JIT, **INNER})
+def _fired(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: np.int64(integers(engine.fired)[i])
+
+
+@overload(contract.bias, jit_options={**JIT, **INNER})
+def _bias(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: pointer(engine.bias)[i]
+
+
+@overload(contract.set_bias, jit_options={**JIT, **INNER})
+def _set_bias(engine, i, value):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
+            pointer(engine.bias)[i] = value
+
+        return implementation
+
+
+@overload(contract.parameter, jit_options={**JIT, **INNER})
+def _parameter(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: pointer(engine.parameters)[i]
+
+
+@overload(contract.set_parameter, jit_options={**JIT, **INNER})
+def _set_parameter(engine, i, value):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
+            pointer(engine.parameters)[i] = value
+
+        return implementation
+
+
+@overload(contract.flow, jit_options={**JIT, **INNER})
+def _flow(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            call_kernel(engine.flow, mode, 0, t, data(y), p, size, data(dy))
+
+        return implementation
+
+
+@overload(contract.margins, jit_options={**JIT, **INNER})
+def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            call_kernel(engine.margins, mode, 0, t, data(y), p, size, data(out))
+
+        return implementation
+
+
+@overload(contract.transition, jit_options={**JIT, **INNER})
+def _transition(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            return call_kernel(engine.transition, mode, code, t, data(y), p, size, p)
+
+        return implementation

@@ -1,0 +1,76 @@
+"""The functions of an automaton as an interpreted engine calls them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+# What Python raises where compiled code goes on with infinity or not-a-number.
+_DOMAIN = (ArithmeticError, ValueError)
+
+
+def _scalars(y: Any, n: int) -> list[float]:
+    # Scalars out of a list are several times as fast as out of an array.
+    return y[:n] if isinstance(y, list) else y[:n].tolist()
+
+
+def _real(values: list[Any]) -> list[float]:
+    try:
+        return [float(value) for value in values]
+    except TypeError:  # a root of a negative number is complex
+        return [math.nan] * len(values)
+
+
+class Functions:
+    """The part of the contract of `mems_impact.engines.contract` that no method changes.
+
+    Parameters
+    ----------
+    flow, margins, transition : callable
+        The functions of an automaton (see `mems_impact.hybrid.automaton.Automaton`).
+    n, m : int
+        Number of states and of guards.
+    parameters : array_like of float
+    """
+
+    def __init__(
+        self,
+        flow: Callable[..., Any],
+        margins: Callable[..., Any],
+        transition: Callable[..., Any],
+        *,
+        n: int,
+        m: int,
+        parameters: Any,
+    ) -> None:
+        self._flow, self._margins, self._transition = flow, margins, transition
+        self.n, self.m = n, m
+        self.parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
+        self.bias = np.zeros(m)
+
+    def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
+        """Write the derivative of the state in `mode` into `dy`."""
+        n = self.n
+        slope = [0.0] * n
+        try:
+            self._flow(mode, t, _scalars(y, n), self.parameters, slope)
+        except _DOMAIN:
+            slope = [math.nan] * n
+        dy[:n] = _real(slope)
+
+    def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
+        """Write the m margins, then their m rates, into `out`."""
+        m = self.m
+        g, r = [1.0] * m, [1.0] * m
+        try:
+            self._margins(mode, t, _scalars(y, self.n), self.parameters, g, r)
+        except _DOMAIN:
+            g = r = [math.nan] * m
+        out[: 2 * m] = _real(g) + _real(r)
+
+    def transition(self, mode: int, code: int, t: float, y: Any) -> int:
+        """Apply the transition `code`, changing `y` in place; return the new mode."""
+        return int(self._transition(mode, code, t, y, self.parameters))

@@ -1,0 +1,195 @@
+"""The one-step method compiled by numba: the text of `stepper`, once for all automata.
+
+The stepper becomes C functions over the address of a HANDLE, kept in numba's cache on disk; they
+reach the automaton through the addresses in it. Nothing here needs SUNDIALS.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import from_dtype, types
+from numba.extending import overload
+
+from mems_impact.engines import contract
+from mems_impact.engines.cache import compile_callback
+from mems_impact.engines.compiling import (
+    INNER,
+    JIT,
+    WORD,
+    address,
+    caller,
+    data,
+    integers,
+    pointer,
+    record_at,
+)
+from mems_impact.engines.handles import HandleOwner, is_handle
+from mems_impact.engines.kernels import FIELDS
+from mems_impact.engines.onestep import method, stepper, stiffness
+from mems_impact.engines.onestep.method import ROWS, STATE
+from mems_impact.engines.options import Options
+from mems_impact.engines.snapshot import mark_overloaded, sources, take
+
+_FUNCTIONS = ("stages", "dense", "step", "interpolate")
+_WORDS = ("rows", "width", "direction", "begun", "rest", "has_dense")
+_COUNTS = ("at_border", "off_border", "stiff", "steps", "evaluations")
+_REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next", "error")
+HANDLE = np.dtype(
+    [
+        *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
+        *((name, np.float64) for name in _REALS),
+        *FIELDS,
+    ],
+    align=True,
+)
+_handle = record_at(from_dtype(HANDLE))
+
+_word, _real, _none = types.int64, types.float64, types.void
+SIGNATURES = {
+    "stages": _real(_word, _real, _real),
+    "dense": _none(_word),
+    "step": _word(_word),
+    "interpolate": _none(_word, _real, _word),
+}
+
+
+def prepare() -> None:
+    """Do nothing: there is nothing to bind."""
+
+
+class Engine(HandleOwner):
+    """A handle for the compiled stepper.
+
+    The parameters are those of `mems_impact.engines.cvode.interpreted.Engine`; an explicit method
+    has no use for the Jacobian.
+    """
+
+    def __init__(
+        self,
+        flow: Callable[..., Any],
+        margins: Callable[..., Any],
+        transition: Callable[..., Any],
+        jacobian: Callable[..., Any] | None = None,
+        *,
+        n: int,
+        m: int,
+        parameters: Any,
+        options: Options,
+        max_step: float,
+        section: tuple[int, float, int] | None = None,
+    ) -> None:
+        rows = np.zeros((ROWS, max(n, 2 * m + 1)))
+        super().__init__(
+            HANDLE, flow, margins, transition, n=n, m=m, parameters=parameters, section=section,
+            arrays={"rows": rows, "y": rows[STATE]},
+        )  # fmt: skip
+        self._functions = functions()
+        handle = self.handle
+        for name, function in self._functions.items():
+            handle[name] = function.address
+        handle.width = rows.shape[1]
+        handle.direction = section[2] if section is not None else 0
+        handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
+        handle.error = 1.0
+
+    def close(self) -> None:
+        """Warn if the run was stiff; the memory goes with the object."""
+        if self.handle.stiff == 1:
+            self.handle.stiff = 0
+            stiffness.warn()
+
+
+@cache
+def functions() -> dict[str, Any]:
+    """Compile the stepper to C functions over a HANDLE, or find them in the cache."""
+    run_stages, run_dense, run_step, run_interpolate = take(
+        method.stages, method.dense, stepper.step, stepper.interpolate
+    ).frozen()
+
+    def stages(engine, t, h):  # type: ignore[no-untyped-def]
+        return run_stages(_handle(engine), t, h)
+
+    def dense(engine):  # type: ignore[no-untyped-def]
+        run_dense(_handle(engine))
+
+    def step(engine):  # type: ignore[no-untyped-def]
+        return run_step(_handle(engine))
+
+    def interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+        run_interpolate(_handle(engine), t, pointer(y))
+
+    return {
+        function.__name__: compile_callback(function, SIGNATURES[function.__name__], sources())
+        for function in (stages, dense, step, interpolate)
+    }
+
+
+def _is_onestep(kind: Any) -> bool:
+    return is_handle(kind) and "h_next" in kind.fields
+
+
+mark_overloaded(method.row, method.set_fired, method.try_step, method.make_dense)
+
+
+@overload(method.row, jit_options={**JIT, **INNER})
+def _row(engine, i):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
+
+
+@overload(method.set_fired, jit_options={**JIT, **INNER})
+def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+
+        def implementation(engine, i, direction):  # type: ignore[no-untyped-def]
+            integers(engine.fired)[i] = direction
+
+        return implementation
+
+
+# In what follows the functions of the text are called where the handle has their addresses.
+_call_stages = caller(SIGNATURES["stages"])
+_call_dense = caller(SIGNATURES["dense"])
+_call_step = caller(SIGNATURES["step"])
+_call_interpolate = caller(SIGNATURES["interpolate"])
+
+
+@overload(method.try_step, jit_options={**JIT, **INNER})
+def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, t, h: _call_stages(engine.stages, (address(engine), t, h))
+
+
+@overload(method.make_dense, jit_options={**JIT, **INNER})
+def _make_dense(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_dense(engine.dense, (address(engine),))
+
+
+@overload(contract.step, jit_options={**JIT, **INNER})
+def _step(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_step(engine.step, (address(engine),))
+
+
+@overload(contract.interpolate, jit_options={**JIT, **INNER})
+def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, t, y: _call_interpolate(
+            engine.interpolate, (address(engine), t, data(y))
+        )
+
+
+@overload(contract.restart, jit_options={**JIT, **INNER})
+def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        (run_restart,) = take(stepper.restart).frozen()
+
+        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+            run_restart(engine, mode, t, y, stop)
+
+        return implementation

@@ -1,0 +1,79 @@
+"""The one-step method in plain Python: the readable engine, and the fallback."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from mems_impact.engines.interpreting import Functions
+from mems_impact.engines.onestep import stepper, stiffness
+from mems_impact.engines.onestep.method import ROWS, STATE
+from mems_impact.engines.options import Options
+
+
+class Engine(Functions):
+    """The text of `stepper` over lists, behind the contract of `mems_impact.engines.contract`.
+
+    The parameters are those of `mems_impact.engines.cvode.interpreted.Engine`; an explicit method
+    has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
+    """
+
+    def __init__(
+        self,
+        flow: Callable[..., Any],
+        margins: Callable[..., Any],
+        transition: Callable[..., Any],
+        jacobian: Callable[..., Any] | None = None,
+        *,
+        n: int,
+        m: int,
+        parameters: Any,
+        options: Options,
+        max_step: float,
+        section: tuple[int, float, int] | None = None,
+    ) -> None:
+        super().__init__(flow, margins, transition, n=n, m=m, parameters=parameters)
+        # Lists: scalars out of arrays are several times as slow.
+        self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
+        self.crossings = [0] * (2 * m + 1)
+        self.section, self.level, self.direction = section if section is not None else (-1, 0.0, 0)
+        self.rtol, self.atol, self.max_step = options.rtol, options.atol, max_step
+        self.mode = 0
+        self.t = self.t_start = self.t_end = 0.0
+        self.stop = self.last_instant = math.inf
+        self.h_next = 0.0
+        self.error = 1.0
+        self.begun = self.rest = self.has_dense = 0
+        self.at_border = self.off_border = self.stiff = 0
+        self.steps = self.evaluations = 0
+
+    def close(self) -> None:
+        """Warn if the run was stiff; the memory is Python's own."""
+        if self.stiff == 1:
+            self.stiff = 0
+            stiffness.warn()
+
+    def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
+        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        stepper.restart(self, mode, t, y[: self.n].tolist(), stop)
+
+    def step(self) -> int:
+        """Take one step; STEPPED, STOPPED, ROOT or a negative code."""
+        return stepper.step(self)
+
+    def time(self) -> float:
+        """Return the time at which the last step ended."""
+        return self.t
+
+    def state(self, y: Any) -> None:
+        """Copy the state at `time` into `y`."""
+        y[: self.n] = self.rows[STATE][: self.n]
+
+    def fired(self, i: int) -> int:
+        """Return how root function `i` crossed zero at the last ROOT."""
+        return self.crossings[i]
+
+    def interpolate(self, t: float, y: Any) -> None:
+        """Write the state at `t`, within the last step, into `y`."""
+        stepper.interpolate(self, t, y)

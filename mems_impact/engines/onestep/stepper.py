@@ -1,0 +1,234 @@
+"""Step by step through an arc: control of the step, and roots within it.
+
+The text of `step`, `restart` and `interpolate` of the engine's contract, for both engines.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mems_impact.engines import contract as arc
+from mems_impact.engines.onestep.method import (
+    ARGUMENT,
+    END,
+    HIGH,
+    LOW,
+    START,
+    STATE,
+    dense_at,
+    row,
+    slope_at_end,
+    stretched,
+    try_step,
+)
+from mems_impact.engines.onestep.roots import any_crossed, close_in, root_functions
+
+ERROR_TEST = -3  # of contract.FAILURES
+
+# Step control of DOP853 with the integral part that Hairer and Wanner give for it.
+SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
+BETA = 0.0
+ALPHA = 1.0 / 8.0 - 0.2 * BETA
+
+# The textbook's first step is cautious at order 8: on smooth arcs of this package the error
+# estimate then allows one that is 5 to 18 times as long.
+BOLD = 6.0
+SMOOTH = 1e-4  # errors below this say no more about the next step
+RETREAT = 0.25  # a step into where the functions are not finite is cut to this
+ULP = 2.0**-52
+
+# Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
+# in a row. It is made every so many steps, and at every step once it has been met.
+BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
+
+
+def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
+    """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on."""
+    for j in range(engine.n):
+        row(engine, END)[j] = y[j]
+        row(engine, STATE)[j] = y[j]
+    engine.mode = mode
+    engine.t = t
+    engine.t_start = t
+    engine.t_end = t
+    engine.stop = stop
+    engine.last_instant = float(np.nextafter(stop, -math.inf))
+    engine.begun = 0
+    engine.rest = 0
+
+
+def step(engine: Any) -> int:
+    """Take one step, or go to the first root in it or in what is left of the last one."""
+    if engine.rest == 0:
+        if engine.begun == 0:
+            status = begin(engine)
+            if status < 0:
+                return status
+        status = take_step(engine)
+        if status < 0:
+            return status
+    return look(engine)
+
+
+def begin(engine: Any) -> int:
+    """Evaluate slope and root functions at the start of an arc, and choose its first step."""
+    t = engine.t
+    if not slope_at_end(engine, t):
+        return arc.NON_FINITE
+    if not root_functions(engine, t, row(engine, END), row(engine, LOW)):
+        return arc.NO_GUARD
+    leave_section(engine, row(engine, LOW), 0)
+    engine.h_next = first_step(engine)
+    engine.error = SMOOTH
+    engine.begun = 1
+    return arc.STEPPED
+
+
+def first_step(engine: Any) -> float:
+    """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
+
+    The length of the last arc's steps is no guide: an arc must not depend on what was before it,
+    or a run could not be taken up at any of its events.
+    """
+    n = engine.n
+    y, slope, ahead, changed = (
+        row(engine, END),
+        row(engine, 12),
+        row(engine, ARGUMENT),
+        row(engine, 1),
+    )
+    size, speed = 0.0, 0.0
+    for j in range(n):
+        scale = engine.atol + engine.rtol * abs(y[j])
+        size += (y[j] / scale) * (y[j] / scale)
+        speed += (slope[j] / scale) * (slope[j] / scale)
+    longest = min(engine.max_step, engine.stop - engine.t)
+    # A state within the tolerance of zero, or a slope that is, has no scale of its own.
+    scaled = size > 1.0 and speed > 1e-10
+    h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
+    for j in range(n):
+        ahead[j] = y[j] + h * slope[j]
+    arc.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
+    bend = 0.0
+    for j in range(n):
+        scale = engine.atol + engine.rtol * abs(y[j])
+        bend += ((changed[j] - slope[j]) / scale) * ((changed[j] - slope[j]) / scale)
+    if not math.isfinite(bend):
+        return h
+    steepest = max(math.sqrt(bend) / h, math.sqrt(speed))
+    if steepest <= 1e-15:
+        return longest
+    return min(100.0 * h, BOLD * (0.01 / steepest) ** (1.0 / 8.0), longest)
+
+
+def take_step(engine: Any) -> int:
+    """Take one step that the error estimate allows, from where the last one ended."""
+    start, end = row(engine, START), row(engine, END)
+    for j in range(engine.n):
+        start[j] = end[j]
+        row(engine, 0)[j] = row(engine, 12)[j]
+    engine.has_dense = 0
+    t = engine.t_end
+    smallest = 4.0 * ULP * max(abs(t), engine.max_step)
+    h = max(min(engine.h_next, engine.max_step), smallest)
+    failure = ERROR_TEST
+    rejected = False
+    while True:
+        planned = h
+        ahead = t + h
+        if t + 1.01 * h >= engine.stop:
+            ahead = engine.stop
+        h = ahead - t  # exactly the time that goes by
+        error = try_step(engine, t, h)
+        engine.evaluations += 11
+        if not math.isfinite(error):
+            failure = arc.NON_FINITE
+            h *= RETREAT
+        elif error > 1.0:
+            h /= min(1.0 / SHRINK, math.exp(ALPHA * math.log(error)) / SAFETY)
+        elif not slope_at_end(engine, ahead):
+            failure = arc.NON_FINITE
+            h *= RETREAT
+        elif not root_functions(engine, ahead, end, row(engine, HIGH)):
+            failure = arc.NO_GUARD
+            h *= RETREAT
+        else:
+            break
+        rejected = True
+        if h < smallest:
+            return failure
+    engine.evaluations += 1
+    engine.steps += 1
+    engine.t_start = t
+    engine.t_end = ahead
+    error = max(error, SMOOTH)
+    factor = SAFETY * math.exp(BETA * math.log(engine.error) - ALPHA * math.log(error))
+    longer = h * min(GROW, max(SHRINK, factor))
+    if rejected:
+        longer = min(longer, h)
+    # A step that was cut at the stop does not say that a longer one would fail.
+    engine.h_next = max(longer, planned) if h < planned else longer
+    engine.error = error
+    watch_stability(engine, h)
+    return arc.STEPPED
+
+
+def watch_stability(engine: Any, h: float) -> None:
+    """Count steps at the border of stability; mark the run as stiff after many in a row."""
+    if engine.at_border == 0 and engine.steps % EVERY != 0:
+        return
+    if stretched(engine, h) > BORDER:
+        engine.off_border = 0
+        engine.at_border += 1
+        if engine.at_border >= IN_A_ROW:
+            engine.stiff = 1
+    else:
+        engine.off_border += 1
+        if engine.off_border >= FAR_FROM_IT:
+            engine.at_border = 0
+
+
+def look(engine: Any) -> int:
+    """Go to the first root between the time last told and the end of the step, or to that end."""
+    low, high = row(engine, LOW), row(engine, HIGH)
+    count = 2 * engine.m + 1
+    if any_crossed(engine, low, high):
+        t = close_in(engine, engine.t, engine.t_end)
+        if math.isnan(t):
+            return arc.NO_GUARD
+        # A root at the stop is not told: the loop looks at all margins after a switch.
+        if t < engine.stop:
+            leave_section(engine, low, arc.fired(engine, count - 1))
+            dense_at(engine, t, row(engine, STATE))
+            engine.t = t
+            engine.rest = 1 if t < engine.t_end else 0
+            return arc.ROOT
+    leave_section(engine, high, 0)
+    for i in range(count):
+        low[i] = high[i]
+    for j in range(engine.n):
+        row(engine, STATE)[j] = row(engine, END)[j]
+    engine.t = engine.t_end
+    engine.rest = 0
+    return arc.STOPPED if engine.t_end >= engine.stop else arc.STEPPED
+
+
+def leave_section(engine: Any, values: Any, side: int) -> None:
+    """Put a state on the section to the side that it goes to, lest it cross it twice or never.
+
+    `side` is 0 at the start or end of a step, where the slope tells.
+    """
+    last = 2 * engine.m
+    if values[last] == 0.0:
+        slope = row(engine, 12)[engine.section]
+        if side == 0:
+            side = 1 if slope > 0.0 else (-1 if slope < 0.0 else 0)
+        values[last] = 1e-300 * side
+
+
+def interpolate(engine: Any, t: float, y: Any) -> None:
+    """Write the state at `t`, within the last step, into `y`."""
+    dense_at(engine, t, y)
