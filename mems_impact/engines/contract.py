@@ -51,6 +51,14 @@ def state(engine: Any, y: Any) -> None:
     engine.state(y)
 
 
+def ended(engine: Any, out: Any) -> None:
+    """Write the m margins at `time`, then their m rates, into `out`.
+
+    They are those of the arc: where it ends at its stop, of the number before.
+    """
+    engine.ended(out)
+
+
 def fired(engine: Any, i: int) -> int:
     """Return -1, 0 or 1: how root function `i` crossed zero at the last ROOT."""
     return engine.fired(i)

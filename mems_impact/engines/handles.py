@@ -75,6 +75,7 @@ mark_overloaded(
     contract.step,
     contract.time,
     contract.state,
+    contract.ended,
     contract.fired,
     contract.interpolate,
     contract.restart,

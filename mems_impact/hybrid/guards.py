@@ -202,7 +202,7 @@ def first_guard(
     m = layout.order.size
     order = layout.order
     y = buffers.work[STATE]
-    now = buffers.edge[NOW]
+    then, now, bend = buffers.edge[THEN], buffers.edge[NOW], buffers.edge[BEND]
     guard, t_event = NONE, t
     together = 0
     for i in range(m):
@@ -210,7 +210,21 @@ def first_guard(
             together += 1
     for i in range(m):
         fired = status == arc.ROOT and arc.fired(engine, i) < 0
-        t_crossing = hidden(engine, s, i, before, t, fired, layout, buffers)
+        t_crossing = math.inf
+        # A margin that does not apply is constant; one that starts below zero is in doubt.
+        moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
+        if moves and t > before and s.lifted == 0:
+            bias = arc.bias(engine, i)
+            # A root is where the margin is zero but for what the engine tells roots apart.
+            end = 0.0 if fired else now[i] + bias
+            bend[i] = max(abs(now[m + i] - then[m + i]) / (t - before), 0.5 * bend[i])
+            start, h = then[i] + bias, t - before
+            if (
+                start >= 0.0
+                and end >= 0.0
+                and not stays(start, then[m + i], end, now[m + i], h, bend[i])
+            ):
+                t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
         if t_crossing == math.inf:
             if fired:
                 # The engine stops a little late, by some hundred roundings of time: impact after
@@ -264,7 +278,7 @@ def hidden(
     i: int,
     before: float,
     t: float,
-    fired: bool,
+    end: float,
     layout: Any,
     buffers: Any,
 ) -> float:
@@ -272,32 +286,21 @@ def hidden(
 
     A step of a flow that is nearly a polynomial may be long enough for two minima of a margin.
     What the margin may do between two instants is bounded by its values and rates there and by
-    how much the rates change: nothing, for most steps. Else the step is walked through, in parts so
-    short that the bound holds. Overwrites STATE and, where it finds something, what
-    `resolution` does.
+    how much the rates change (`stays`): for most steps that says enough. This step is walked
+    through, in parts so short that the bound holds; its margin is `end` where it ends. Overwrites
+    STATE and, where it finds something, what `resolution` does.
     """
     m = layout.order.size
-    then, now, bend = buffers.edge[THEN], buffers.edge[NOW], buffers.edge[BEND]
+    then, now = buffers.edge[THEN], buffers.edge[NOW]
     bias = arc.bias(engine, i)
     a, g_a, r_a = before, then[i] + bias, then[m + i]
-    # A root is where the margin is zero but for what the engine tells roots apart.
-    g_end = 0.0 if fired else now[i] + bias
-    if g_a < 0.0 or t <= before or s.lifted == 1:
-        return math.inf
-    if not fired and now[i] == then[i] and now[m + i] == r_a:
-        return math.inf  # a margin that does not apply is constant
-    turning = abs(now[m + i] - r_a) / (t - before)
-    curved = max(turning, 0.5 * bend[i])
-    bend[i] = curved
-    # The end of a step below zero is for the engine to explain.
-    if g_end < 0.0 or stays(g_a, r_a, g_end, now[m + i], t - before, curved):
-        return math.inf
+    curved = buffers.edge[BEND][i]
     g, y = buffers.work[G], buffers.work[STATE]
     finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
     width = 0.5 * (t - before)
     while a < t:
         b = a + width if a + 1.5 * width < t else t
-        g_b, r_b = g_end, now[m + i]
+        g_b, r_b = end, now[m + i]
         if b < t:
             arc.interpolate(engine, b, y)
             arc.margins(engine, s.mode, b, y, g)

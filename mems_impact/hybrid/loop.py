@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from mems_impact.engines import contract as arc
 from mems_impact.hybrid.chatter import complete_chatter
 from mems_impact.hybrid.guards import (
@@ -58,7 +56,6 @@ from mems_impact.hybrid.record import (
     ROOM,
     SAMPLE,
     SECTION_CROSSING,
-    STATE,
     STEP_BUDGET,
     SWITCH,
     THEN,
@@ -173,7 +170,7 @@ def advance(
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = arc.time(engine)
-        look(engine, s, t, buffers)
+        look(engine, buffers)
         if s.lifted == 1:
             lower(engine, s, layout, buffers)
 
@@ -259,14 +256,12 @@ def shift(s: Any, periods: int, buffers: Any) -> None:
         buffers.hits[i, HIT_TIME] -= periods * s.period
 
 
-def look(engine: Any, s: Any, t: float, buffers: Any) -> None:
-    """Take down the margins at `t`, where a step has ended, beside those where it began."""
-    then, now, y = buffers.edge[THEN], buffers.edge[NOW], buffers.work[STATE]
+def look(engine: Any, buffers: Any) -> None:
+    """Take down the margins where a step has ended, beside those where it began."""
+    then, now = buffers.edge[THEN], buffers.edge[NOW]
     for i in range(then.size):
         then[i] = now[i]
-    arc.state(engine, y)
-    # Where the drive switches, the arc before sees it only up to the number before.
-    arc.margins(engine, s.mode, min(t, np.nextafter(s.stop, 0.0)), y, now)
+    arc.ended(engine, now)
 
 
 def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:

@@ -29,6 +29,8 @@ HANDLE = np.dtype(
         ("dense", np.int64),  # N_Vector around spare
         ("spare", np.int64),
         ("jacobian", np.int64),
+        ("seen", np.int64),  # what the root functions were made of when last asked for, and when
+        ("seen_at", np.float64),
         *FIELDS,
     ],
     align=True,
@@ -66,7 +68,10 @@ def callbacks() -> Callbacks:
         now = min(t, handle.last_instant)
         size, p = handle.parameter_count, handle.parameters
         call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
-        values, bias = pointer(out), pointer(handle.bias)
+        values, bias, seen = pointer(out), pointer(handle.bias), pointer(handle.seen)
+        handle.seen_at = t
+        for i in range(2 * m):
+            seen[i] = values[i]
         for i in range(m):
             if math.isnan(values[i]) or math.isnan(values[m + i]):
                 return -1

@@ -17,12 +17,12 @@ import numpy as np
 from numba.extending import overload
 
 from mems_impact.engines import contract
-from mems_impact.engines.compiling import INNER, JIT, address, pointer
+from mems_impact.engines.compiling import INNER, JIT, address, data, pointer
 from mems_impact.engines.cvode import library
 from mems_impact.engines.cvode.callbacks import HANDLE, callbacks, jacobian_callback
 from mems_impact.engines.cvode.first_step import first_step
 from mems_impact.engines.handles import HandleOwner, is_handle
-from mems_impact.engines.kernels import jacobian_of
+from mems_impact.engines.kernels import call_kernel, jacobian_of
 from mems_impact.engines.options import Options
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
@@ -63,7 +63,7 @@ class Engine(HandleOwner):
         section: tuple[int, float, int] | None = None,
     ) -> None:
         sun = library.load()
-        arrays = {"spare": np.zeros(n)}
+        arrays = {"spare": np.zeros(n), "seen": np.zeros(2 * m)}
         super().__init__(
             HANDLE, flow, margins, transition, n=n, m=m, parameters=parameters, section=section,
             arrays=arrays,
@@ -167,6 +167,22 @@ def _step(engine):  # type: ignore[no-untyped-def]
             if flag == contract.ROOT:
                 _root_info(engine.cvode, engine.fired)
             return int(flag)
+
+        return implementation
+
+
+@overload(contract.ended, jit_options={**JIT, **INNER})
+def _ended(engine, out):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+
+        def implementation(engine, out):  # type: ignore[no-untyped-def]
+            if engine.seen_at == engine.t:
+                for i in range(2 * engine.m):
+                    out[i] = pointer(engine.seen)[i]
+            else:  # CVODE has looked for a root on both sides of it
+                now, y = min(engine.t, engine.last_instant), engine.y
+                size, p = engine.parameter_count, engine.parameters
+                call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
 
         return implementation
 

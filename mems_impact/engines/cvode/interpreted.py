@@ -138,6 +138,10 @@ class Engine(Functions):
         """Copy the state at `time` into `y`."""
         y[: self.n] = self._result.y
 
+    def ended(self, out: Any) -> None:
+        """Write margins and rates at `time` into `out`."""
+        self.margins(self._mode, min(self._t, self._last_instant), self._result.y, out)
+
     def fired(self, i: int) -> int:
         """Return how root function `i` crossed zero at the last ROOT."""
         return int(self._result.i_events[-1][i])

@@ -30,7 +30,7 @@ from mems_impact.engines.compiling import (
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import FIELDS
 from mems_impact.engines.onestep import method, stepper, stiffness
-from mems_impact.engines.onestep.method import ROWS, STATE
+from mems_impact.engines.onestep.method import LOW, ROWS, STATE
 from mems_impact.engines.options import Options
 from mems_impact.engines.snapshot import mark_overloaded, sources, take
 
@@ -182,6 +182,18 @@ def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
         return lambda engine, t, y: _call_interpolate(
             engine.interpolate, (address(engine), t, data(y))
         )
+
+
+@overload(contract.ended, jit_options={**JIT, **INNER})
+def _ended(engine, out):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+
+        def implementation(engine, out):  # type: ignore[no-untyped-def]
+            low = pointer(engine.rows + WORD * engine.width * LOW)
+            for i in range(2 * engine.m):
+                out[i] = low[i]
+
+        return implementation
 
 
 @overload(contract.restart, jit_options={**JIT, **INNER})

@@ -8,7 +8,7 @@ from typing import Any
 
 from mems_impact.engines.interpreting import Functions
 from mems_impact.engines.onestep import stepper, stiffness
-from mems_impact.engines.onestep.method import ROWS, STATE
+from mems_impact.engines.onestep.method import LOW, ROWS, STATE
 from mems_impact.engines.options import Options
 
 
@@ -69,6 +69,10 @@ class Engine(Functions):
     def state(self, y: Any) -> None:
         """Copy the state at `time` into `y`."""
         y[: self.n] = self.rows[STATE][: self.n]
+
+    def ended(self, out: Any) -> None:
+        """Write margins and rates at `time` into `out`."""
+        out[: 2 * self.m] = self.rows[LOW][: 2 * self.m]
 
     def fired(self, i: int) -> int:
         """Return how root function `i` crossed zero at the last ROOT."""
