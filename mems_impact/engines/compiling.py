@@ -44,14 +44,14 @@ def mark_compilable(*functions: Callable[..., Any]) -> None:
     _compilable.update(functions)
 
 
-def make_callees_compilable(function: Callable[..., Any]) -> None:
+def make_callees_compilable(function: Callable[..., Any], **options: Any) -> None:
     """Let numba compile every plain function that `function` draws on."""
     for callee in _callees(function):
-        make_compilable(callee)
+        make_compilable(callee, **options)
 
 
-def make_compilable(function: Callable[..., Any]) -> None:
-    """Let numba compile `function` and every plain function that it draws on.
+def make_compilable(function: Callable[..., Any], **options: Any) -> None:
+    """Let numba compile `function` and every plain function that it draws on, with `options`.
 
     Calls of plain Python functions are not compiled by numba unless it is told to. Doing so here,
     for whatever a function names, keeps numba's decorators out of the equations.
@@ -60,9 +60,11 @@ def make_compilable(function: Callable[..., Any]) -> None:
         if function in _compilable:
             return
         _compilable.add(function)
-        make_callees_compilable(function)
+        make_callees_compilable(function, **options)
         own = _under_a_name_of_its_own(function)
-        overload(function, jit_options={**JIT, **INNER}, strict=False)(lambda *_, **__: own)
+        overload(function, jit_options={**JIT, **INNER, **options}, strict=False)(
+            lambda *_, **__: own
+        )
 
 
 # numba numbers the functions of a process to tell their symbols apart. Two processes give the same

@@ -16,8 +16,10 @@ from mems_impact.engines.onestep.method import (
     END,
     HIGH,
     LOW,
+    SLOPE,
     START,
     STATE,
+    component,
     dense_at,
     row,
     slope_at_end,
@@ -94,28 +96,24 @@ def first_step(engine: Any) -> float:
     or a run could not be taken up at any of its events.
     """
     n = engine.n
-    y, slope, ahead, changed = (
-        row(engine, END),
-        row(engine, 12),
-        row(engine, ARGUMENT),
-        row(engine, 1),
-    )
+    y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
     size, speed = 0.0, 0.0
     for j in range(n):
         scale = engine.atol + engine.rtol * abs(y[j])
         size += (y[j] / scale) * (y[j] / scale)
-        speed += (slope[j] / scale) * (slope[j] / scale)
+        speed += (component(engine, j)[12] / scale) * (component(engine, j)[12] / scale)
     longest = min(engine.max_step, engine.stop - engine.t)
     # A state within the tolerance of zero, or a slope that is, has no scale of its own.
     scaled = size > 1.0 and speed > 1e-10
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
     for j in range(n):
-        ahead[j] = y[j] + h * slope[j]
+        ahead[j] = y[j] + h * component(engine, j)[12]
     arc.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
     bend = 0.0
     for j in range(n):
         scale = engine.atol + engine.rtol * abs(y[j])
-        bend += ((changed[j] - slope[j]) / scale) * ((changed[j] - slope[j]) / scale)
+        change = (changed[j] - component(engine, j)[12]) / scale
+        bend += change * change
     if not math.isfinite(bend):
         return h
     steepest = max(math.sqrt(bend) / h, math.sqrt(speed))
@@ -129,7 +127,7 @@ def take_step(engine: Any) -> int:
     start, end = row(engine, START), row(engine, END)
     for j in range(engine.n):
         start[j] = end[j]
-        row(engine, 0)[j] = row(engine, 12)[j]
+        component(engine, j)[0] = component(engine, j)[12]
     engine.has_dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
@@ -223,7 +221,7 @@ def leave_section(engine: Any, values: Any, side: int) -> None:
     """
     last = 2 * engine.m
     if values[last] == 0.0:
-        slope = row(engine, 12)[engine.section]
+        slope = component(engine, engine.section)[12]
         if side == 0:
             side = 1 if slope > 0.0 else (-1 if slope < 0.0 else 0)
         values[last] = 1e-300 * side
