@@ -39,7 +39,7 @@ from mems_impact.engines.options import Options
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps", "evaluations")
-_REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next", "error")
+_REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
@@ -99,7 +99,6 @@ class Engine(HandleOwner):
         handle.width = rows.shape[1]
         handle.direction = section[2] if section is not None else 0
         handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
-        handle.error = 1.0
 
     def close(self) -> None:
         """Warn if the run was stiff; the memory goes with the object."""

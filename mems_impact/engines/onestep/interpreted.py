@@ -44,7 +44,6 @@ class Engine(Functions):
         self.t = self.t_start = self.t_end = 0.0
         self.stop = self.last_instant = math.inf
         self.h_next = 0.0
-        self.error = 1.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
         self.steps = self.evaluations = 0
