@@ -73,7 +73,9 @@ def _cache_of(function: Callable[..., Any], name: str | None) -> Any:
         return _NoCache()
 
 
-def compile_callback(function: Callable[..., Any], signature: Signature, name: str | None) -> Any:
+def compile_callback(
+    function: Callable[..., Any], signature: Signature, name: str | None, **options: Any
+) -> Any:
     """Compile `function` to a C function.
 
     Parameters
@@ -83,8 +85,12 @@ def compile_callback(function: Callable[..., Any], signature: Signature, name: s
     name : str or None
         Names the function and all that it draws on, the same in every process; None if that can't
         be told. Compiled code that has a name is kept on disk.
+    options
+        Of numba, beside our own.
     """
-    compiled: Any = CFunc(function, (signature.args, signature.return_type), {}, dict(FOR_C))
+    compiled: Any = CFunc(
+        function, (signature.args, signature.return_type), {}, {**FOR_C, **options}
+    )
     compiled._cache = _cache_of(function, name)
     compiled.compile()
     return compiled

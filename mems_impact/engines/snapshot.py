@@ -61,14 +61,16 @@ class Snapshot:
     functions: tuple[FunctionType, ...] = field(compare=False)
     _kept: tuple[Any, ...] = field(compare=False, repr=False)  # told by their place in memory
 
-    def frozen(self) -> list[Any]:
+    def frozen(self, **options: Any) -> list[Any]:
         """Return copies of the functions, and of all functions that they call, for numba.
+
+        `options` are those of numba with which what they call is compiled, beside our own.
 
         Calls of plain Python functions are not compiled by numba unless it is told to. Doing so
         here keeps numba's decorators out of the equations. They are copies, since numba compiles a
         function once in a process, whatever happens to the numbers that it reads.
         """
-        copier = _Copier(self.name)
+        copier = _Copier(self.name, options)
         with _registering:
             return [copier.function(function) for function in self.functions]
 
@@ -261,8 +263,9 @@ class _Copier:
     silently take the one for the other. So each copy has a name that nothing else has.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, options: dict[str, Any]) -> None:
         self._name = name
+        self._options = {**JIT, **INNER, **options}
         self._copies: dict[FunctionType, FunctionType] = {}
         self._modules: dict[tuple[ModuleType, tuple[str, ...]], ModuleType] = {}
 
@@ -297,7 +300,7 @@ class _Copier:
             cell.cell_contents = self.value(value, names)
         for name, value in _globals(function):
             space[name] = self.value(value, names)
-        overload(copy, jit_options={**JIT, **INNER}, strict=False)(lambda *_, **__: copy)
+        overload(copy, jit_options=self._options, strict=False)(lambda *_, **__: copy)
         return copy
 
     def _module(self, module: ModuleType, names: tuple[str, ...]) -> ModuleType:

@@ -103,9 +103,9 @@ def what_is_left(
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
+    height = 0.25 * before * interval
     resolution(engine, s, s.mode, t, y, layout, buffers)
     size, gain = buffers.work[SIZE][guard], buffers.work[GAIN][guard]
-    height = 0.25 * before * interval
     reach = max(hits[HIT_REACH], height) if interval < earlier < math.inf else height
     hits[HIT_REACH] = reach
     if height >= WEAK * (size + reach) + WEAK_TOLERANCES * s.atol * gain:

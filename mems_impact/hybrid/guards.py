@@ -31,6 +31,7 @@ from mems_impact.hybrid.record import (
 )
 
 ROUNDINGS = 64.0  # what lies within so many roundings of zero has no sign
+SURELY = 1e3  # what is so many times its error below zero is so wherever that is measured
 TOLERANCES = 1e3  # a margin so many tolerances below zero is no error of the integration
 FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
 
@@ -225,12 +226,11 @@ def first_guard(
                 and not stays(start, then[m + i], end, now[m + i], h, bend[i])
             ):
                 t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
+        rate = 0.0
         if t_crossing == math.inf:
             if fired:
-                # The engine stops a little late, by some hundred roundings of time: impact after
-                # impact that adds up. Guards that fire together stay together.
-                late = (now[i] + arc.bias(engine, i)) / now[m + i] if now[m + i] < 0.0 else 0.0
-                t_crossing = t - late if together == 1 and 0.0 < late < 1e-6 * (t - before) else t
+                rate = now[m + i]
+                t_crossing = t - late(engine, i, before, t, buffers) if together == 1 else t
             elif (
                 status == arc.ROOT
                 and arc.fired(engine, m + i) > 0
@@ -243,13 +243,35 @@ def first_guard(
             or t_crossing < t_event
             or (t_crossing == t_event and order[i] < order[guard])
         ):
-            arc.interpolate(engine, t_crossing, y)
-            resolution(engine, s, s.mode, t_crossing, y, layout, buffers)
-            if falling(engine, s, s.mode, i, t_crossing, y, layout, buffers):
+            fires = surely_falling(s, m + i, rate, buffers)
+            if not fires:
+                arc.interpolate(engine, t_crossing, y)
+                resolution(engine, s, s.mode, t_crossing, y, layout, buffers)
+                fires = falling(engine, s, s.mode, i, t_crossing, y, layout, buffers)
+            if fires:
                 guard, t_event = i, t_crossing
             else:
                 s.doubt = 1
     return guard, t_event
+
+
+def late(engine: Any, i: int, before: float, t: float, buffers: Any) -> float:
+    """Return how long before `t`, where margin `i` has fired, it was zero.
+
+    CVODE stops a little late, by some hundred roundings of time: impact after impact that adds up.
+    """
+    now = buffers.edge[NOW]
+    rate = now[buffers.hits.shape[0] + i]
+    by: float = (now[i] + arc.bias(engine, i)) / rate if rate < 0.0 else 0.0
+    return by if 8.0 * EPS * abs(t) < by < 1e-6 * (t - before) else 0.0
+
+
+def surely_falling(s: Any, k: int, rate: float, buffers: Any) -> bool:
+    """Return whether a rate is so far below zero that nobody needs to look again.
+
+    Measured by the `resolution` at the start of the arc, or later, with much room.
+    """
+    return bool(rate < -SURELY * (rounding_of(buffers, k) + error_of(s, buffers, k)))
 
 
 def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:

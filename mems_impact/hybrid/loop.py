@@ -25,6 +25,7 @@ from mems_impact.hybrid.guards import (
     inside,
     resolution,
     rounding_of,
+    surely_falling,
     violated,
 )
 from mems_impact.hybrid.record import (
@@ -303,8 +304,12 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
         impact = guard < m and layout.impact[guard] == 1
         code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
         if impact:
-            resolution(engine, s, mode, s.t, y, layout, buffers)
-            if looked[m + guard] >= -rounding_of(buffers, m + guard):
+            arc.margins(engine, mode, s.t, y, looked)
+            closing = surely_falling(s, m + guard, looked[m + guard], buffers)
+            if not closing:
+                resolution(engine, s, mode, s.t, y, layout, buffers)
+                closing = looked[m + guard] < -rounding_of(buffers, m + guard)
+            if not closing:
                 # A contact that is not closing: a rebound would throw the body through the wall.
                 code, kind = m + guard, ACCUMULATION
         s.mode = arc.transition(engine, mode, code, s.t, y)

@@ -15,6 +15,7 @@ from validation.benchmarks import (
     figure4,
     figure7,
     matched_error,
+    onestep,
     report,
     startup,
     threads,
@@ -24,6 +25,7 @@ from validation.benchmarks.timing import Row, machine
 TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "callbacks": engines.against_python_callbacks,
     "heyoka": matched_error.against_heyoka,
+    "onestep": onestep.one_step,
     "scipy": engines.against_scipy,
     "threads": threads.threads,
     "sweep": figure4.figure4,

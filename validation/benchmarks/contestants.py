@@ -52,6 +52,7 @@ def package(
     rtol: float = 1e-9,
     atol: float | None = None,
     section: bool = False,
+    method: str = "adams",
 ) -> Callable[[float], Trajectory]:
     """This package's event loop with all its guards; the section x2 = 0 only on demand."""
     drive = Sine(amplitude=case.amplitude, omega=case.omega)
@@ -60,7 +61,9 @@ def package(
         parameters=np.concatenate([load_actuator("zhao2004").to_array(), drive.parameters()]),
         period=drive.period,
         section=(2, 0.0, 1) if section else None,
-        options=Options(engine=engine, rtol=rtol, atol=0.01 * rtol if atol is None else atol),
+        options=Options(
+            method=method, engine=engine, rtol=rtol, atol=0.01 * rtol if atol is None else atol
+        ),
     )
     return lambda periods: run(problem, Instant(0, 0.0, 0, np.array(START)), periods)
 

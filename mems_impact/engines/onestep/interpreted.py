@@ -8,7 +8,7 @@ from typing import Any
 
 from mems_impact.engines.interpreting import Functions
 from mems_impact.engines.onestep import stepper, stiffness
-from mems_impact.engines.onestep.method import LOW, ROWS, STATE
+from mems_impact.engines.onestep.method import KEPT, LOW, ROWS, STATE
 from mems_impact.engines.options import Options
 
 
@@ -36,6 +36,7 @@ class Engine(Functions):
         super().__init__(flow, margins, transition, n=n, m=m, parameters=parameters)
         # Lists: scalars out of arrays are several times as slow.
         self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
+        self.components = [[0.0] * KEPT for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
         self.section, self.level, self.direction = section if section is not None else (-1, 0.0, 0)
         self.rtol, self.atol, self.max_step = options.rtol, options.atol, max_step
@@ -43,7 +44,6 @@ class Engine(Functions):
         self.t = self.t_start = self.t_end = 0.0
         self.stop = self.last_instant = math.inf
         self.h_next = 0.0
-        self.error = 1.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
         self.steps = self.evaluations = 0

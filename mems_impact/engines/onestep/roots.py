@@ -47,12 +47,14 @@ def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
     Directions that are not looked for do not count.
     """
     m = engine.m
-    before, after = value(engine, i, low), value(engine, i, high)
-    if before > 0.0 and after <= 0.0:
-        return -1 if i < m or (i == 2 * m and engine.direction <= 0) else 0
-    if before < 0.0 and after >= 0.0:
-        return 1 if m <= i < 2 * m or (i == 2 * m and engine.direction >= 0) else 0
-    return 0
+    if i < m:
+        bias = arc.bias(engine, i)
+        return -1 if low[i] + bias > 0.0 and high[i] + bias <= 0.0 else 0
+    if i < 2 * m:
+        return 1 if low[i] < 0.0 and high[i] >= 0.0 else 0
+    if low[i] > 0.0 and high[i] <= 0.0 and engine.direction <= 0:
+        return -1
+    return 1 if low[i] < 0.0 and high[i] >= 0.0 and engine.direction >= 0 else 0
 
 
 def any_crossed(engine: Any, low: Any, high: Any) -> bool:
