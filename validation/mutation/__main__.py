@@ -18,7 +18,7 @@ from validation.mutation.trial import Copy
 
 PROJECT = Path(__file__).resolve().parents[2]
 SHARE = 0.05  # of the mutants may survive
-PATIENCE = 3.0  # times the tests of the right source, and a minute, before a mutant hangs
+PATIENCE = 2.0  # times the tests of the right source, and a minute, before a mutant hangs
 
 
 def drawn(project: Path, seed: int, count: int, only: str = "") -> list[Mutant]:
