@@ -259,6 +259,8 @@ def _wrong(setting: Setting, balls: Balls, mine: comparing.Answer) -> str:
         if not event.rest and rate > WEAK * setting.blow * setting.e:
             impacts.append((event.t, event.guard, float(rate) / setting.e))
     if not balls.settled:
+        if setting.column:
+            return ""  # a collapse on the floor
         if not setting.equal:
             # What comes of so many impacts depends on their order; not so their momentum.
             lost = float(np.dot(setting.masses, final - setting.v))
