@@ -61,33 +61,36 @@ def _try(chosen: list[tuple[int, Mutant]], workers: int, scratch: Path) -> int:
         copies.put(Copy.make(PROJECT, scratch / str(i)))
     with ThreadPoolExecutor(workers) as pool:
         # The right source first: its tests must pass, and tell how long they may take.
-        sets = {tuple(trial.files_for(mutant.path)) for _, mutant in chosen}
-        limits = {}
-        for tests in sorted(sets):
+        files = {test for _, mutant in chosen for test in trial.files_for(mutant.path)}
+        taken = {}
+        for test in sorted(files):
             began = time.monotonic()
-            warm = [pool.submit(copy.passes, list(tests), 3600.0) for copy in list(copies.queue)]
-            if not all(job.result() for job in warm):
-                print(f"the tests of the right source fail: {' '.join(tests)}", file=sys.stderr)
+            jobs = [pool.submit(copy.passes, [test], 3600.0) for copy in list(copies.queue)]
+            if not all(job.result() for job in jobs):
+                print(f"a test of the right source fails: {test}", file=sys.stderr)
                 return 2
-            limits[tests] = PATIENCE * (time.monotonic() - began) + 60.0
+            taken[test] = time.monotonic() - began
+
+        def limit(mutant: Mutant) -> float:
+            return PATIENCE * sum(taken[test] for test in trial.files_for(mutant.path)) + 60.0
 
         def one(mutant: Mutant) -> bool:
             copy = copies.get()
             try:
-                return copy.survives(mutant, limits[tuple(trial.files_for(mutant.path))])
+                return copy.survives(mutant, limit(mutant))
             finally:
                 copies.put(copy)
 
-        jobs = {pool.submit(one, mutant): (number, mutant) for number, mutant in chosen}
+        trials = {pool.submit(one, mutant): (number, mutant) for number, mutant in chosen}
         survivors = []
-        for done, job in enumerate(as_completed(jobs), 1):
-            number, mutant = jobs[job]
+        for done, job in enumerate(as_completed(trials), 1):
+            number, mutant = trials[job]
             if job.result():
                 survivors.append(number)
                 print(f"survives: {_told(number, mutant)}", flush=True)
             else:
                 place = f"{mutant.path}:{mutant.line}"
-                print(f"{done} of {len(jobs)}: {number} killed, {place}", file=sys.stderr)
+                print(f"{done} of {len(trials)}: {number} killed, {place}", file=sys.stderr)
     share = len(survivors) / max(1, len(chosen))
     print(f"{len(survivors)} of {len(chosen)} mutants survive: {100.0 * share:.1f} %")
     return int(share > SHARE)
