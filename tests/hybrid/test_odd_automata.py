@@ -244,3 +244,9 @@ def test_starts_that_fit_no_automaton():
         simulate(BALL, ball(0.5), [1.0], 1.0)
     with pytest.raises(InvalidParameter, match="mode"):
         simulate(BALL, ball(0.5), [1.0, 0.0], 1.0, mode=7)
+
+
+@pytest.mark.parametrize("periods", [0.0, -1.0, math.inf, math.nan])
+def test_a_run_has_a_length(periods):
+    with pytest.raises(InvalidParameter, match="periods"):
+        simulate(BALL, ball(), [1.0, 0.0], periods, engine="interpreted")

@@ -28,6 +28,8 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("campaign"), help="directory")
     options = parser.parse_args()
     if options.only is not None:
+        if not options.only.isdecimal() and options.only.partition(":")[0] not in families.FAMILIES:
+            parser.error(f"--only takes a number or one of {', '.join(families.FAMILIES)}")
         return _only(options)
     numbers = range(options.first, options.first + options.runs)
     outcomes = random_runs(options.seed, numbers, options.workers, show=True)

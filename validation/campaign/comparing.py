@@ -66,6 +66,7 @@ class Row:
     y: Floats
     fall: float = math.inf  # how fast the margin fell
     rest: bool = False  # the end of a sequence of impacts
+    blur: float = 0.0  # of the state: a mode that stops all motion begins within the sequence
 
 
 @dataclass
@@ -150,7 +151,7 @@ def truth(follow: Callable[[float], tuple[list[Row], float]], end: float) -> Tru
     quiet = min(end, *(last for _, last in runs))
     many = [without_tails(rows) for rows, _ in runs]
     rows, late, off = [], [], []
-    spread = noise = 0.0
+    spread = noise = blur = 0.0
     for i in range(max(map(len, many))):
         same = [some[i] for some in many if i < len(some)]
         one = same[0]
@@ -162,10 +163,10 @@ def truth(follow: Callable[[float], tuple[list[Row], float]], end: float) -> Tru
             quiet = min(quiet, *(r.t for r in same))
             quiet -= 2.0 * spread
             break
-        noise = noise + NOISE / one.fall
+        noise, blur = noise + NOISE / one.fall, blur + one.blur
         rows.append(one)
         late.append(FLOOR + SHARE * spread + noise)
-        off.append(late[-1] * (1.0 + float(np.abs(one.y).max())))
+        off.append(late[-1] * (1.0 + float(np.abs(one.y).max())) + blur)
     # What comes at once before an event that is uncertain is uncertain with it.
     while rows and rows[-1].guard != END and rows[-1].t + late[-1] >= quiet:
         quiet = rows.pop().t - late[-1]

@@ -71,8 +71,8 @@ def automaton(n: int) -> Automaton:
     )
 
 
-class Row:
-    """The reference: positions and speeds of balls, from the lowest up, and their impacts."""
+class Balls:
+    """The reference: places and speeds of a row of balls, from the lowest up, and their impacts."""
 
     def __init__(self, x: list[float], v: list[float], masses: list[float], e: float, g: float):
         self.x, self.v, self.masses, self.e, self.g = list(x), list(v), masses, e, g
@@ -184,9 +184,9 @@ class Setting:
         self.masses = masses
         self.end = 4.0 if self.column else 3.0
 
-    def row(self, shift: float = 0.0) -> Row:
+    def balls(self, shift: float = 0.0) -> Balls:
         masses = [m * (1.0 + shift * math.sin(3.0 * i)) for i, m in enumerate(self.masses)]
-        return Row(list(self.x), list(self.v), masses, self.e - abs(shift), self.g)
+        return Balls(list(self.x), list(self.v), masses, self.e - abs(shift), self.g)
 
 
 def _first_difference(
@@ -209,24 +209,26 @@ def _first_difference(
 def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     """Try one row of balls."""
     setting = Setting(seed, number)
-    row = setting.row()
-    until = row.follow(setting.end)
+    balls = setting.balls()
+    until = balls.follow(setting.end)
     for shift in (1e-9, -1e-9):
-        twin = setting.row(shift)
+        twin = setting.balls(shift)
         until = min(until, twin.follow(setting.end))
-        strong = row.strong(setting.blow), twin.strong(setting.blow)
+        strong = balls.strong(setting.blow), twin.strong(setting.blow)
         until = min(until, _first_difference(*strong, setting.blow))
     verdict = Verdict("cradles", number, horizon=until / setting.end)
-    if not row.settled:
-        until = row.t + 1e-3  # it is that instant that matters
+    if not balls.settled:
+        until = balls.t + 1e-3  # it is that instant that matters
     elif until < setting.end:  # stop between the last instant on which all agree and the next
-        agreed = max([impact[0] for impact in row.impacts if impact[0] < until - 1e-3], default=0.0)
+        agreed = max(
+            [impact[0] for impact in balls.impacts if impact[0] < until - 1e-3], default=0.0
+        )
         until = 0.5 * (agreed + until)
     if until == 0.0:
         return verdict
-    row = setting.row()
-    row.follow(until)
-    n = len(row.v)
+    balls = setting.balls()
+    balls.follow(until)
+    n = len(balls.v)
     problem = Problem(
         automaton=automaton(n),
         parameters=[setting.g * unit.acceleration, setting.e, *setting.masses],
@@ -236,16 +238,16 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     start = Instant(0, 0.0, 0, np.concatenate([setting.x, setting.v]))
     scale = np.repeat([unit.length, unit.speed], n)
     mine = comparing.answer(problem, start, until, scale, unit.time)
-    verdict.events = len(row.impacts)
-    verdict.story = _wrong(setting, row, mine)
+    verdict.events = len(balls.impacts)
+    verdict.story = _wrong(setting, balls, mine)
     return verdict
 
 
-def _wrong(setting: Setting, row: Row, mine: comparing.Answer) -> str:
-    n = len(row.x)
+def _wrong(setting: Setting, balls: Balls, mine: comparing.Answer) -> str:
+    n = len(balls.x)
     kind = "column" if setting.column else "cradle"
     about = f" ({n} {'equal' if setting.equal else 'unequal'} balls, {kind}, e = {setting.e:.3g})"
-    if not row.settled and "max_events" in mine.failed:
+    if not balls.settled and "max_events" in mine.failed:
         return ""  # more impacts than the budget, which says so
     if mine.failed:
         return mine.failed + about
@@ -256,20 +258,24 @@ def _wrong(setting: Setting, row: Row, mine: comparing.Answer) -> str:
         rate = v[event.guard] - (v[event.guard - 1] if event.guard > 0 else 0.0)
         if not event.rest and rate > WEAK * setting.blow * setting.e:
             impacts.append((event.t, event.guard, float(rate) / setting.e))
-    if not row.settled:
+    if not balls.settled:
+        if setting.column:
+            return ""  # a collapse on the floor
         if not setting.equal:
-            return ""  # what comes of so many impacts depends on their order
+            # What comes of so many impacts depends on their order; not so their momentum.
+            lost = float(np.dot(setting.masses, final - setting.v))
+            return f"momentum off by {lost:.1e}" + about if abs(lost) > 1e-9 else ""
         # Of equal balls it does not, and with the largest first they are fewer.
-        row = setting.row()
-        row.largest_first = True
-        row.follow(mine.rows[-1].t)
+        balls = setting.balls()
+        balls.largest_first = True
+        balls.follow(mine.rows[-1].t)
     else:
-        expected = row.strong(setting.blow)
+        expected = balls.strong(setting.blow)
         if len(expected) != len(impacts):
             return f"{len(impacts)} impacts, not {len(expected)}" + about
         if math.isfinite(first := _first_difference(expected, impacts, setting.blow)):
             return f"impacts differ from t = {first:.9g} on" + about
-    error = float(np.abs(final - row.v).max())
+    error = float(np.abs(final - balls.v).max())
     if not error <= 1e-7 * setting.blow:
         return f"final speeds off by {error:.1e}" + about
     return ""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
-from validation.campaign.comparing import END, Row
+from validation.campaign.comparing import END, SHORT, Row
 
 Floats = NDArray[np.float64]
 
@@ -202,9 +202,10 @@ class Follower:
         e = system.restitution(guard)
         rest = float(2.0 * rate / pressure / (1.0 - e))
         y = system.contact(mode, guard, t, y)
-        y = y + rest * system.flow(mode, t, y)
+        slope = system.flow(mode, t, y)
         self.t = t + rest
-        self.y = system.contact(mode, guard, self.t, y)
+        self.y = system.contact(mode, guard, self.t, y + rest * slope)
         self.mode = system.stopped
-        self.rows.append(Row(self.t, guard, self.mode, self.y, WEAKEST * (1.0 - e), rest=True))
+        weakest, blur = WEAKEST * (1.0 - e), SHORT * float(np.abs(slope).max())
+        self.rows.append(Row(self.t, guard, self.mode, self.y, weakest, True, blur))
         return True

@@ -87,6 +87,8 @@ def grazes(seed: int, small: bool) -> Result:
     findings = [f"{missed} missed, {doubled} doubled"] if missed or doubled else []
     if deepest > 1e-9 * 0.4:
         findings.append(f"penetration {deepest:.1e}")
+    if worst > 1e-6:
+        findings.append(f"times off by {worst:.1e}/sqrt(depth)")
     figures = f"missed {missed}, doubled {doubled}, deepest {deepest:.1e}, "
     return Result(
         "grazes 1e-2 to 1e-12", tried, figures + f"time error {worst:.1e}/sqrt(depth)", findings
