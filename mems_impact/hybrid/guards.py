@@ -33,6 +33,7 @@ from mems_impact.hybrid.record import (
 ROUNDINGS = 64.0  # what lies within so many roundings of zero has no sign
 SURELY = 1e3  # what is so many times its error below zero is so wherever that is measured
 TOLERANCES = 1e3  # a margin so many tolerances below zero is no error of the integration
+HAIR = 1e-300  # by which a margin that starts at zero is lifted
 FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
 
 
@@ -148,25 +149,45 @@ def falling(
 
 
 def violated(
-    engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any, but: int = NONE
+    engine: Any,
+    s: Any,
+    mode: int,
+    t: float,
+    y: Any,
+    layout: Any,
+    buffers: Any,
+    but: int = NONE,
+    after: int = NONE,
 ) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
-    guard `but` is left out. Overwrites what `resolution` and `trend` do.
+    guard `but` is left out; those up to `after`, in order, come last. Overwrites what `resolution`
+    and `trend` do.
     """
     m = layout.order.size
     order, looked = layout.order, buffers.work[LOOKED]
     resolution(engine, s, mode, t, y, layout, buffers)
     guard = NONE
     for i in range(m):
-        sooner = i != but and (guard == NONE or order[i] < order[guard])
-        if sooner and looked[i] <= rounding_of(buffers, i):
+        sooner = i != but and (guard == NONE or comes_before(i, guard, after, order))
+        # What closes within the rounding of time does so now.
+        at_once = ROUNDINGS * EPS * abs(looked[m + i] * t)
+        if sooner and looked[i] <= rounding_of(buffers, i) + at_once:
             rising = looked[m + i] > rounding_of(buffers, m + i) + error_of(s, buffers, m + i)
             beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers)
             if beyond or (not rising and falling(engine, s, mode, i, t, y, layout, buffers)):
                 guard = i
     return guard
+
+
+def comes_before(i: int, j: int, after: int, order: Any) -> bool:
+    """Return whether guard `i` is handled before `j`, if those up to `after` come last."""
+    if after != NONE:
+        last_i, last_j = order[i] <= order[after], order[j] <= order[after]
+        if last_i != last_j:
+            return bool(last_j)
+    return bool(order[i] < order[j])
 
 
 def clearly(s: Any, i: int, layout: Any, buffers: Any) -> float:
@@ -214,8 +235,8 @@ def first_guard(
         t_crossing = math.inf
         # A margin that does not apply is constant; one that starts below zero is in doubt.
         moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
-        if moves and t > before and s.lifted == 0:
-            bias = arc.bias(engine, i)
+        bias = arc.bias(engine, i)
+        if moves and t > before and bias <= HAIR:
             # A root is where the margin is zero but for what the engine tells roots apart.
             end = 0.0 if fired else now[i] + bias
             bend[i] = max(abs(now[m + i] - then[m + i]) / (t - before), 0.5 * bend[i])
@@ -251,7 +272,11 @@ def first_guard(
             if fires:
                 guard, t_event = i, t_crossing
             else:
+                # It is left alone until it has risen, or a step ends where it falls.
                 s.doubt = 1
+                s.lifted = 1
+                depth = abs(buffers.work[LOOKED][i])
+                arc.set_bias(engine, i, bias + depth + 2.0 * rounding_of(buffers, i))
     return guard, t_event
 
 

@@ -20,6 +20,7 @@ from typing import Any
 from mems_impact.engines import contract as arc
 from mems_impact.hybrid.chatter import complete_chatter
 from mems_impact.hybrid.guards import (
+    HAIR,
     clearly,
     first_guard,
     inside,
@@ -236,7 +237,7 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
     for i in range(m):
         bend[i] = 0.0
         lift = now[i] <= 0.0 and now[m + i] >= 0.0
-        arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + 1e-300 if lift else 0.0)
+        arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + HAIR if lift else 0.0)
         if lift and now[i] < 0.0:
             resolution(engine, s, s.mode, s.t, y, layout, buffers)
             if now[i] < -clearly(s, i, layout, buffers):
@@ -270,8 +271,8 @@ def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:
     now = buffers.edge[NOW]
     s.lifted = 0
     for i in range(layout.order.size):
-        if arc.bias(engine, i) > 0.0:
-            if now[i] > 0.0:
+        if arc.bias(engine, i) > HAIR:
+            if now[i] > rounding_of(buffers, i):
                 arc.set_bias(engine, i, 0.0)
             else:
                 s.lifted = 1
@@ -336,7 +337,10 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
             if t > s.t:
                 s.instant = 0
             s.t = t
-        guard = violated(engine, s, s.mode, s.t, y, layout, buffers)
+        # Impacts of bodies in a row go through it from end to end, again and again: if one end
+        # always came first, they would grow beyond all bounds with the length of the row.
+        after = guard if impact else NONE
+        guard = violated(engine, s, s.mode, s.t, y, layout, buffers, NONE, after)
         if not changed and kind != SWITCH:
             # Nothing moved: looking again would find the same.
             if kind == TRANSITION and guard != NONE and layout.impact[guard] == 1:

@@ -97,13 +97,16 @@ class Balls:
 
     def settle(self) -> None:
         """Have all impacts of this instant."""
+        i = -1
         for _ in range(BUDGET):
             rates = [self.rate(i) if on else 0.0 for i, on in enumerate(self.touching)]
-            i = min(range(len(rates)), key=rates.__getitem__)
-            if rates[i] >= -CLOSING:
+            if min(rates) >= -CLOSING:
                 break
-            if not self.largest_first:
-                i = next(i for i, rate in enumerate(rates) if rate < -CLOSING)
+            if self.largest_first:
+                i = rates.index(min(rates))
+            else:
+                ring = (k % len(rates) for k in range(i + 1, i + 1 + len(rates)))
+                i = next(k for k in ring if rates[k] < -CLOSING)
             self.blow(i)
         else:
             self.settled = False

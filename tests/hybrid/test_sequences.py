@@ -1,0 +1,221 @@
+"""Sequences of impacts beside other motions, across periods, in any units, within an instant."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mems_impact.errors import RunError
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton, Guard
+from tests.hybrid.systems import BALL, ENGINES, RESTING, ball, simulate, times
+
+both = pytest.mark.parametrize("engine", ENGINES)
+
+
+def accumulation(e):
+    return math.sqrt(2.0) * (1.0 + e) / (1.0 - e)
+
+
+@pytest.mark.parametrize("e", [0.5, 0.9, 0.95, 0.99, 0.995, 0.999])
+@pytest.mark.parametrize("rtol", [1e-9, 1e-13])
+def test_the_end_of_a_sequence_whose_impacts_lose_little(e, rtol):
+    """Flights that still have digits say where the sequence ends, however many are left."""
+    expected = accumulation(e)
+    options = {"rtol": rtol, "atol": rtol / 100, "max_events": 20_000}
+    done = simulate(BALL, ball(e), [1.0, 0.0], expected + 1.0, period=1.0, **options)
+    (end,) = times(done, loop.ACCUMULATION)
+    assert abs(end - expected) < 1e-12 / (1.0 - e) * expected
+    assert done.final.mode == RESTING
+
+
+@pytest.mark.parametrize("period", [0.1, 0.37, 1.0, 50.0])
+def test_a_sequence_goes_on_across_the_starts_of_periods(period):
+    """What the loop remembers of the last impact moves with the time base."""
+    expected = accumulation(0.8)
+    done = simulate(BALL, ball(0.8), [1.0, 0.0], 14.0 / period, period=period)
+    assert times(done, loop.ACCUMULATION) == pytest.approx([expected], abs=1e-10)
+    whole = simulate(BALL, ball(0.8), [1.0, 0.0], 14.0, period=1000.0)
+    assert len(done.events[done.events.kind <= 1]) == len(whole.events[whole.events.kind <= 1])
+
+
+@both
+@pytest.mark.parametrize("e", [0.0, 1e-300, 1e-12, 1e-6])
+def test_impacts_that_hardly_rebound_rest_at_once(e, engine):
+    done = simulate(BALL, ball(e), [1.0, 0.0], 3.0, period=1.0, engine=engine)
+    assert done.final.mode == RESTING
+    assert done.final.y.tolist() == [0.0, 0.0]
+    assert len(done.events) <= 4
+
+
+# A ball that hops on a floor without a rule of its own for e = 0, beside a free pendulum, a
+# falling stone, or another ball; p = (e of the first, e of the second).
+
+
+def _side_by_side(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = 0.0 if mode in (1, 3) else -1.0
+    dy[2] = y[3]
+    dy[3] = 0.0 if mode in (2, 3) else -y[2] * p[2] - p[3]
+
+
+def _two_floors(mode, t, y, p, g, r):
+    if mode in (0, 2):
+        g[0], r[0] = y[0], y[1]
+    if mode in (0, 1):
+        g[1], r[1] = y[2] + p[4], y[3]
+
+
+def _two_rebounds(mode, code, t, y, p):
+    body = code % 2
+    y[2 * body] = 0.0 if body == 0 else -p[4]
+    if code < 2:
+        y[2 * body + 1] = -p[body] * y[2 * body + 1]
+        return mode
+    y[2 * body + 1] = 0.0
+    return mode + 1 + body
+
+
+PAIR = Automaton(
+    states=("x", "u", "z", "w"),
+    modes=("both move", "first rests", "second rests", "both rest"),
+    guards=(
+        Guard(name="first floor", order=0, impact=True),
+        Guard(name="second floor", order=1, impact=True),
+    ),
+    flow=_side_by_side,
+    margins=_two_floors,
+    transition=_two_rebounds,
+)
+
+
+@both
+@pytest.mark.parametrize("e", [0.3, 0.9, 0.97])
+def test_nothing_stands_still_while_a_sequence_ends(e, engine):
+    """A pendulum far from its own floor swings on, to the tolerance."""
+    p = (e, 0.0, 1.0, 0.0, 9.0)
+    end = accumulation(e) + 0.5
+    done = simulate(PAIR, p, [1.0, 0.0, 1.0, 0.0], end, period=1.0, engine=engine)
+    assert done.final.mode == 1
+    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=1e-9)
+    assert done.final.y[2:] == pytest.approx([math.cos(end), -math.sin(end)], abs=1e-9 * end)
+
+
+@pytest.mark.parametrize("lead", [1e-3, 1e-4, 1e-5, 1e-6, 1e-7])
+def test_an_impact_elsewhere_is_not_lost_in_the_end_of_a_sequence(lead):
+    """A stone that falls with the weight 1 strikes just before the ball comes to rest."""
+    e = 0.8
+    strikes = accumulation(e) - lead
+    p = (e, 0.5, 0.0, 1.0, 0.0)
+    done = simulate(PAIR, p, [1.0, 0.0, 0.5 * strikes**2, 0.0], strikes + 0.2, period=1.0)
+    second = done.events[(done.events.guard == 1) & (done.events.kind == loop.TRANSITION)]
+    assert second.cycle[0] + second.time[0] == pytest.approx(strikes, abs=1e-9)
+    assert second.before[0, 3] == pytest.approx(-strikes, abs=1e-8)
+    assert done.final.mode == 1
+    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=1e-8)
+
+
+@both
+def test_two_balls_come_to_rest_in_turns(engine):
+    """Their impacts alternate; each has a sequence of its own."""
+    p = (0.5, 0.7, 0.0, 1.0, 0.0)
+    done = simulate(PAIR, p, [1.0, 0.0, 0.8, 0.0], 9.0, period=1.0, engine=engine)
+    ends = [accumulation(0.5), math.sqrt(0.8) * accumulation(0.7)]
+    assert times(done, loop.ACCUMULATION) == pytest.approx(ends, abs=1e-9)
+    assert done.final.mode == 3
+    assert done.final.y.tolist() == [0.0, 0.0, 0.0, 0.0]
+
+
+def test_two_equal_balls_come_to_rest_together():
+    done = simulate(PAIR, (0.8, 0.8, 0.0, 1.0, 0.0), [1.0, 0.0, 1.0, 0.0], 14.0, period=1.0)
+    assert times(done, loop.ACCUMULATION) == pytest.approx(2 * [accumulation(0.8)], abs=1e-8)
+    assert done.final.mode == 3
+
+
+@pytest.mark.parametrize("second", [1.0, 1e-3, 1e-6, 3600.0])
+@pytest.mark.parametrize("metre", [1.0, 1e-6, 1e3])
+def test_a_sequence_is_the_same_in_any_units(second, metre):
+    """The ball on a swinging floor: impacts, rest and release, time in `second`s."""
+    p = ball(0.6, 0.9, 1.0)
+    plain = simulate(BALL, p, [0.7, 0.0], 6.0, rtol=1e-11, atol=1e-13)
+    weight = metre / second**2
+    period = 2.0 * math.pi * second
+    scaled = simulate(
+        BALL, ball(0.6, 0.9 * weight, weight, 1.0 / second), [0.7 * metre, 0.0], 6.0,
+        period=period, rtol=1e-11, atol=1e-13 * min(metre, metre / second),
+    )  # fmt: skip
+    assert scaled.final.mode == plain.final.mode
+    assert scaled.final.y[0] / metre == pytest.approx(plain.final.y[0], abs=1e-8)
+    for kind in (loop.TRANSITION, loop.ACCUMULATION):
+        mine = times(scaled, kind) / second
+        # How weak an impact is still counted by itself depends on the absolute tolerance.
+        strong = min(len(mine), len(times(plain, kind)), 4)
+        assert mine[:strong] == pytest.approx(times(plain, kind)[:strong], abs=1e-8)
+    assert len(times(scaled, loop.ACCUMULATION)) == len(times(plain, loop.ACCUMULATION))
+
+
+# Newton's cradle: n equal balls in a row, the first one fast; p = (e,). y = positions, speeds.
+COUNT = 17
+
+
+def _cradle_flow(mode, t, y, p, dy):
+    for i in range(COUNT):
+        dy[i] = y[COUNT + i]
+        dy[COUNT + i] = 0.0
+
+
+def _cradle_gaps(mode, t, y, p, g, r):
+    for i in range(COUNT - 1):
+        g[i] = y[i + 1] - y[i]
+        r[i] = y[COUNT + i + 1] - y[COUNT + i]
+
+
+def _cradle_blow(mode, code, t, y, p):
+    i = code % (COUNT - 1)
+    e = p[0] if code < COUNT - 1 else 0.0
+    y[i + 1] = y[i]
+    change = 0.5 * (1.0 + e) * (y[COUNT + i] - y[COUNT + i + 1])
+    y[COUNT + i] -= change
+    y[COUNT + i + 1] += change
+    return mode
+
+
+CRADLE = Automaton(
+    states=tuple(f"{what}{i}" for what in "xv" for i in range(COUNT)),
+    modes=("free",),
+    guards=tuple(Guard(name=f"gap {i}", order=i, impact=True) for i in range(COUNT - 1)),
+    flow=_cradle_flow,
+    margins=_cradle_gaps,
+    transition=_cradle_blow,
+)
+
+
+def cradle(e, engine="compiled", **options):
+    start = np.zeros(2 * COUNT)
+    start[COUNT] = 1.0
+    return simulate(CRADLE, (e,), start, 1.0, period=1.0, engine=engine, **options)
+
+
+@both
+@pytest.mark.parametrize(("e", "impacts"), [(1.0, 16), (0.9, 136)])
+def test_a_cradle_takes_the_impacts_that_it_needs(e, impacts, engine):
+    done = cradle(e, engine)
+    assert len(done.events) == impacts
+    assert np.all(done.events.time == 0.0)
+    speeds = done.final.y[COUNT:]
+    assert math.fsum(speeds) == pytest.approx(1.0, abs=1e-13)
+    assert np.all(np.diff(speeds) >= -1e-14)
+
+
+def test_a_cradle_that_collapses_ends_in_one_speed():
+    """Infinitely many impacts in no time: followed until rounding alone is left of them."""
+    done = cradle(0.5, max_events=100_000)
+    assert len(done.events) > 1000
+    speeds = done.final.y[COUNT:]
+    assert math.fsum(speeds) == pytest.approx(1.0, abs=1e-12)
+    assert np.all(np.diff(speeds) >= -1e-12)
+
+
+def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
+    with pytest.raises(RunError, match="200 events, 201 of them in its last instant"):
+        cradle(0.5, max_events=200)
