@@ -116,17 +116,17 @@ def trend(
     a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE, SUM.
     """
     g, ahead = buffers.work[G], buffers.work[AHEAD]
-    seen = rounding_of(buffers, i)
+    seen, drift = rounding_of(buffers, i), rounding_of(buffers, layout.order.size + i)
     arc.margins(engine, mode, t, y, g)
     margin = g[i]
     farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
-    h = 2.0**-32 * farthest  # so long that rounding of the flow does not decide
+    h = 2.0**-32 * farthest
     while h < farthest:
         h = min(8.0 * h, farthest)
         follow(engine, mode, t, y, h, ahead, buffers)
         arc.margins(engine, mode, t + h, ahead, g)
         moved = g[i] - margin
-        if abs(moved) > seen:
+        if abs(moved) > seen + h * drift:
             return 1 if moved > 0.0 else -1
     return 0
 

@@ -21,7 +21,7 @@ SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--
 SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.16", "--to", "0.24"]
 SWEEP += ["--points", "3", "--omega", "0.5", "--transient", "20", "--periods", "5"]
 CHART = ["chart", "zhao2004"]
-TABLES = ["simulate-events.csv", "simulate-impacts.csv", "simulate-statistics.csv"]
+TABLES = [f"simulate-{what}.csv" for what in ("blows", "events", "impacts", "statistics")]
 
 
 def hears_interrupts():

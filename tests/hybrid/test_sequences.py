@@ -112,7 +112,8 @@ def test_an_impact_elsewhere_is_not_lost_in_the_end_of_a_sequence(lead):
     assert second.cycle[0] + second.time[0] == pytest.approx(strikes, abs=1e-9)
     assert second.before[0, 3] == pytest.approx(-strikes, abs=1e-8)
     assert done.final.mode == 1
-    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=1e-8)
+    # The impact cuts a flight of the last ones in two: they are followed to smaller ones.
+    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
 
 
 @both
@@ -128,7 +129,7 @@ def test_two_balls_come_to_rest_in_turns(engine):
 
 def test_two_equal_balls_come_to_rest_together():
     done = simulate(PAIR, (0.8, 0.8, 0.0, 1.0, 0.0), [1.0, 0.0, 1.0, 0.0], 14.0, period=1.0)
-    assert times(done, loop.ACCUMULATION) == pytest.approx(2 * [accumulation(0.8)], abs=1e-8)
+    assert times(done, loop.ACCUMULATION) == pytest.approx(2 * [accumulation(0.8)], abs=3e-6)
     assert done.final.mode == 3
 
 

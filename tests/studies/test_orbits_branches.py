@@ -305,7 +305,10 @@ def test_a_chart_without_a_band_says_what_it_found():
 def test_a_stopper_before_pull_in_bounds_the_search():
     device = ZHAO.replace(delta=0.2)
     maker = chart_module._Maker(
-        System.of(device, mi.Sine(amplitude=0.0, omega=1.0), ORBIT_OPTIONS), mi.Steps(), print
+        System.of(device, mi.Sine(amplitude=0.0, omega=1.0), ORBIT_OPTIONS),
+        mi.Steps(),
+        print,
+        (0.44, 0.51),
     )
     assert maker.pull_in == pytest.approx(mi.resting_voltage(device))
     assert maker.pull_in < math.sqrt(4.0 / 27.0)
