@@ -120,7 +120,7 @@ def trend(
     arc.margins(engine, mode, t, y, g)
     margin = g[i]
     farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
-    h = 2.0**-32 * farthest
+    h = max(2.0**-45 * farthest, EPS * abs(t))
     while h < farthest:
         h = min(8.0 * h, farthest)
         follow(engine, mode, t, y, h, ahead, buffers)
