@@ -48,6 +48,7 @@ BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on."""
     for j in range(engine.n):
+        row(engine, START)[j] = y[j]
         row(engine, END)[j] = y[j]
         row(engine, STATE)[j] = y[j]
     engine.mode = mode
