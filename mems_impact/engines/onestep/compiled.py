@@ -38,7 +38,7 @@ from mems_impact.engines.options import Options
 
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
-_COUNTS = ("at_border", "off_border", "stiff", "steps", "evaluations")
+_COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
@@ -130,12 +130,11 @@ def functions() -> dict[str, Any]:
         _ = stamp
         stepper.interpolate(_handle(engine), t, pointer(y))
 
-    return {
-        function.__name__: cfunc(SIGNATURES[function.__name__], cache=True, **FOR_C, **CONTRACTED)(
-            function
-        )
-        for function in (stages, dense, step, interpolate)
-    }
+    compiled = {}
+    for function in (stages, dense, step, interpolate):
+        signature = SIGNATURES[function.__name__]
+        compiled[function.__name__] = cfunc(signature, cache=True, **FOR_C, **CONTRACTED)(function)
+    return compiled
 
 
 def _is_onestep(kind: Any) -> bool:

@@ -267,7 +267,7 @@ def test_looking_disturbs_nothing(engine):
 
 
 @both
-@pytest.mark.parametrize("stop", [INF, 0.05, 1e-12])
+@pytest.mark.parametrize("stop", [INF, 0.05, 0.1003, 1e-12])
 def test_no_step_is_longer_than_it_may_be(stop, engine):
     made = swing(engine, max_step=0.1, rtol=1e-4, atol=1e-6).walk([1.0, 0.0], stop=stop, rows=20)
     lengths = np.diff(made.out[:, TIME], prepend=0.0)
