@@ -48,7 +48,7 @@ HANDLE = np.dtype(
     ],
     align=True,
 )
-# A product and a sum may be one operation: the sums of a step take a tenth less time. Automata are
+# A product and a sum may be one operation: a period takes 5 % less time. Automata are
 # compiled without, as a difference that is zero must stay so.
 CONTRACTED = {"fastmath": {"contract"}}
 _handle = record_at(from_dtype(HANDLE))
