@@ -311,7 +311,7 @@ class UnitsWarning(UserWarning):
 
 
 class StiffnessWarning(UserWarning):
-    """The steps of an explicit method are limited by stability; an implicit one would be faster."""
+    """The steps of an explicit method are limited by stability; an implicit one may be faster."""
 
 
 def _restore(

@@ -49,6 +49,11 @@ def test_every_command_explains_itself(cli):
         assert page.out.startswith(f"Usage: mems-impact {command}")
 
 
+@pytest.mark.parametrize("command", ["simulate", "sweep", "orbit", "continue", "chart"])
+def test_every_command_that_integrates_offers_every_method(cli, command):
+    assert "--method [adams|bdf|dop853]" in cli(command, "--help").out
+
+
 def test_version_is_that_of_the_package(cli):
     from importlib.metadata import version
 

@@ -35,6 +35,14 @@ def test_tables_hold_what_python_gives(cli, tmp_path):
     )
 
 
+@pytest.mark.parametrize("method", ["adams", "bdf", "dop853"])
+def test_every_method_gives_the_same_motion(cli, tmp_path, method):
+    assert cli(*ARGUMENTS, "--no-figure", "--method", method, "--rtol", "1e-10").status == 0
+    written = pd.read_csv(tmp_path / "out" / "simulate-impacts.csv")
+    run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), periods=20)
+    assert written["time"].to_numpy() == pytest.approx(run.impacts["time"].to_numpy(), abs=1e-6)
+
+
 def test_screen_shows_statistics_and_first_impacts(cli):
     out = cli(*ARGUMENTS, "--no-figure").out
     assert "impacts per period" in out

@@ -36,7 +36,7 @@ from mems_impact.engines.snapshot import mark_overloaded, sources, take
 
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
-_COUNTS = ("at_border", "off_border", "stiff", "steps", "evaluations")
+_COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
@@ -46,7 +46,7 @@ HANDLE = np.dtype(
     ],
     align=True,
 )
-# A product and a sum may be one operation: the sums of a step take a tenth less time. Automata are
+# A product and a sum may be one operation: a period takes 5 % less time. Automata are
 # compiled without, as a difference that is zero must stay so.
 CONTRACTED = {"fastmath": {"contract"}}
 _handle = record_at(from_dtype(HANDLE))

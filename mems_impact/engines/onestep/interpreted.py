@@ -46,7 +46,7 @@ class Engine(Functions):
         self.h_next = 0.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
-        self.steps = self.evaluations = 0
+        self.steps = 0
 
     def close(self) -> None:
         """Warn if the run was stiff; the memory is Python's own."""

@@ -11,6 +11,6 @@ def warn() -> None:
     """Warn, for the close of an engine at the end of a run, in the name of who asked for it."""
     message = (
         "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
-        "method='bdf' is likely to be faster"
+        "method='bdf' may be faster"
     )
     warnings.warn(message, StiffnessWarning, stacklevel=6)
