@@ -256,9 +256,13 @@ def first_guard(
                 status == arc.ROOT
                 and arc.fired(engine, m + i) > 0
                 # Zero as well: CVODE stops where a margin and its rate are zero together.
-                and now[i] + arc.bias(engine, i) <= 0.0
+                and now[i] + bias <= 0.0
             ):
-                t_crossing = crossing(engine, s, i, before, t, buffers)
+                # There may be another dip before this one.
+                end = now[i] + bias
+                t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
+                if t_crossing == math.inf:
+                    t_crossing = crossing(engine, s, i, before, t, buffers)
         if t_crossing < math.inf and (
             guard == NONE
             or t_crossing < t_event
@@ -353,9 +357,19 @@ def hidden(
             arc.margins(engine, s.mode, b, y, g)
             g_b, r_b = g[i] + bias, g[m + i]
         curved = max(curved, abs(r_b - r_a) / (b - a))
-        if b - a > finest and not stays(g_a, r_a, abs(g_b), r_b, b - a, curved):
+        sure = stays(g_a, r_a, abs(g_b), r_b, b - a, curved)
+        if b - a > finest and not sure:
             width *= 0.5
-        elif g_b < 0.0:
+            continue
+        if not sure and r_a < 0.0 < r_b:
+            # One closest approach, by the rates: the margin there decides.
+            low = lowest(engine, s, i, a, b, layout, buffers)
+            arc.interpolate(engine, low, y)
+            arc.margins(engine, s.mode, low, y, g)
+            if g[i] + bias < min(0.0, g_b):
+                b, g_b, r_b = low, g[i] + bias, 0.0
+        if g_b < 0.0:
+            arc.interpolate(engine, b, y)
             resolution(engine, s, s.mode, b, y, layout, buffers)
             if g_b < -rounding_of(buffers, i):
                 return crossing(engine, s, i, a, b, buffers)
@@ -364,6 +378,25 @@ def hidden(
             a, g_a, r_a = b, g_b, r_b
             width *= 2.0
     return math.inf
+
+
+def lowest(engine: Any, s: Any, i: int, a: float, b: float, layout: Any, buffers: Any) -> float:
+    """Bisect the rate of margin `i` on the last step, from falling at `a` to rising at `b`.
+
+    Overwrites STATE.
+    """
+    g, y = buffers.work[G], buffers.work[STATE]
+    for _ in range(80):
+        middle = 0.5 * (a + b)
+        if middle <= a or middle >= b:
+            break
+        arc.interpolate(engine, middle, y)
+        arc.margins(engine, s.mode, middle, y, g)
+        if g[layout.order.size + i] < 0.0:
+            a = middle
+        else:
+            b = middle
+    return b
 
 
 def stays(g_a: float, r_a: float, g_b: float, r_b: float, h: float, curved: float) -> bool:
