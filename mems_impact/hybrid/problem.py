@@ -28,9 +28,8 @@ Section = tuple[int, float, int]  # component, level, direction of the crossing 
 class Problem:
     """An automaton with all that does not change along a run.
 
-    Time and states are to be scaled so that the system's own time and motion are of order one:
-    `mems_impact.hybrid.loop.CHATTER_TIME` and the differences of `mems_impact.hybrid.variational`
-    count on it.
+    Units are free for a run. Orbits want time and states of order one, on which the differences
+    of `mems_impact.hybrid.variational` count.
 
     Parameters
     ----------
