@@ -179,6 +179,15 @@ def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     assert table["omega"].max() == pytest.approx(0.47)
 
 
+@pytest.fixture
+def heard_in_background():
+    """A shell has what it puts into the background ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heard_in_background")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
     class Late:
@@ -200,6 +209,7 @@ def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
     assert set(heard[0]) == {number}
 
 
+@pytest.mark.usefixtures("heard_in_background")
 def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
     """Such modules drop what is raised while they are imported."""
     imported = []
