@@ -49,9 +49,12 @@ def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
     n = y.size // 2
     i = code % n
     e = p[1] if code < n else 0.0
+    # Balls that strike each other are in one place, not a rounding apart.
     if i == 0:
+        y[0] = 0.0
         y[n] = -e * y[n]
     else:
+        y[i] = y[i - 1]
         lower, upper = p[2 + i - 1], p[2 + i]
         push = (1.0 + e) * (y[n + i - 1] - y[n + i]) / (lower + upper)
         y[n + i - 1] -= upper * push
