@@ -162,32 +162,36 @@ def violated(
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
-    guard `but` is left out; those up to `after`, in order, come last. Overwrites what `resolution`
-    and `trend` do.
+    guard `but` is left out. Of impacts alone, those up to `after`, in order, come last. Overwrites
+    what `resolution` and `trend` do.
     """
-    m = layout.order.size
-    order, looked = layout.order, buffers.work[LOOKED]
+    order = layout.order
     resolution(engine, s, mode, t, y, layout, buffers)
-    guard = NONE
-    for i in range(m):
-        sooner = i != but and (guard == NONE or comes_before(i, guard, after, order))
-        # What closes within the rounding of time does so now.
-        at_once = ROUNDINGS * EPS * abs(looked[m + i] * t)
-        if sooner and looked[i] <= rounding_of(buffers, i) + at_once:
-            rising = looked[m + i] > rounding_of(buffers, m + i) + error_of(s, buffers, m + i)
-            beyond = layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers)
-            if beyond or (not rising and falling(engine, s, mode, i, t, y, layout, buffers)):
-                guard = i
-    return guard
+    first = behind = NONE
+    for i in range(order.size):
+        if i != but and fires(engine, s, mode, i, t, y, layout, buffers):
+            if first == NONE or order[i] < order[first]:
+                first = i
+            behind_it = after != NONE and layout.impact[i] == 1 and order[i] > order[after]
+            if behind_it and (behind == NONE or order[i] < order[behind]):
+                behind = i
+    return behind if behind != NONE and layout.impact[first] == 1 else first
 
 
-def comes_before(i: int, j: int, after: int, order: Any) -> bool:
-    """Return whether guard `i` is handled before `j`, if those up to `after` come last."""
-    if after != NONE:
-        last_i, last_j = order[i] <= order[after], order[j] <= order[after]
-        if last_i != last_j:
-            return bool(last_j)
-    return bool(order[i] < order[j])
+def fires(
+    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
+) -> bool:
+    """Return whether guard `i` fires where the state is put; after `resolution`."""
+    m, looked = layout.order.size, buffers.work[LOOKED]
+    rate = looked[m + i]
+    # What closes within the rounding of time does so now.
+    if looked[i] > rounding_of(buffers, i) + ROUNDINGS * EPS * abs(rate * t):
+        return False
+    if layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers):
+        return True
+    if rate > rounding_of(buffers, m + i) + error_of(s, buffers, m + i):
+        return False
+    return falling(engine, s, mode, i, t, y, layout, buffers)
 
 
 def clearly(s: Any, i: int, layout: Any, buffers: Any) -> float:

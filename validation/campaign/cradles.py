@@ -1,8 +1,9 @@
 """Newton's cradles and columns of balls: rows that touch, whose impacts share one instant.
 
-Reference: plain lists. In an instant the lowest pair that touches and closes has its impact, until
-none does; between instants all balls fly in parabolas of the same gravity, so that the gaps
-close at constant speed. Balls are points; whether they touch is known, and not measured.
+Reference: plain lists. In an instant the pairs that touch and close have their impacts from the
+lowest to the highest and again, until none does; between instants all balls fly in parabolas of the
+same gravity, so that the gaps close at constant speed. Balls are points; whether they touch is
+known, and not measured.
 """
 
 from __future__ import annotations

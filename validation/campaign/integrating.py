@@ -186,7 +186,12 @@ class Follower:
             fires = (values < -CLEAR) | (zero & (rates < 0.0))
             if not fires.any():
                 return
-            guard = int(np.argmin(np.where(fires, system.order, math.inf)))
+            first = int(np.argmin(np.where(fires, system.order, math.inf)))
+            # Impacts go round: after one of them, those behind it come before those in front.
+            behind = fires & system.impact & (system.order > system.order[guard])
+            if system.impact[guard] and system.impact[first] and behind.any():
+                first = int(np.argmin(np.where(behind, system.order, math.inf)))
+            guard = first
             fall = math.inf
         raise Undecided
 
