@@ -69,7 +69,7 @@ def run(
     if not (math.isfinite(start.time) and start.time >= 0.0):
         allowed = "finite and not negative: time since the start of a period"
         raise InvalidParameter(field="start.time", value=start.time, allowed=allowed)
-    if start.cycle != int(start.cycle) or abs(start.cycle) > MAX_CYCLE:
+    if not (abs(start.cycle) <= MAX_CYCLE and start.cycle == int(start.cycle)):
         allowed = f"a whole number of periods, up to {MAX_CYCLE:g}"
         raise InvalidParameter(field="start.cycle", value=start.cycle, allowed=allowed)
     whole = math.floor(periods)

@@ -8,6 +8,7 @@ import pytest
 from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.trajectory import Instant
 from tests.hybrid.systems import (
     BALL,
     COULOMB,
@@ -15,6 +16,8 @@ from tests.hybrid.systems import (
     STUCK,
     ball,
     coulomb,
+    problem,
+    run,
     simulate,
     times,
 )
@@ -250,3 +253,53 @@ def test_starts_that_fit_no_automaton():
 def test_a_run_has_a_length(periods):
     with pytest.raises(InvalidParameter, match="periods"):
         simulate(BALL, ball(), [1.0, 0.0], periods, engine="interpreted")
+
+
+def _fall_to_half(mode, t, y, p, g, r):
+    if mode == 0:
+        g[0], r[0] = y[0] - 0.5, -p[0]
+
+
+def _to_another_mode(mode, code, t, y, p):
+    return int(p[1])
+
+
+def _to_infinity(mode, code, t, y, p):
+    y[0] = p[1]
+    return 1
+
+
+def odd(transition, value, engine):
+    system = automaton(("y",), (Guard(name="half", order=0),), _sink, _fall_to_half, transition)
+    return simulate(system, (1.0, value), [1.0], 2.0, period=1.0, engine=engine)
+
+
+@both
+@pytest.mark.parametrize("mode", [2, 7, -1])
+def test_a_transition_to_a_mode_that_does_not_exist(mode, engine):
+    with pytest.raises(
+        RunError, match=rf"returned the mode {mode}; there are 2 .*0 to 1"
+    ) as caught:
+        odd(_to_another_mode, mode, engine)
+    assert caught.value.mode == "a"
+    assert caught.value.state == {"y": pytest.approx(0.5)}
+
+
+@both
+@pytest.mark.parametrize("value", [math.inf, -math.inf, math.nan])
+def test_a_transition_to_a_state_that_is_not_finite(value, engine):
+    with pytest.raises(RunError, match="'half' left a state that is not finite"):
+        odd(_to_infinity, value, engine)
+
+
+@pytest.mark.parametrize("time", [-0.75, -1e-300, math.nan, math.inf])
+def test_a_start_at_no_time_of_a_period(time):
+    with pytest.raises(InvalidParameter, match=r"start\.time"):
+        simulate(BALL, ball(0.5), [1.0, 0.0], 1.0, time=time)
+
+
+@pytest.mark.parametrize("cycle", [1.5, 2**70, -(2**70), math.nan, math.inf])
+def test_a_start_in_no_period(cycle):
+    start = Instant(cycle, 0.0, 0, np.array([1.0, 0.0]))
+    with pytest.raises(InvalidParameter, match=r"start\.cycle"):
+        run(problem(BALL, ball(0.5)), start, 1.0)
