@@ -33,9 +33,9 @@ from mems_impact.hybrid.record import (
 )
 
 # A flight is weak if it is lower than this part of what makes up the gap, or of the highest flight
-# of its sequence, or than so many absolute tolerances: below that its impacts are not counted one
-# by one, while the gap still has digits.
-WEAK, WEAK_TOLERANCES = 5e-11, 5.0
+# of its sequence, or than the absolute tolerance: below that its impacts are not counted one by
+# one, while the gap still has digits.
+WEAK = 5e-11
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
 STEADY = 1e-6  # the end of a sequence is known to about this part of its last flight
 BISECTIONS = 60
@@ -108,7 +108,7 @@ def what_is_left(
     size, gain = buffers.work[SIZE][guard], buffers.work[GAIN][guard]
     reach = max(hits[HIT_REACH], height) if interval < earlier < math.inf else height
     hits[HIT_REACH] = reach
-    if height >= WEAK * (size + reach) + WEAK_TOLERANCES * s.atol * gain:
+    if height >= max(WEAK * (size + reach), s.atol * gain):
         return math.inf, interval
     # A flight that acceleration turns round lasts 2 u/a. A body that another one throws back
     # arrives far too soon for its speed. With friction the acceleration changes during the flight.

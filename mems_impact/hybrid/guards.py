@@ -24,6 +24,7 @@ from mems_impact.hybrid.record import (
     STAGE,
     STATE,
     SUM,
+    SUSPECT,
     THEN,
     TIMED,
     G,
@@ -216,6 +217,35 @@ def inside(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> 
     return NONE
 
 
+def look(engine: Any, status: int, before: float, t: float, edge: Any) -> bool:
+    """Take down the margins where a step has ended; return whether anything may have fired in it.
+
+    Which margins may have been at zero unseen, by values and rates at both ends, is left in
+    SUSPECT.
+    """
+    then, now, bend, suspect = edge[THEN], edge[NOW], edge[BEND], edge[SUSPECT]
+    for k in range(then.size):
+        then[k] = now[k]
+    arc.ended(engine, now)
+    m, h = then.size // 2, t - before
+    something = status == arc.ROOT
+    for i in range(m):
+        suspect[i] = 0.0
+        fired = status == arc.ROOT and arc.fired(engine, i) < 0
+        bias = arc.bias(engine, i)
+        # A margin that does not apply is constant; one that is lifted is in doubt.
+        moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
+        if moves and h > 0.0 and bias <= HAIR:
+            bend[i] = max(abs(now[m + i] - then[m + i]) / h, 0.5 * bend[i])
+            # A root is where the margin is zero but for what the engine tells roots apart.
+            start, end = then[i] + bias, 0.0 if fired else now[i] + bias
+            stays_up = stays(start, then[m + i], end, now[m + i], h, bend[i])
+            if start >= 0.0 and end >= 0.0 and not stays_up:
+                suspect[i] = 1.0
+                something = True
+    return something
+
+
 def first_guard(
     engine: Any, s: Any, status: int, before: float, t: float, layout: Any, buffers: Any
 ) -> tuple[int, float]:
@@ -228,7 +258,7 @@ def first_guard(
     m = layout.order.size
     order = layout.order
     y = buffers.work[STATE]
-    then, now, bend = buffers.edge[THEN], buffers.edge[NOW], buffers.edge[BEND]
+    now, suspect = buffers.edge[NOW], buffers.edge[SUSPECT]
     guard, t_event = NONE, t
     together = 0
     for i in range(m):
@@ -237,20 +267,10 @@ def first_guard(
     for i in range(m):
         fired = status == arc.ROOT and arc.fired(engine, i) < 0
         t_crossing = math.inf
-        # A margin that does not apply is constant; one that starts below zero is in doubt.
-        moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
         bias = arc.bias(engine, i)
-        if moves and t > before and bias <= HAIR:
-            # A root is where the margin is zero but for what the engine tells roots apart.
+        if suspect[i] == 1.0:
             end = 0.0 if fired else now[i] + bias
-            bend[i] = max(abs(now[m + i] - then[m + i]) / (t - before), 0.5 * bend[i])
-            start, h = then[i] + bias, t - before
-            if (
-                start >= 0.0
-                and end >= 0.0
-                and not stays(start, then[m + i], end, now[m + i], h, bend[i])
-            ):
-                t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
+            t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
         rate = 0.0
         if t_crossing == math.inf:
             if fired:

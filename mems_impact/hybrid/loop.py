@@ -24,6 +24,7 @@ from mems_impact.hybrid.guards import (
     clearly,
     first_guard,
     inside,
+    look,
     resolution,
     rounding_of,
     surely_falling,
@@ -60,7 +61,6 @@ from mems_impact.hybrid.record import (
     SECTION_CROSSING,
     STEP_BUDGET,
     SWITCH,
-    THEN,
     TIME,
     TRANSITION,
     WITHOUT_EFFECT,
@@ -172,11 +172,13 @@ def advance(
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = arc.time(engine)
-        look(engine, buffers)
+        something = look(engine, status, before, t, buffers.edge)
         if s.lifted == 1:
             lower(engine, s, layout, buffers)
 
-        guard, t_event = first_guard(engine, s, status, before, t, layout, buffers)
+        guard, t_event = NONE, t
+        if something:
+            guard, t_event = first_guard(engine, s, status, before, t, layout, buffers)
         if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
             arc.state(engine, y)
             guard = violated(engine, s, s.mode, t, y, layout, buffers)
@@ -256,14 +258,6 @@ def shift(s: Any, periods: int, buffers: Any) -> None:
     s.t -= periods * s.period
     for i in range(buffers.hits.shape[0]):
         buffers.hits[i, HIT_TIME] -= periods * s.period
-
-
-def look(engine: Any, buffers: Any) -> None:
-    """Take down the margins where a step has ended, beside those where it began."""
-    then, now = buffers.edge[THEN], buffers.edge[NOW]
-    for i in range(then.size):
-        then[i] = now[i]
-    arc.ended(engine, now)
 
 
 def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:

@@ -25,9 +25,9 @@ EPS = 2.0**-52
 # how high the flights have been since they began to shrink.
 HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH, HITS = 0, 1, 2, 3, 4
 
-# Rows of `Buffers.edge`: margins and rates where the last step began and where it ended, and how
-# fast the rates change.
-THEN, NOW, BEND, EDGES = 0, 1, 2, 3
+# Rows of `Buffers.edge`: margins and rates where the last step began and where it ended, how fast
+# the rates change, and 1 for a margin that may have been at zero in between.
+THEN, NOW, BEND, SUSPECT, EDGES = 0, 1, 2, 3, 4
 
 # Rows of `Buffers.work`, scratch that is only good until the next call. A function says what it
 # leaves there.
