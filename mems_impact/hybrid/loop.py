@@ -144,9 +144,8 @@ def advance(
             status = resolve(engine, s, y, guard, layout, buffers)
             if status != DONE:
                 return status
-        elif s.instant > 0:  # the buffer was full before all transitions of an instant were done
-            guard = violated(engine, s, s.mode, s.t, y, layout, buffers)
-            status = resolve(engine, s, y, guard, layout, buffers)
+        elif s.pending != NONE:
+            status = resolve(engine, s, y, s.pending, layout, buffers)
             if status != DONE:
                 return status
         if s.restart == 1:
@@ -291,8 +290,10 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
     looked, past = buffers.work[LOOKED], buffers.work[PAST]
     s.restart = 1
     while guard != NONE:
+        s.pending = guard
         if s.rows + ROOM > buffers.events.shape[0]:
             return BUFFER_FULL
+        s.pending = NONE
         for i in range(y.size):
             past[i] = y[i]
         mode = s.mode

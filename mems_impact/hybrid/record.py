@@ -50,6 +50,7 @@ CLOCK = np.dtype(
         ("fresh", np.int64),  # 1 before the first arc: guards may be violated at the start
         ("restart", np.int64),  # 1 if the next step begins an arc
         ("instant", np.int64),  # transitions of this instant so far, 0 where it has settled
+        ("pending", np.int64),  # the guard for which there was no room in the buffer, or NONE
         ("mark_mode", np.int64),  # with `Buffers.mark`: a state of this instant, to be known again
         ("stop", np.float64),  # next switching time of the drive
         ("steps", np.int64),

@@ -131,7 +131,7 @@ class _Run:
         clock.scale = problem.time_scale or problem.period
         clock.rtol, clock.atol = problem.options.rtol, problem.options.atol
         clock.end_cycle, clock.end_phase = end.cycle, end.time
-        clock.fresh, clock.restart = 1, 1
+        clock.fresh, clock.restart, clock.pending = 1, 1, loop.NONE
         clock.stop = math.inf
         clock.max_steps = problem.options.max_steps
         clock.max_events = problem.options.max_events

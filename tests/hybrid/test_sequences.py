@@ -7,8 +7,9 @@ import pytest
 
 from mems_impact.errors import RunError
 from mems_impact.hybrid import loop
+from mems_impact.hybrid import run as running
 from mems_impact.hybrid.automaton import Automaton, Guard
-from tests.hybrid.systems import BALL, ENGINES, RESTING, ball, simulate, times
+from tests.hybrid.systems import BALL, ENGINES, RESTING, ball, same, simulate, times
 
 both = pytest.mark.parametrize("engine", ENGINES)
 
@@ -220,3 +221,15 @@ def test_a_cradle_that_collapses_ends_in_one_speed():
 def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
     with pytest.raises(RunError, match="200 events, 201 of them in its last instant"):
         cradle(0.5, max_events=200)
+
+
+@both
+def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
+    """Wherever the buffer is full, between transitions of an instant too, the run is the same."""
+    whole = cradle(0.9, engine)
+    monkeypatch.setattr(running, "EVENT_ROWS", loop.ROOM + 3)
+    assert same(cradle(0.9, engine).events, whole.events)
+    p = ball(0.6, 0.9, 1.0)
+    small = simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine)
+    monkeypatch.undo()
+    assert same(small.events, simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine).events)
