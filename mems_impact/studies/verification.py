@@ -23,10 +23,11 @@ __all__ = ["Verification", "compare", "other_family"]
 
 TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
 
-# What local errors of `rtol` may sum up to, in the device's own units, and the most that counts as
-# an agreement. Smaller differences are no sign of anything.
+# What local errors of `rtol` may sum up to from one event to the next, or over a period if that is
+# longer, in the device's own units; and the most that counts as an agreement.
 EXPECTED, MOST_EXPECTED = 100.0, 1e-4
-# Differences so many times those of the first periods end the comparison.
+# Differences end the comparison that are so many times those of the first periods, and not below
+# what is an agreement.
 SENSITIVE, FIRST_PERIODS = 1e3, 3.0
 # From one event to the next, differences grow by no more than this (a chaotic motion doubles them),
 # but an impact slower than `SLOW` multiplies its own by up to SLOW / speed besides.
@@ -123,10 +124,14 @@ class _Log:
         strength[ends] = np.sqrt(moved[:-1][ends])
         begins = transition & (events.guard == BREAK_AWAY)
         strength[begins] = np.sqrt(moved[1:][begins])
-        # A rest counts by how long it has lasted.
-        lasted = np.diff(self.cycle * self.period + self.time, prepend=-math.inf)[:-1]
-        released = transition & (events.guard == RELEASE)
-        strength[released] = lasted[released]
+        # A rest on a stopper counts by how long it lasts.
+        instants = events.cycle * self.period + events.time
+        rests = np.flatnonzero(events.kind == loop.ACCUMULATION)
+        releases = np.flatnonzero(transition & (events.guard == RELEASE))
+        released = np.append(instants[releases], math.inf)[np.searchsorted(releases, rests)]
+        strength[rests] = released - instants[rests]
+        rested = np.append(-math.inf, instants[rests])[np.searchsorted(rests, releases)]
+        strength[releases] = instants[releases] - rested
         return strength
 
     def at(self, i: int) -> float:
@@ -141,7 +146,7 @@ class _Comparison:
     """Walks along two logs and remembers by how much the events differ of late."""
 
     def __init__(self, run: _Log, other: _Log, rtol: float) -> None:
-        self.run, self.other = run, other
+        self.run, self.other, self.until = run, other, run.start
         self.expected = min(EXPECTED * rtol, MOST_EXPECTED)
         self.apart = self.first = self.expected
         self.matched: list[tuple[int, Floats]] = []  # what, and its `_differences`
@@ -150,30 +155,32 @@ class _Comparison:
     def walk(self) -> tuple[bool, float, str]:
         """Return whether the runs agree, up to where, and the verdict."""
         run, other = self.run, self.other
-        until, i, j = run.start, 0, 0
+        i, j = 0, 0
         while True:
             found = self._next_match(i, j)
             if found is None:
-                return False, until, (
+                return False, self.until, (
                     f"do not agree: {run.said(i)} stands against {other.said(j)}, which the "
                     f"differences up to there, {self.apart:.0e} at most, do not explain"
                 )  # fmt: skip
             i, j = self._leave_out((i, j), found)
             differences = self._differences(i, j)
-            if self._size(differences, i, j) > SENSITIVE * self.first:
-                return True, until, (
-                    f"agree until period {until:.4g}; beyond, the motion is too sensitive: a "
-                    f"difference of {self.first:.0e} has grown a thousandfold, step by step"
+            size = self._size(differences, i, j)
+            if size > max(SENSITIVE * self.first, MOST_EXPECTED):
+                return True, self.until, (
+                    f"agree until period {self.until:.4g}; beyond, the motion is too sensitive: "
+                    f"event by event, differences have grown from {self.first:.0e} to {size:.0e}"
                 )  # fmt: skip
             self.matched.append((int(run.what[i]), differences))
-            until = run.at(i)
+            self.until = run.at(i)
             if i == run.end:
-                return True, until, f"agree to the end, period {until:.9g}"
+                weak = f"; {len(self.alone)} weak events are in one run only" if self.alone else ""
+                return True, self.until, f"agree to the end, period {self.until:.9g}{weak}"
             largest = float(np.nanmax(differences))
             # At once up, and down by and by: what an impact does to one is not undone by the next.
             self.apart = max(largest, 0.5 * self.apart, self.expected)
-            if until < run.start + FIRST_PERIODS:
-                self.first = max(self.first, self._size(differences, i, j))
+            if self.until < run.start + FIRST_PERIODS:
+                self.first = max(self.first, size)
             i, j = i + 1, j + 1
 
     def _next_match(self, i: int, j: int) -> tuple[int, int] | None:
@@ -190,7 +197,9 @@ class _Comparison:
     def _same(self, i: int, j: int) -> bool:
         if self.run.what[i] != self.other.what[j]:
             return False
-        return self._size(self._differences(i, j), i, j) <= GROWTH * self.apart
+        smooth = max(1.0, self.run.at(i) - self.until)  # periods without any event add up as well
+        size = self._size(self._differences(i, j), i, j)
+        return size <= GROWTH * max(self.apart, smooth * self.expected)
 
     def _weak(self, log: _Log, first: int, end: int) -> bool:
         """Return whether the events from `first` up to `end` may be in one run alone."""
