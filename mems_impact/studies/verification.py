@@ -112,6 +112,11 @@ class _Log:
         self.speed = np.append(speed, math.nan)
         self.strength = np.append(self._strength(), math.inf)
         self.end = len(self.events)
+        # Each event begins in the mode that the one before has left; where it does not, one is
+        # lost or doubled, be it ever so weak.
+        modes = np.append(trajectory.start.mode, self.events.mode_after)
+        self.broken = modes != np.append(self.events.mode_before, final.mode)
+        self.strength[self.broken] = math.inf
 
     def _strength(self) -> Floats:
         """Return how strong each event is, as a speed; infinity for a switch of the drive."""
@@ -195,7 +200,7 @@ class _Comparison:
         return None
 
     def _same(self, i: int, j: int) -> bool:
-        if self.run.what[i] != self.other.what[j]:
+        if self.run.what[i] != self.other.what[j] or self.run.broken[i] or self.other.broken[j]:
             return False
         smooth = max(1.0, self.run.at(i) - self.until)  # periods without any event add up as well
         size = self._size(self._differences(i, j), i, j)

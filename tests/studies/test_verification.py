@@ -99,12 +99,15 @@ def test_a_lost_event_is_found(motion, kind, request):
 
 
 @pytest.mark.parametrize("motion", ["periodic", "chaotic"])
-def test_a_doubled_event_is_found(motion, request):
+@pytest.mark.parametrize("after_impact", [0, 1], ids=["impact", "slip end"])
+def test_a_doubled_event_is_found(motion, after_impact, request):
     run = request.getfixturevalue(motion)
-    row = impact_rows(run)[6]
+    events = run.trajectory.events
+    row = impact_rows(run)[6] + after_impact
     found = with_events(run, lambda column: np.insert(column, row, column[row], axis=0)).verify()
     assert not found.agrees
-    assert found.until == pytest.approx(run.impacts["period"][6] + run.impacts["phase"][6])
+    instant = events.cycle[row] + events.time[row] / run.trajectory.period
+    assert found.until == pytest.approx(instant)
 
 
 @pytest.mark.parametrize(
