@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mems_impact import tables
-from mems_impact.actuator.modes import BREAK_AWAY, RELEASE, SLIP_END, V1, V2, X1, X2
+from mems_impact.actuator.modes import (
+    BREAK_AWAY,
+    MODES,
+    RELEASE,
+    SLIP_END,
+    V1,
+    V2,
+    X1,
+    X2,
+    side_of,
+)
 from mems_impact.actuator.units import DIMENSIONLESS, Scales
 from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
@@ -20,6 +30,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Verification", "compare", "other_family"]
+
+FREE = np.array([side_of(mode) == 0 for mode in range(len(MODES))])
 
 TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
 
@@ -132,9 +144,10 @@ class _Log:
         # A rest on a stopper counts by how long it lasts.
         instants = events.cycle * self.period + events.time
         rests = np.flatnonzero(events.kind == loop.ACCUMULATION)
+        frees = np.flatnonzero(FREE[events.mode_after])
+        freed = np.append(instants[frees], math.inf)[np.searchsorted(frees, rests)]
+        strength[rests] = freed - instants[rests]
         releases = np.flatnonzero(transition & (events.guard == RELEASE))
-        released = np.append(instants[releases], math.inf)[np.searchsorted(releases, rests)]
-        strength[rests] = released - instants[rests]
         rested = np.append(-math.inf, instants[rests])[np.searchsorted(rests, releases)]
         strength[releases] = instants[releases] - rested
         return strength
@@ -163,6 +176,12 @@ class _Comparison:
         i, j = 0, 0
         while True:
             found = self._next_match(i, j)
+            if found is None and (
+                (self._cut_off(run, i) and j == other.end)
+                or (self._cut_off(other, j) and i == run.end)
+            ):
+                self._leave_out((i, j), (run.end, other.end))
+                return True, run.at(run.end), self._to_the_end()
             if found is None:
                 return False, self.until, (
                     f"do not agree: {run.said(i)} stands against {other.said(j)}, which the "
@@ -179,14 +198,23 @@ class _Comparison:
             self.matched.append((int(run.what[i]), differences))
             self.until = run.at(i)
             if i == run.end:
-                weak = f"; {len(self.alone)} weak events are in one run only" if self.alone else ""
-                return True, self.until, f"agree to the end, period {self.until:.9g}{weak}"
+                return True, self.until, self._to_the_end()
             largest = float(np.nanmax(differences))
             # At once up, and down by and by: what an impact does to one is not undone by the next.
             self.apart = max(largest, 0.5 * self.apart, self.expected)
             if self.until < run.start + FIRST_PERIODS:
                 self.first = max(self.first, size)
             i, j = i + 1, j + 1
+
+    def _to_the_end(self) -> str:
+        number = len(self.alone)
+        weak = f"; weak events that one run only has: {number}" if number else ""
+        return f"agree to the end, period {self.run.at(self.run.end):.9g}{weak}"
+
+    def _cut_off(self, log: _Log, i: int) -> bool:
+        """Return whether event i is so near the end that the other run may end just before it."""
+        left = (log.cycle[log.end] - log.cycle[i]) * log.period + log.time[log.end] - log.time[i]
+        return bool(i < log.end and left <= GROWTH * self.apart)
 
     def _next_match(self, i: int, j: int) -> tuple[int, int] | None:
         """Return the next events, from i and j on, that are the same; with weak ones between."""
@@ -234,6 +262,7 @@ class _Comparison:
 
     def _size(self, differences: Floats, i: int, j: int) -> float:
         """Return the largest of `differences`, without what the slowness of an impact makes."""
-        speed = min(SLOW, max(self.run.speed[i], self.other.speed[j]))
-        slowness = 1.0 if math.isnan(speed) else speed / SLOW
-        return slowness * float(np.nanmax(differences))
+        speed = max(self.run.speed[i], self.other.speed[j])
+        # A graze is met within the root of a difference.
+        speed = SLOW if math.isnan(speed) else min(SLOW, max(speed, math.sqrt(self.apart)))
+        return speed / SLOW * float(np.nanmax(differences))
