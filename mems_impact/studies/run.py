@@ -187,6 +187,11 @@ class Run:
         RunError
             If the second run cannot go on.
 
+        Warns
+        -----
+        StiffnessWarning
+            If a run by BDF is so stiff that dop853 takes long.
+
         Examples
         --------
         >>> import mems_impact as mi

@@ -35,14 +35,15 @@ FREE = np.array([side_of(mode) == 0 for mode in range(len(MODES))])
 
 TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
 
-# What local errors of `rtol` may sum up to from one event to the next, or over a period if that is
-# longer, in the device's own units; and the most that counts as an agreement.
+# What local errors of `rtol` may sum up to from one event to the next, in the device's own units;
+# and the most that counts as an agreement.
 EXPECTED, MOST_EXPECTED = 100.0, 1e-4
 # Differences end the comparison that are so many times those of the first periods, and not below
 # what is an agreement.
 SENSITIVE, FIRST_PERIODS = 1e3, 3.0
-# From one event to the next, differences grow by no more than this (a chaotic motion doubles them),
-# but an impact slower than `SLOW` multiplies its own by up to SLOW / speed besides.
+# From one event to the next differences grow by no more than this (a chaotic motion doubles them),
+# times the periods between; but an impact slower than `SLOW` multiplies its own by up to
+# SLOW / speed besides.
 GROWTH, SLOW = 100.0, 0.1
 # A block that misses a stopper by a distance y would have struck at sqrt(2 a y), where its
 # acceleration a is of order 1, had it come so much further: such an event may be in one run alone.
@@ -80,7 +81,7 @@ class Verification:
 
 
 def other_family(options: Options) -> Options:
-    """Return options of a method that shares nothing with that of `options`, and more precise."""
+    """Return options of a method that shares no formula with that of `options`, more precise."""
     return replace(
         options,
         method="adams" if options.method == "dop853" else "dop853",
@@ -230,13 +231,16 @@ class _Comparison:
     def _same(self, i: int, j: int) -> bool:
         if self.run.what[i] != self.other.what[j] or self.run.broken[i] or self.other.broken[j]:
             return False
-        smooth = max(1.0, self.run.at(i) - self.until)  # periods without any event add up as well
-        size = self._size(self._differences(i, j), i, j)
-        return size <= GROWTH * max(self.apart, smooth * self.expected)
+        return self._size(self._differences(i, j), i, j) <= GROWTH * self._grown(self.run, i)
 
     def _weak(self, log: _Log, first: int, end: int) -> bool:
         """Return whether the events from `first` up to `end` may be in one run alone."""
-        return bool((log.strength[first:end] <= WEAK * math.sqrt(self.apart)).all())
+        limit = WEAK * math.sqrt(self._grown(log, first))
+        return bool((log.strength[first:end] <= limit).all())
+
+    def _grown(self, log: _Log, i: int) -> float:
+        """Return what the last difference may be by event i, after periods without any event."""
+        return self.apart * max(1.0, log.at(i) - self.until)
 
     def _leave_out(self, here: tuple[int, int], there: tuple[int, int]) -> tuple[int, int]:
         for log, first, end in zip((self.run, self.other), here, there, strict=True):
