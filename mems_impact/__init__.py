@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.state import State
     from mems_impact.studies.sweep import kicked, sweep
     from mems_impact.studies.targets import Target
+    from mems_impact.studies.verification import Verification
     from mems_impact.tables import sweep_summary
 
 __all__ = [
@@ -114,6 +115,7 @@ __all__ = [
     "Trapezoid",
     "TwoSided",
     "UnitsWarning",
+    "Verification",
     "Window",
     "blows",
     "continue_curve",
@@ -214,6 +216,7 @@ _HOMES = {
     "studies.state": ("State",),
     "studies.sweep": ("kicked", "sweep"),
     "studies.targets": ("Target",),
+    "studies.verification": ("Verification",),
     "tables": ("sweep_summary",),
 }
 

@@ -23,6 +23,8 @@ from mems_impact.hybrid.trajectory import Events, Floats, Samples
 
 __all__ = [
     "COLUMN_UNITS",
+    "END",
+    "EVENTS",
     "SWEEP_COLUMNS",
     "blows",
     "branch",
@@ -33,11 +35,13 @@ __all__ = [
     "codimension_two",
     "curve",
     "displacement",
+    "event_codes",
     "events",
     "fit_parameters",
     "fit_residuals",
     "heading",
     "impacts",
+    "is_shown",
     "samples",
     "section",
     "segments",
@@ -49,6 +53,7 @@ __all__ = [
     "sweep_summary",
     "symbols",
     "transitions",
+    "verification",
 ]
 
 COLUMN_UNITS = {
@@ -66,11 +71,18 @@ COLUMN_UNITS = {
     "mean speed": "m/s",
     "closest approach": "m",
     "energy lost per period": "J",
+    # differences of two runs
+    "time apart": "s",
+    "position apart": "m",
+    **dict.fromkeys(["impact speed apart", "velocity apart"], "m/s"),
 }
 """The SI unit of every column, and of every statistic, that is not a pure number."""
 
 CHATTER_ENDS = "chatter ends"
 DRIVE_SWITCHES = "drive switches"
+END = "end of the run"
+EVENTS = (*(guard.name for guard in GUARDS), CHATTER_ENDS, DRIVE_SWITCHES, END)
+"""What a row of the event log is called, by `event_codes`; and what comes after the last."""
 
 
 def impacts(
@@ -148,17 +160,59 @@ def blows(
 
 def events(log: Events, scales: Scales = DIMENSIONLESS) -> pd.DataFrame:
     """Return one row a transition: what happened, the modes before and after, the state after."""
-    shown = np.isin(log.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH))
-    log = log[shown]
-    names = [*(guard.name for guard in GUARDS), CHATTER_ENDS, DRIVE_SWITCHES]
-    name = np.where(log.kind == loop.ACCUMULATION, len(GUARDS), log.guard)
-    name = np.where(log.kind == loop.SWITCH, len(GUARDS) + 1, name)
+    log = log[is_shown(log)]
     columns = {
         **_when(log.cycle, log.time),
-        "event": _words(names, name),
+        "event": _words(EVENTS[:-1], event_codes(log)),
         "mode before": _words(MODES, log.mode_before),
         "mode after": _words(MODES, log.mode_after),
         **_states(log.after),
+    }
+    return _table(columns, scales)
+
+
+def is_shown(log: Events) -> NDArray[np.bool_]:
+    """Return where the rows of the log are events to a user: what ends an arc."""
+    shown: NDArray[np.bool_] = np.isin(log.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH))
+    return shown
+
+
+def event_codes(log: Events) -> NDArray[np.int64]:
+    """Return what happened in each row that is shown: places in `EVENTS`."""
+    codes = np.where(log.kind == loop.ACCUMULATION, EVENTS.index(CHATTER_ENDS), log.guard)
+    return np.where(log.kind == loop.SWITCH, EVENTS.index(DRIVE_SWITCHES), codes)
+
+
+def verification(
+    matched: Sequence[tuple[int, Floats]], alone: Sequence[int], scales: Scales = DIMENSIONLESS
+) -> pd.DataFrame:
+    """Return one row a kind of event in two runs: how often, and the largest differences.
+
+    Parameters
+    ----------
+    matched : sequence of tuple
+        Of every event that both have: its place in `EVENTS`, and the differences of instants,
+        impact speeds, positions and velocities.
+    alone : sequence of int
+        Of every event that only one has: its place in `EVENTS`.
+    scales : Scales, optional
+    """
+    codes = np.array([code for code, _ in matched], dtype=np.int64)
+    values = np.array([differences for _, differences in matched]).reshape(-1, 4)
+    kinds = np.union1d(codes, np.array(alone, dtype=np.int64))
+    # A NaN is no difference, of what has no impact speed; all NaN stay so.
+    largest = np.array([np.fmax.reduce(values[codes == kind], initial=np.nan) for kind in kinds])
+    columns = {
+        "event": [EVENTS[kind] for kind in kinds],
+        "matched": [int((codes == kind).sum()) for kind in kinds],
+        "in one run only": [alone.count(kind) for kind in kinds],
+        **dict(
+            zip(
+                ("time apart", "impact speed apart", "position apart", "velocity apart"),
+                largest.reshape(-1, 4).T,
+                strict=True,
+            )
+        ),
     }
     return _table(columns, scales)
 

@@ -109,3 +109,21 @@ def test_sweep_summary(tmp_path):
     assert list(older.columns) == [
         name for name in summary.columns if name not in ("mean speed", "displacement per impact")
     ]
+
+
+def test_verification_counts_and_takes_the_largest():
+    impact, slip_end = tables.EVENTS.index("right impact"), tables.EVENTS.index("slip end")
+    matched = [
+        (impact, np.array([1e-8, 3e-8, 0.0, 1e-9])),
+        (slip_end, np.array([2e-8, np.nan, 4e-9, 0.0])),
+        (impact, np.array([5e-9, 4e-8, 1e-9, 0.0])),
+    ]
+    chatter = tables.EVENTS.index("chatter ends")
+    table = tables.verification(matched, [slip_end, chatter]).set_index("event")
+    assert list(table.index) == ["right impact", "slip end", "chatter ends"]
+    assert table["matched"].tolist() == [2, 1, 0]
+    assert table["in one run only"].tolist() == [0, 1, 1]
+    assert table.loc["right impact"].tolist() == [2, 0, 1e-8, 4e-8, 1e-9, 1e-9]
+    assert np.isnan(table.loc["slip end", "impact speed apart"])
+    assert table.loc["chatter ends"].isna().sum() == 4
+    assert tables.verification([], []).empty

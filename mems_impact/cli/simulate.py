@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.failures import FAILED, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -37,9 +37,16 @@ FIRST_ROWS = 6
     help="Forcing periods that the statistics are taken over.  [the last part of the run]",
 )
 @integrator_options
+@click.option(
+    "--verify",
+    is_flag=True,
+    help="Run it again by an unrelated method, more precisely, and compare event by event.",
+)
 @progress_option
 @output_options
+@click.pass_context
 def command(
+    ctx: click.Context,
     *,
     device: str,
     changes: dict[str, float],
@@ -52,6 +59,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    verify: bool,
     progress: bool,
     output: str,
     figure: str | None,
@@ -61,7 +69,8 @@ def command(
 
     Shows the statistics, the first impacts and the first blows (a sequence of impacts that ends in
     rest is one), and writes the tables of impacts, blows, events and statistics as CSV and the
-    last periods of the motion as a figure.
+    last periods of the motion as a figure. With --verify the exit status is 1 if the second run
+    does not agree.
 
     \b
     Example:
@@ -91,9 +100,16 @@ def command(
                 files.tables(_tables(error.trajectory))
             raise
         files.tables(_tables(run))
+        verification = run.verify() if verify else None
+        if verification is not None:
+            files.tables({"verification": verification.table})
         files.draw(lambda: mi.plot_run(run)[0].figure)
         _show(run)
+        if verification is not None:
+            click.echo(f"Two unrelated methods of integration:\n{verification}\n")
         click.echo(files.said())
+    if verification is not None and not verification.agrees:
+        ctx.exit(FAILED)
 
 
 def _show(run: mi.Run) -> None:

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -134,3 +136,51 @@ def test_a_fallback_is_one_line(cli, monkeypatch):
     refused = cli(*ARGUMENTS, "--no-figure", "--engine", "compiled")
     assert refused.status == 1
     assert refused.err == "mems-impact: no SUNDIALS here; install it\n"
+
+
+def test_verify_shows_and_writes_the_comparison(cli, tmp_path):
+    done = cli(*ARGUMENTS, "--verify", "--no-figure")
+    assert done.status == 0
+    statistics, comparison = done.out.split("Two unrelated methods of integration:\n")
+    assert "impacts per period" in statistics
+    assert "agree to the end, period 20" in comparison.splitlines()
+    assert "out/simulate-verification.csv" in done.out.splitlines()[-1]
+    run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), periods=20)
+    written = pd.read_csv(tmp_path / "out" / "simulate-verification.csv")
+    pd.testing.assert_frame_equal(written, run.verify().table, rtol=1e-15)
+
+
+def test_a_chaotic_run_is_no_failure(cli):
+    done = cli(*ARGUMENTS, "--omega", "0.45", "--amplitude", "0.26", "--periods", "50", "--verify")
+    assert done.status == 0
+    assert "beyond, the motion is too sensitive" in done.out
+
+
+def test_a_run_that_does_not_agree_fails(cli, tmp_path, monkeypatch):
+    simulate = mi.simulate
+
+    def without_an_impact(*arguments, **options):
+        run = simulate(*arguments, **options)
+        events = run.trajectory.events
+        rows = np.ones(len(events), dtype=bool)
+        rows[np.flatnonzero(events.kind == 0)[4]] = False
+        return replace(run, trajectory=replace(run.trajectory, events=events[rows]))
+
+    monkeypatch.setattr(mi, "simulate", without_an_impact, raising=False)
+    assert cli(*ARGUMENTS).status == 0
+    done = cli(*ARGUMENTS, "--verify")
+    assert done.status == 1
+    assert "do not agree: 'slip end'" in done.out
+    assert (tmp_path / "out" / "simulate-verification.csv").exists()
+    assert "out/simulate-verification.csv" in done.out.splitlines()[-1]
+
+
+def test_what_the_first_run_gave_stands_if_the_second_fails(cli, tmp_path, monkeypatch):
+    def interrupted(_run):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mi.Run, "verify", interrupted)
+    done = cli(*ARGUMENTS, "--verify")
+    assert done.status == 130
+    assert "out/simulate-impacts.csv" in done.err
+    assert not (tmp_path / "out" / "simulate-verification.csv").exists()

@@ -1,0 +1,272 @@
+"""Two runs of one motion, made by unrelated methods of integration, event by event."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mems_impact import tables
+from mems_impact.actuator.modes import (
+    BREAK_AWAY,
+    MODES,
+    RELEASE,
+    SLIP_END,
+    V1,
+    V2,
+    X1,
+    X2,
+    side_of,
+)
+from mems_impact.actuator.units import DIMENSIONLESS, Scales
+from mems_impact.engines.options import Options
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.trajectory import Floats, Trajectory
+from mems_impact.studies.impacts import is_impact
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Verification", "compare", "other_family"]
+
+FREE = np.array([side_of(mode) == 0 for mode in range(len(MODES))])
+
+TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
+
+# What local errors of `rtol` may sum up to from one event to the next, in the device's own units;
+# and the most that counts as an agreement.
+EXPECTED, MOST_EXPECTED = 100.0, 1e-4
+# Differences end the comparison that are so many times those of the first periods, and not below
+# what is an agreement.
+SENSITIVE, FIRST_PERIODS = 1e3, 3.0
+# From one event to the next differences grow by no more than this (a chaotic motion doubles them),
+# times the periods between; but an impact slower than `SLOW` multiplies its own by up to
+# SLOW / speed besides.
+GROWTH, SLOW = 100.0, 0.1
+# A block that misses a stopper by a distance y would have struck at sqrt(2 a y), where its
+# acceleration a is of order 1, had it come so much further: such an event may be in one run alone.
+WEAK = 3.0
+MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end in rest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Verification:
+    """A run beside the same run by an unrelated method.
+
+    Attributes
+    ----------
+    table : DataFrame
+        One row a kind of event: how many were matched, how many (weak ones) only one run has, and
+        the largest differences of instants, impact speeds, positions and velocities. The last row
+        is the state at the end of the run, where the comparison came so far.
+    agrees : bool
+        False if an event is lost, doubled or shifted in one of the runs and nothing led up to it.
+        A motion too sensitive to be compared to its end agrees as far as it can be compared.
+    until : float
+        Forcing periods up to which the runs were compared, and agree.
+    verdict : str
+        The same in one line.
+    """
+
+    table: pd.DataFrame
+    agrees: bool
+    until: float
+    verdict: str
+
+    def __str__(self) -> str:
+        table = self.table.to_string(index=False, na_rep="", float_format="{:.1e}".format)
+        return f"{table}\n{self.verdict}"
+
+
+def other_family(options: Options) -> Options:
+    """Return options of a method that shares no formula with that of `options`, more precise."""
+    return replace(
+        options,
+        method="adams" if options.method == "dop853" else "dop853",
+        rtol=min(options.rtol, max(TIGHTER * options.rtol, TIGHTEST_RTOL)),
+        atol=min(options.atol, max(TIGHTER * options.atol, TIGHTEST_ATOL)),
+    )
+
+
+def compare(
+    run: Trajectory, other: Trajectory, rtol: float, scales: Scales = DIMENSIONLESS
+) -> Verification:
+    """Compare two trajectories that ought to be the same.
+
+    Parameters
+    ----------
+    run, other : Trajectory
+        From the same start, over the same time.
+    rtol : float
+        Relative tolerance of the less precise one.
+    scales : Scales, optional
+        Of the device, for the table.
+    """
+    comparison = _Comparison(_Log(run), _Log(other), rtol)
+    agrees, until, verdict = comparison.walk()
+    table = tables.verification(comparison.matched, comparison.alone, scales)
+    return Verification(table=table, agrees=agrees, until=until, verdict=verdict)
+
+
+class _Log:
+    """What is compared of one run: its events, and its end after the last of them."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self.events = trajectory.events[tables.is_shown(trajectory.events)]
+        start, final, self.period = trajectory.start, trajectory.final, trajectory.period
+        self.start = start.cycle + start.time / self.period
+        self.what = np.append(tables.event_codes(self.events), tables.EVENTS.index(tables.END))
+        self.cycle = np.append(self.events.cycle, final.cycle)
+        self.time = np.append(self.events.time, final.time)
+        self.after = np.vstack([self.events.after, final.y])
+        speed = np.where(is_impact(self.events), np.abs(self.events.before[:, V2]), math.nan)
+        self.speed = np.append(speed, math.nan)
+        self.strength = np.append(self._strength(), math.inf)
+        self.end = len(self.events)
+        # Each event begins in the mode that the one before has left; where it does not, one is
+        # lost or doubled, be it ever so weak.
+        modes = np.append(trajectory.start.mode, self.events.mode_after)
+        self.broken = modes != np.append(self.events.mode_before, final.mode)
+        self.strength[self.broken] = math.inf
+
+    def _strength(self) -> Floats:
+        """Return how strong each event is, as a speed; infinity for a switch of the drive."""
+        events = self.events
+        strength = np.where(events.kind == loop.SWITCH, math.inf, np.abs(events.before[:, V2]))
+        # A slip begins or ends at no speed: it counts by its length, which is v^2 / 2 a.
+        moved = np.abs(np.diff(self.after[:, X1], prepend=math.inf))
+        transition = events.kind == loop.TRANSITION
+        ends = transition & (events.guard == SLIP_END)
+        strength[ends] = np.sqrt(moved[:-1][ends])
+        begins = transition & (events.guard == BREAK_AWAY)
+        strength[begins] = np.sqrt(moved[1:][begins])
+        # A rest on a stopper counts by how long it lasts.
+        instants = events.cycle * self.period + events.time
+        rests = np.flatnonzero(events.kind == loop.ACCUMULATION)
+        frees = np.flatnonzero(FREE[events.mode_after])
+        freed = np.append(instants[frees], math.inf)[np.searchsorted(frees, rests)]
+        strength[rests] = freed - instants[rests]
+        releases = np.flatnonzero(transition & (events.guard == RELEASE))
+        rested = np.append(-math.inf, instants[rests])[np.searchsorted(rests, releases)]
+        strength[releases] = instants[releases] - rested
+        return strength
+
+    def at(self, i: int) -> float:
+        """Return the instant of event i in forcing periods."""
+        return float(self.cycle[i] + self.time[i] / self.period)
+
+    def said(self, i: int) -> str:
+        return f"'{tables.EVENTS[self.what[i]]}' (period {self.at(i):.9g})"
+
+
+class _Comparison:
+    """Walks along two logs and remembers by how much the events differ of late."""
+
+    def __init__(self, run: _Log, other: _Log, rtol: float) -> None:
+        self.run, self.other, self.until = run, other, run.start
+        self.expected = min(EXPECTED * rtol, MOST_EXPECTED)
+        self.apart = self.first = self.expected
+        self.matched: list[tuple[int, Floats]] = []  # what, and its `_differences`
+        self.alone: list[int] = []  # what only one run has
+
+    def walk(self) -> tuple[bool, float, str]:
+        """Return whether the runs agree, up to where, and the verdict."""
+        run, other = self.run, self.other
+        i, j = 0, 0
+        while True:
+            found = self._next_match(i, j)
+            if found is None and (
+                (self._cut_off(run, i) and j == other.end)
+                or (self._cut_off(other, j) and i == run.end)
+            ):
+                self._leave_out((i, j), (run.end, other.end))
+                return True, run.at(run.end), self._to_the_end()
+            if found is None:
+                return False, self.until, (
+                    f"do not agree: {run.said(i)} stands against {other.said(j)}, which the "
+                    f"differences up to there, {self.apart:.0e} at most, do not explain"
+                )  # fmt: skip
+            i, j = self._leave_out((i, j), found)
+            differences = self._differences(i, j)
+            size = self._size(differences, i, j)
+            if size > max(SENSITIVE * self.first, MOST_EXPECTED):
+                return True, self.until, (
+                    f"agree until period {self.until:.4g}; beyond, the motion is too sensitive: "
+                    f"event by event, differences have grown from {self.first:.0e} to {size:.0e}"
+                )  # fmt: skip
+            self.matched.append((int(run.what[i]), differences))
+            self.until = run.at(i)
+            if i == run.end:
+                return True, self.until, self._to_the_end()
+            largest = float(np.nanmax(differences))
+            # At once up, and down by and by: what an impact does to one is not undone by the next.
+            self.apart = max(largest, 0.5 * self.apart, self.expected)
+            if self.until < run.start + FIRST_PERIODS:
+                self.first = max(self.first, size)
+            i, j = i + 1, j + 1
+
+    def _to_the_end(self) -> str:
+        number = len(self.alone)
+        weak = f"; weak events that one run only has: {number}" if number else ""
+        return f"agree to the end, period {self.run.at(self.run.end):.9g}{weak}"
+
+    def _cut_off(self, log: _Log, i: int) -> bool:
+        """Return whether event i is so near the end that the other run may end just before it."""
+        left = (log.cycle[log.end] - log.cycle[i]) * log.period + log.time[log.end] - log.time[i]
+        return bool(i < log.end and left <= GROWTH * self.apart)
+
+    def _next_match(self, i: int, j: int) -> tuple[int, int] | None:
+        """Return the next events, from i and j on, that are the same; with weak ones between."""
+        for skipped in range(MOST_SKIPPED + 1):
+            for k in range(i, i + skipped + 1):
+                m = j + skipped - (k - i)
+                if k > self.run.end or m > self.other.end:
+                    continue
+                if self._same(k, m) and self._weak(self.run, i, k) and self._weak(self.other, j, m):
+                    return k, m
+        return None
+
+    def _same(self, i: int, j: int) -> bool:
+        if self.run.what[i] != self.other.what[j] or self.run.broken[i] or self.other.broken[j]:
+            return False
+        return self._size(self._differences(i, j), i, j) <= GROWTH * self._grown(self.run, i)
+
+    def _weak(self, log: _Log, first: int, end: int) -> bool:
+        """Return whether the events from `first` up to `end` may be in one run alone."""
+        limit = WEAK * math.sqrt(self._grown(log, first))
+        return bool((log.strength[first:end] <= limit).all())
+
+    def _grown(self, log: _Log, i: int) -> float:
+        """Return what the last difference may be by event i, after periods without any event."""
+        return self.apart * max(1.0, log.at(i) - self.until)
+
+    def _leave_out(self, here: tuple[int, int], there: tuple[int, int]) -> tuple[int, int]:
+        for log, first, end in zip((self.run, self.other), here, there, strict=True):
+            self.alone += log.what[first:end].tolist()
+            # From here on the motions differ by what this event has done.
+            self.apart = max(self.apart, float(log.strength[first:end].max(initial=0.0)))
+        return there
+
+    def _differences(self, i: int, j: int) -> Floats:
+        """Return the differences of instants, impact speeds, positions and velocities."""
+        run, other = self.run, self.other
+        # Periods are counted in integers first, so that late ones lose no digits.
+        late = (run.cycle[i] - other.cycle[j]) * run.period + (run.time[i] - other.time[j])
+        state = np.abs(run.after[i] - other.after[j])
+        return np.array(
+            [
+                abs(late),
+                abs(run.speed[i] - other.speed[j]),
+                max(state[X1], state[X2]),
+                max(state[V1], state[V2]),
+            ]
+        )
+
+    def _size(self, differences: Floats, i: int, j: int) -> float:
+        """Return the largest of `differences`, without what the slowness of an impact makes."""
+        speed = max(self.run.speed[i], self.other.speed[j])
+        # A graze is met within the root of a difference.
+        speed = SLOW if math.isnan(speed) else min(SLOW, max(speed, math.sqrt(self.apart)))
+        return speed / SLOW * float(np.nanmax(differences))
