@@ -133,9 +133,10 @@ def test_a_lost_switch_of_the_drive_is_found():
 
 def test_weak_impacts_that_one_run_has_alone_are_counted():
     # Sequences that end in rest: how many of their last impacts are told apart is a matter of
-    # precision.
+    # precision, where the tolerance is loose.
     mita = mi.load_actuator("mita2003")
-    run = mi.simulate(mita, mi.Sine(amplitude=100, omega=2 * np.pi), periods=3)
+    loose = mi.Options(rtol=1e-7, atol=1e-9)
+    run = mi.simulate(mita, mi.Sine(amplitude=100, omega=2 * np.pi), periods=3, options=loose)
     found = run.verify()
     assert found.agrees
     table = found.table.set_index("event")
@@ -146,8 +147,8 @@ def test_weak_impacts_that_one_run_has_alone_are_counted():
     chatter = (run.events["event"] == "chatter ends").sum()
     assert table.loc["chatter ends", "matched"] == chatter
     # In SI, like all tables of this device: nanometres, microseconds.
-    assert table["position apart [m]"].max() < 1e-12
-    assert table["time apart [s]"].max() < 1e-6
+    assert table["position apart [m]"].max() < 1e-11
+    assert table["time apart [s]"].max() < 1e-5
 
 
 def test_a_lost_rest_is_found():
