@@ -185,8 +185,8 @@ def fires(
     """Return whether guard `i` fires where the state is put; after `resolution`."""
     m, looked = layout.order.size, buffers.work[LOOKED]
     rate = looked[m + i]
-    # What closes within the rounding of time does so now.
-    if looked[i] > rounding_of(buffers, i) + ROUNDINGS * EPS * abs(rate * t):
+    # What closes within the rounding of time does so now; what is no number never does.
+    if not looked[i] <= rounding_of(buffers, i) + ROUNDINGS * EPS * abs(rate * t):
         return False
     if layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers):
         return True
