@@ -167,7 +167,7 @@ def carry(
     for j in range(buffers.offset.size):
         if not math.isfinite(left[j]):
             return False
-    ended = violated(engine, s, mode, t + remaining, left, layout, buffers, guard)
+    ended = violated(engine, s, mode, t + remaining, left, layout, buffers, guard, NONE)
     if ended == NONE:
         return True
     if layout.impact[ended] == 1 or not concerns(engine, mode, t, ended, guard, layout, buffers):
@@ -184,7 +184,7 @@ def carry(
     follow(engine, mode, t, entered, high, left, buffers)
     s.mode = arc.transition(engine, mode, ended, t + high, left)
     follow(engine, s.mode, t + high, left, remaining - high, left, buffers)
-    return violated(engine, s, s.mode, t + remaining, left, layout, buffers, guard) == NONE
+    return violated(engine, s, s.mode, t + remaining, left, layout, buffers, guard, NONE) == NONE
 
 
 def concerns(

@@ -157,8 +157,8 @@ def violated(
     y: Any,
     layout: Any,
     buffers: Any,
-    but: int = NONE,
-    after: int = NONE,
+    but: int,
+    after: int,
 ) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
 

@@ -135,7 +135,7 @@ def advance(
             s.failure = inside(engine, s, s.t, y, layout, buffers)
             if s.failure != NONE:
                 return INADMISSIBLE
-            guard = violated(engine, s, s.mode, s.t, y, layout, buffers)
+            guard = violated(engine, s, s.mode, s.t, y, layout, buffers, NONE, NONE)
             for i in range(layout.switches.size):
                 # A run that ended here left the jump to this one.
                 since = abs(s.t - layout.switches[i]) % s.period
@@ -180,7 +180,7 @@ def advance(
             guard, t_event = first_guard(engine, s, status, before, t, layout, buffers)
         if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
             arc.state(engine, y)
-            guard = violated(engine, s, s.mode, t, y, layout, buffers)
+            guard = violated(engine, s, s.mode, t, y, layout, buffers, NONE, NONE)
             s.doubt = still_below(layout, buffers)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
