@@ -292,12 +292,12 @@ def first_guard(
             or t_crossing < t_event
             or (t_crossing == t_event and order[i] < order[guard])
         ):
-            fires = surely_falling(s, m + i, rate, buffers)
-            if not fires:
+            certain = surely_falling(s, m + i, rate, buffers)
+            if not certain:
                 arc.interpolate(engine, t_crossing, y)
                 resolution(engine, s, s.mode, t_crossing, y, layout, buffers)
-                fires = falling(engine, s, s.mode, i, t_crossing, y, layout, buffers)
-            if fires:
+                certain = falling(engine, s, s.mode, i, t_crossing, y, layout, buffers)
+            if certain:
                 guard, t_event = i, t_crossing
             else:
                 # It is left alone until it has risen, or a step ends where it falls.
