@@ -6,6 +6,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.design.blows import Blows, blows
+    from mems_impact.actuator.design.chart import Chart, operating_chart
+    from mems_impact.actuator.design.estimates import (
+        Window,
+        period_one_window,
+        pull_in_voltage,
+        resolution,
+        resting_voltage,
+        speed_over_voltage,
+        step_length,
+        step_lengths,
+    )
+    from mems_impact.actuator.design.fit import Fit, fit
+    from mems_impact.actuator.design.targets import Target
     from mems_impact.actuator.drive import (
         Burst,
         Custom,
@@ -19,6 +33,26 @@ if TYPE_CHECKING:
         load_drive,
     )
     from mems_impact.actuator.parameters import Actuator, load_actuator
+    from mems_impact.actuator.system import kicked
+    from mems_impact.analysis.branch import (
+        Branch,
+        Curve,
+        GrazingType,
+        SpecialPoint,
+        Steps,
+        continue_curve,
+        continue_orbit,
+        grazing_type,
+        switch_branch,
+    )
+    from mems_impact.analysis.observable import Observable
+    from mems_impact.analysis.orbit import Orbit, find_orbit
+    from mems_impact.analysis.run import Run
+    from mems_impact.analysis.simulate import simulate
+    from mems_impact.analysis.state import State
+    from mems_impact.analysis.sweep import sweep
+    from mems_impact.analysis.system import System, modes
+    from mems_impact.analysis.verification import Verification
     from mems_impact.engines.options import Options
     from mems_impact.errors import (
         ChartInterrupted,
@@ -37,44 +71,14 @@ if TYPE_CHECKING:
         SweepInterrupted,
         UnitsWarning,
     )
+    from mems_impact.hybrid.automaton import Guard, Impact
     from mems_impact.plotting.bifurcation import plot_sweep
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.chart import plot_chart
     from mems_impact.plotting.drive import plot_drive
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.timeseries import plot_run
-    from mems_impact.studies.blows import Blows, blows
-    from mems_impact.studies.branches import (
-        Branch,
-        Curve,
-        GrazingType,
-        SpecialPoint,
-        Steps,
-        continue_curve,
-        continue_orbit,
-        grazing_type,
-        switch_branch,
-    )
-    from mems_impact.studies.chart import Chart, operating_chart
-    from mems_impact.studies.design import (
-        Window,
-        period_one_window,
-        pull_in_voltage,
-        resolution,
-        resting_voltage,
-        speed_over_voltage,
-        step_length,
-        step_lengths,
-    )
-    from mems_impact.studies.fit import Fit, fit
-    from mems_impact.studies.orbits import Orbit, find_orbit
-    from mems_impact.studies.run import Run
-    from mems_impact.studies.simulate import simulate
-    from mems_impact.studies.state import State
-    from mems_impact.studies.sweep import kicked, sweep
-    from mems_impact.studies.targets import Target
-    from mems_impact.studies.verification import Verification
-    from mems_impact.tables import sweep_summary
+    from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
     "Actuator",
@@ -92,10 +96,13 @@ __all__ = [
     "Fit",
     "FitWarning",
     "GrazingType",
+    "Guard",
+    "Impact",
     "Interrupted",
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
+    "Observable",
     "Options",
     "Orbit",
     "OrbitError",
@@ -111,6 +118,7 @@ __all__ = [
     "Steps",
     "StiffnessWarning",
     "SweepInterrupted",
+    "System",
     "Target",
     "Trapezoid",
     "TwoSided",
@@ -126,6 +134,7 @@ __all__ = [
     "kicked",
     "load_actuator",
     "load_drive",
+    "modes",
     "operating_chart",
     "period_one_window",
     "plot_branch",
@@ -183,7 +192,7 @@ _HOMES = {
     ),
     "plotting.branch": ("plot_branch",),
     "plotting.chart": ("plot_chart",),
-    "studies.branches": (
+    "analysis.branch": (
         "Branch",
         "Curve",
         "GrazingType",
@@ -194,13 +203,13 @@ _HOMES = {
         "grazing_type",
         "switch_branch",
     ),
-    "studies.chart": ("Chart", "operating_chart"),
-    "studies.orbits": ("Orbit", "find_orbit"),
+    "actuator.design.chart": ("Chart", "operating_chart"),
+    "analysis.orbit": ("Orbit", "find_orbit"),
     "plotting.bifurcation": ("plot_sweep",),
     "plotting.orbit": ("plot_orbit",),
     "plotting.timeseries": ("plot_run",),
-    "studies.blows": ("Blows", "blows"),
-    "studies.design": (
+    "actuator.design.blows": ("Blows", "blows"),
+    "actuator.design.estimates": (
         "Window",
         "period_one_window",
         "pull_in_voltage",
@@ -210,14 +219,18 @@ _HOMES = {
         "step_length",
         "step_lengths",
     ),
-    "studies.fit": ("Fit", "fit"),
-    "studies.run": ("Run",),
-    "studies.simulate": ("simulate",),
-    "studies.state": ("State",),
-    "studies.sweep": ("kicked", "sweep"),
-    "studies.targets": ("Target",),
-    "studies.verification": ("Verification",),
-    "tables": ("sweep_summary",),
+    "actuator.design.fit": ("Fit", "fit"),
+    "analysis.run": ("Run",),
+    "analysis.simulate": ("simulate",),
+    "analysis.state": ("State",),
+    "actuator.system": ("kicked",),
+    "analysis.observable": ("Observable",),
+    "analysis.sweep": ("sweep",),
+    "analysis.system": ("System", "modes"),
+    "hybrid.automaton": ("Guard", "Impact"),
+    "actuator.design.targets": ("Target",),
+    "analysis.verification": ("Verification",),
+    "tables.sweep": ("sweep_summary",),
 }
 
 

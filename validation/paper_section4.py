@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 import mems_impact as mi
-from mems_impact.studies.chart import crisis
+from mems_impact.actuator.design.chart import crisis
 
 ACTUATOR = mi.load_actuator("zhao2004")
 # Figure of the paper: omega, amplitude with a period-one orbit, lowest amplitude, kinds it names.

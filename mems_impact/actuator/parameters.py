@@ -6,14 +6,14 @@ import warnings
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
 from mems_impact.actuator.reading import parse_toml, read_bytes
-from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields, unscaled_fields
+from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.actuator.validation import (
     Fraction,
     NonNegative,
@@ -21,6 +21,11 @@ from mems_impact.actuator.validation import (
     ValidatedModel,
 )
 from mems_impact.errors import InvalidParameter, UnitsWarning, shown
+from mems_impact.units import DIMENSIONLESS, Scales
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
 
@@ -103,7 +108,7 @@ class Actuator(ValidatedModel):
         """The units in which the package integrates this device; ones if it is dimensionless."""
         if self.units == "dimensionless":
             return DIMENSIONLESS
-        return Scales.of_device(self.m2, self.k, self.d, self.alpha)
+        return DeviceScales.of_device(self.m2, self.k, self.d, self.alpha)
 
     def to_dimensionless(self) -> Self:
         """Return the same device in its `scales`, in which m2 = k = d = alpha = 1.
@@ -114,6 +119,15 @@ class Actuator(ValidatedModel):
             return self
         values = scaled_fields(self, PARAMETER_UNITS, self.scales)
         return self.replace(**values, units="dimensionless")
+
+    def under(self, drive: Drive) -> ActuatorSystem:
+        """Return the system that this actuator is under a drive.
+
+        All verbs take it, as they take actuator and drive: ``simulate(actuator.under(drive))``.
+        """
+        from mems_impact.actuator.system import ActuatorSystem  # which stands on this
+
+        return ActuatorSystem(self, drive)
 
     def to_si(self, scales: Scales) -> Self:
         """Return the same device in SI.

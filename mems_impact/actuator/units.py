@@ -13,15 +13,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-__all__ = ["DIMENSIONLESS", "UNITS", "Scales", "inner", "scaled_fields", "unscaled_fields"]
+from mems_impact.units import Scales
+
+__all__ = ["UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 
 UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
 """The SI units that fields and columns may declare; whatever declares none is a pure number."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scales:
-    """The inner units, in SI.
+class DeviceScales(Scales):
+    """The inner units of a device, in SI.
 
     Parameters
     ----------
@@ -37,8 +39,6 @@ class Scales:
         [s]
     voltage : float
         [V]
-    named : bool
-        Whether results carry the name of their unit; False where the device is dimensionless.
     """
 
     mass: float = 1.0
@@ -47,7 +47,37 @@ class Scales:
     alpha: float = 1.0
     time: float = 1.0
     voltage: float = 1.0
-    named: bool = True
+
+    def __post_init__(self) -> None:
+        speed = self.length / self.time
+        factors = {
+            "kg": self.mass,
+            "N/m": self.stiffness,
+            "N s/m": self.stiffness * self.time,
+            "m": self.length,
+            "F m": self.alpha,
+            "m/s^2": self.length / self.time / self.time,
+            "s": self.time,
+            "V": self.voltage,
+            "rad/s": 1.0 / self.time,
+            "Hz": 1.0 / self.time,
+            "m/s": speed,
+            "J": self.stiffness * self.length * self.length,
+            "N": self.stiffness * self.length,
+        }
+        object.__setattr__(self, "factors", factors)
+        super().__post_init__()
+
+    def __reduce__(self) -> Any:
+        """Pickle the numbers that the factors are made of."""
+        names = ("mass", "stiffness", "length", "alpha", "time", "voltage")
+        return _device_scales, tuple(getattr(self, name) for name in names)
+
+    def unit(self, name: str) -> float:
+        """Return the inner unit of what has the SI unit `name`, one of `UNITS`."""
+        if name not in self.factors:
+            raise ValueError(f"{name!r} is not one of {', '.join(UNITS)}")
+        return self.factors[name]
 
     @classmethod
     def of_device(cls, m2: float, k: float, d: float, alpha: float) -> Self:
@@ -60,50 +90,10 @@ class Scales:
         """Return scales of voltage and time alone."""
         return cls(voltage=voltage, time=time)
 
-    def unit(self, name: str) -> float:
-        """Return the inner unit of what has the SI unit `name`, one of `UNITS`."""
-        match name:
-            case "kg":
-                return self.mass
-            case "N/m":
-                return self.stiffness
-            case "N s/m":
-                return self.stiffness * self.time
-            case "m":
-                return self.length
-            case "F m":
-                return self.alpha
-            case "m/s^2":
-                return self.length / self.time / self.time
-            case "s":
-                return self.time
-            case "V":
-                return self.voltage
-            case "rad/s" | "Hz":
-                return 1.0 / self.time
-            case "m/s":
-                return self.length / self.time
-            case "J":
-                return self.stiffness * self.length * self.length
-            case "N":
-                return self.stiffness * self.length
-        raise ValueError(f"{name!r} is not one of {', '.join(UNITS)}")
 
-    def out(self, value: Any, name: str) -> Any:
-        """Return an inner value (number or array) in the unit `name` of the device."""
-        return value * self.unit(name)
-
-    def into(self, value: Any, name: str) -> Any:
-        """Return a value of the device, in the unit `name`, in inner units."""
-        return value / self.unit(name)
-
-    def label(self, heading: str, name: str) -> str:
-        """Return the heading of a column with its unit, or alone for a dimensionless device."""
-        return f"{heading} [{name}]" if self.named and name else heading
-
-
-DIMENSIONLESS = Scales(named=False)
-"""Of a dimensionless device: what goes in comes out."""
+def _device_scales(*numbers: float) -> DeviceScales:
+    names = ("mass", "stiffness", "length", "alpha", "time", "voltage")
+    return DeviceScales(**dict(zip(names, numbers, strict=True)))
 
 
 def scaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:
@@ -114,14 +104,6 @@ def scaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[
 def unscaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:
     """Return the fields of an inner `model` that have a unit, in the units of the device."""
     return {name: _out(getattr(model, name), unit, scales) for name, unit in units.items()}
-
-
-def inner(actuator: Any, drive: Any) -> tuple[Any, Any]:
-    """Return the dimensionless actuator and drive that are integrated in place of the given."""
-    scales = actuator.scales
-    if scales is DIMENSIONLESS:
-        return actuator, drive
-    return actuator.to_dimensionless(), drive.scaled(scales.voltage, scales.time)
 
 
 def _into(value: Any, unit: str, scales: Scales) -> Any:

@@ -129,7 +129,7 @@ def command(
 
 def _target(text: str) -> mi.Target:
     import mems_impact as mi
-    from mems_impact.studies.targets import OF_RUN
+    from mems_impact.actuator.design.targets import OF_RUN
 
     what, _, under = text.partition(" at ")
     quantity, _, number = (part.strip() for part in what.partition("="))

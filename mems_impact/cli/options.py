@@ -86,7 +86,7 @@ def _integrator(rtol: float, atol: float) -> Decorator:
 
 
 integrator_options = _integrator(Options.rtol, Options.atol)
-# Those of `mems_impact.studies.orbits.ORBIT_OPTIONS`, which is slow to import.
+# Those of `mems_impact.analysis.orbit.ORBIT_OPTIONS`, which is slow to import.
 orbit_integrator_options = _integrator(1e-11, 1e-13)
 
 guess_options = combined(

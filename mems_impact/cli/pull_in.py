@@ -21,7 +21,7 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     Example:
       mems-impact pull-in mita2003
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.studies.targets import of_device
+    from mems_impact.actuator.design.targets import of_device
 
     show_warnings_briefly()
     quantities = of_device(actuator_from(device, changes))

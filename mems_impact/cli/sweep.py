@@ -105,14 +105,14 @@ def command(
 
 
 def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    from mems_impact.tables import sweep_summary
+    from mems_impact.tables.sweep import sweep_summary
 
     return {"table": table, "summary": sweep_summary(table)}
 
 
 def _show(table: pd.DataFrame) -> None:
     from mems_impact.plotting.bifurcation import switches
-    from mems_impact.tables import sweep_summary
+    from mems_impact.tables.sweep import sweep_summary
 
     summary = sweep_summary(table)
     click.echo(summary.to_string(index=False, float_format="{:.6g}".format) + "\n")

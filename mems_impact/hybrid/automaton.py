@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Guard:
     """One condition that ends an arc.
 
@@ -20,16 +20,56 @@ class Guard:
     ----------
     name : str
         What the tables call the event.
-    order : int
-        Guards that fire in the same instant are handled in ascending order.
-    impact : bool
+    margin : callable, optional
+        ``margin(mode, t, y, p)`` returns the margin.
+    transition : callable, optional
+        ``transition(mode, t, y, p)`` returns the new mode and the new state. Without it the guard
+        only records: mode and state go on.
+    modes : tuple of int, optional
+        The modes that it watches; all by default.
+    rate : callable, optional
+        ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. Without it
+        it is taken by differences (see `mems_impact.hybrid.written`).
+    order : int, optional
+        Guards that fire in the same instant are handled in ascending order; by default impacts come
+        first, and then guards come as they are listed.
+    impact : bool, optional
         True if the margin is a gap and the transition an impact: its closest approaches are
-        recorded, and a sequence of impacts that accumulates is completed (see `Automaton`).
+        recorded, and a sequence of impacts that accumulates is completed (see `Impact`).
+    rest : callable, optional
+        Of an impact; as `transition`.
+
+    Notes
+    -----
+    An `Automaton` has one function for all margins and one for all transitions. Where these are not
+    made from its guards (see `mems_impact.hybrid.written`), guards have a name and an order alone.
     """
 
     name: str
-    order: int
+    margin: Callable[..., Any] | None = None
+    transition: Callable[..., Any] | None = None
+    _: KW_ONLY
+    modes: tuple[int, ...] | None = None
+    rate: Callable[..., Any] | None = None
+    order: int | None = None
     impact: bool = False
+    rest: Callable[..., Any] | None = None
+
+
+@dataclass(frozen=True)
+class Impact(Guard):
+    """A guard whose margin is a gap between bodies, and whose transition is their impact.
+
+    Parameters
+    ----------
+    name, margin, transition, modes, rate, order
+        As of a `Guard`; `margin` is the gap, and `transition` the rebound.
+    rest : callable, optional
+        ``rest(mode, t, y, p)`` returns the mode and the state in which the bodies stay together,
+        when a sequence of ever weaker impacts has ended. Without it such a sequence ends the run.
+    """
+
+    impact: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +109,9 @@ class Automaton:
     cyclic : tuple of int
         Components that never enter flow, margins or transitions except by differences. They are
         integrated from zero in every arc and accumulated apart, so that they keep their digits.
+    recipe : tuple of callable and tuple, optional
+        A function and its arguments that make this automaton once more: how it is pickled, where
+        its functions cannot be imported by their names.
 
     Notes
     -----
@@ -83,6 +126,9 @@ class Automaton:
     transition: Callable[..., Any]
     jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
+    recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
+        default=None, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         orders = [guard.order for guard in self.guards]
@@ -93,7 +139,18 @@ class Automaton:
                 allowed="an order of its own for each guard, so that simultaneous ones are decided",
             )
 
+    def __reduce__(self) -> Any:
+        """Pickle the recipe; without one, the functions by their names."""
+        if self.recipe is not None:
+            return self.recipe
+        return _automaton, tuple(getattr(self, each.name) for each in fields(self))
+
     @property
     def switch_code(self) -> int:
         """The code of `transition` for "the drive has just switched"."""
         return 2 * len(self.guards)
+
+
+def _automaton(*values: Any) -> Automaton:
+    names = [each.name for each in fields(Automaton)]
+    return Automaton(**dict(zip(names, values, strict=True)))

@@ -39,6 +39,8 @@ from mems_impact.hybrid.record import (
     CYCLE,
     CYCLING,
     DONE,
+    ENDED,
+    ENDS,
     EVENT_BUDGET,
     FAILED,
     GUARD,
@@ -49,6 +51,7 @@ from mems_impact.hybrid.record import (
     LOOKED,
     MODE_AFTER,
     MODE_BEFORE,
+    NO_REST,
     NO_SUCH_MODE,
     NONE,
     NOT_FINITE,
@@ -72,9 +75,9 @@ from mems_impact.hybrid.record import (
 )
 
 __all__ = [
-    "ACCUMULATION", "APPROACH", "BUFFER_FULL", "CLOCK", "CYCLE", "CYCLING", "DONE",
+    "ACCUMULATION", "APPROACH", "BUFFER_FULL", "CLOCK", "CYCLE", "CYCLING", "DONE", "ENDED",
     "EVENT_BUDGET", "FAILED", "GUARD", "HEAD", "INADMISSIBLE", "KIND", "MODE_AFTER",
-    "MODE_BEFORE", "NONE", "NOT_FINITE", "NO_SUCH_MODE", "PAUSED", "REBASE", "ROOM",
+    "MODE_BEFORE", "NONE", "NOT_FINITE", "NO_REST", "NO_SUCH_MODE", "PAUSED", "REBASE", "ROOM",
     "SECTION_CROSSING", "STEP_BUDGET", "SWITCH", "TIME", "TRANSITION", "WITHOUT_EFFECT",
     "Buffers", "Layout", "advance",
 ]  # fmt: skip
@@ -310,6 +313,10 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
                 code, kind = m + guard, ACCUMULATION
         s.mode = arc.transition(engine, mode, code, s.t, y)
         s.failure = guard
+        if s.mode == ENDS:
+            s.mode = mode
+            note(s, s.t, kind, guard, mode, past, y, buffers)
+            return ENDED
         if not 0 <= s.mode < s.modes:
             s.failure, s.mode = s.mode, mode
             return NO_SUCH_MODE
@@ -328,10 +335,15 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
                 return CYCLING
             break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
         if kind == TRANSITION and impact:
+            mode = s.mode
             t = complete_chatter(engine, s, s.t, y, guard, layout, buffers)
             if t > s.t:
                 s.instant = 0
             s.t = t
+            if not 0 <= s.mode < s.modes:
+                s.rows -= 1  # the end of the sequence, which led nowhere
+                s.failure, s.mode = s.mode, mode
+                return ENDED if s.failure == ENDS else NO_SUCH_MODE
         # Impacts of bodies in a row go through it from end to end, again and again: if one end
         # always came first, they would grow beyond all bounds with the length of the row.
         after = guard if impact else NONE

@@ -9,7 +9,11 @@ import numpy as np
 
 # What `loop.advance` answers.
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = 0, 1, 2, 3, 4, 5, 6
-INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE = 7, 8, 9, 10
+INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = 7, 8, 9, 10, 11
+
+# What a transition returns in place of a mode: it ends the run; it does not say how a sequence of
+# impacts goes on.
+ENDS, NO_REST = -3, -2
 
 # Kinds of rows in the event buffer.
 TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = 0, 1, 2, 3, 4, 5

@@ -15,7 +15,7 @@ from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.record import buffers_for
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
-__all__ = ["Problem", "run"]
+__all__ = ["Problem", "run", "sample"]
 
 EVENT_ROWS = 4096
 MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
@@ -78,17 +78,15 @@ def run(
     return _Run(problem, start, end, 0, consume, progress).go()
 
 
-def _sampler(problem: Problem) -> Callable[[Instant, Instant, int], Samples]:
-    def sample(start: Instant, end: Instant, per_period: int) -> Samples:
-        run_again = _Run(problem, start, end, per_period, lambda _: None, None)
-        # A run that failed fails again in the same place: its samples end there.
-        with contextlib.suppress(RunError):
-            run_again.go()
-        rows = run_again.buffers.samples[: run_again.clock.samples]
-        integer = rows[:, :3].astype(np.int64)
-        return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
-
-    return sample
+def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> Samples:
+    """Run again from `start` to `end` and return the state at equal intervals of every period."""
+    run_again = _Run(problem, start, end, per_period, lambda _: None, None)
+    # A run that failed fails again in the same place: its samples end there.
+    with contextlib.suppress(RunError):
+        run_again.go()
+    rows = run_again.buffers.samples[: run_again.clock.samples]
+    integer = rows[:, :3].astype(np.int64)
+    return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
 
 class _Run:
@@ -161,9 +159,9 @@ class _Run:
             raise RunInterrupted(self._trajectory(), self._done()) from None
         finally:
             self.bound.close()
-        if status != loop.DONE:
+        if status not in (loop.DONE, loop.ENDED):
             raise self._failure(status)
-        return self._trajectory()
+        return self._trajectory(ended=status == loop.ENDED)
 
     def _done(self) -> float:
         """Return the periods done so far."""
@@ -178,7 +176,7 @@ class _Run:
             self.kept.append(rows.copy())
         self.clock.rows = 0
 
-    def _trajectory(self) -> Trajectory:
+    def _trajectory(self, *, ended: bool = False) -> Trajectory:
         width = self.buffers.events.shape[1]
         rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
@@ -188,8 +186,7 @@ class _Run:
             cycle, phase = int(clock.end_cycle), float(clock.end_phase)
         ahead = math.floor(phase / period)
         return Trajectory(
-            automaton=self.problem.automaton,
-            period=period,
+            problem=self.problem,
             start=self.start,
             final=Instant(
                 cycle + ahead,
@@ -200,7 +197,7 @@ class _Run:
             events=Events.from_rows(rows),
             steps=int(clock.steps),
             arcs=int(clock.arcs),
-            _sampler=_sampler(self.problem),
+            ended=ended,
         )
 
     def _name_of(self, code: int) -> str:
@@ -248,6 +245,9 @@ class _Run:
                 "check the transition and the parameters",
             ),
         }[status]
+        if status == loop.NO_SUCH_MODE and clock.failure == loop.NO_REST:
+            reason = "a sequence of ever weaker impacts has come to its end"
+            remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
         trajectory = self._trajectory()
         final = trajectory.final
         return RunError(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +59,29 @@ class Events:
             before=rows[:, loop.HEAD : loop.HEAD + n].copy(),
             after=rows[:, loop.HEAD + n :].copy(),
         )
+
+    @classmethod
+    def joined(cls, chunks: Sequence[Events]) -> Events:
+        """Join chunks of events, one at least."""
+        columns = ([getattr(chunk, column.name) for chunk in chunks] for column in fields(cls))
+        return cls(*(np.concatenate(parts) for parts in columns))
+
+    @property
+    def begin_arcs(self) -> NDArray[np.bool_]:
+        """Where the rows begin an arc: all but passages, which only note what an arc did."""
+        return (self.kind != loop.APPROACH) & (self.kind != loop.SECTION_CROSSING)
+
+    def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
+        """Return where the rows are impacts."""
+        kinds = np.array([guard.impact for guard in automaton.guards])
+        impact: NDArray[np.bool_] = self.kind == loop.TRANSITION
+        impact[impact] = kinds[self.guard[impact]]
+        return impact
+
+    def crossings(self, direction: int) -> Events:
+        """Return the crossings of the section in `direction` (0: both)."""
+        wanted = self.kind == loop.SECTION_CROSSING
+        return self[wanted if direction == 0 else wanted & (self.guard == direction)]
 
     def __len__(self) -> int:
         return self.cycle.size
@@ -121,22 +145,36 @@ class Trajectory:
 
     Attributes
     ----------
-    automaton : Automaton
-    period : float
+    problem : Problem
     start, final : Instant
     events : Events
     steps, arcs : int
-        Internal steps of CVODE and arcs (restarts) that the run took.
+        Steps of the method and arcs (restarts) that the run took.
+    ended : bool
+        Whether a transition ended the run.
     """
 
-    automaton: Automaton
-    period: float
+    problem: Problem = field(repr=False)
     start: Instant
     final: Instant
     events: Events
     steps: int
     arcs: int
-    _sampler: Callable[[Instant, Instant, int], Samples] = field(repr=False)
+    ended: bool = False
+
+    @property
+    def automaton(self) -> Automaton:
+        """What was run."""
+        return self.problem.automaton
+
+    @property
+    def period(self) -> float:
+        """Unit in which the run is counted."""
+        return self.problem.period
+
+    def with_events(self, events: Events) -> Trajectory:
+        """Return the trajectory with events that were kept elsewhere."""
+        return replace(self, events=events)
 
     def samples(
         self, per_period: int, first: float | None = None, last: float | None = None
@@ -153,13 +191,15 @@ class Trajectory:
         first, last : float, optional
             Window in periods; the whole run by default.
         """
+        from mems_impact.hybrid.run import sample  # which returns trajectories
+
         start, final = self._arc_before(first), self.final
         if last is not None:
             whole = int(np.floor(last))
             end = Instant(whole, (last - whole) * self.period, final.mode, final.y)
             if (end.cycle, end.time) < (final.cycle, final.time):
                 final = end
-        samples = self._sampler(start, final, per_period)
+        samples = sample(self.problem, start, final, per_period)
         if first is None:
             return samples
         keep = samples.cycle + samples.time / self.period >= first - 1e-12

@@ -21,4 +21,10 @@ def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
 def unguarded(automaton: Automaton) -> Automaton:
     """Return the automaton that stays in the mode in which it starts, with the same flow."""
     never = (Guard(name="never", order=0),)
-    return replace(automaton, guards=never, margins=_margins, transition=_transition)
+    return replace(
+        automaton,
+        guards=never,
+        margins=_margins,
+        transition=_transition,
+        recipe=(unguarded, (automaton,)),
+    )

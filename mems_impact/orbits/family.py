@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,10 @@ class Family:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+    def __reduce__(self) -> Any:
+        """Pickle the values as a dict: a mapping proxy cannot be."""
+        return Family, (self.build, dict(self.values))
 
     def at(self, **changes: float) -> Family:
         """Return the family at other values.

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -81,10 +83,18 @@ class Shooting:
         self.events = [
             i for i, s in enumerate(segments) if s.code != BOUNDARY and s.code != 2 * self.m
         ]
-        count = np.asarray(problem.parameters).size
-        self.variational = Variational(problem, np.zeros((max(1, len(active)), count)))
         self.pinned: list[int] = []
         self._at: tuple[float, ...] | None = None
+
+    @cached_property
+    def variational(self) -> Variational:
+        """The engine of arcs and their sensitivities, made when it is first needed."""
+        problem = self.family.problem()
+        count = np.asarray(problem.parameters).size
+        return Variational(problem, np.zeros((max(1, len(self.active)), count)))
+
+    def __reduce__(self) -> Any:
+        return _shooting, (self.family, self.segments, self.active, self.pinned)
 
     def pack(self, guess: Guess) -> Floats:
         """Return the unknowns of a guess.
@@ -364,3 +374,11 @@ class Shooting:
             "change periods",
             partial=point,
         )
+
+
+def _shooting(
+    family: Family, segments: tuple[Segment, ...], active: tuple[str, ...], pinned: list[int]
+) -> Shooting:
+    shooting = Shooting(family, segments, active)
+    shooting.pinned = pinned
+    return shooting

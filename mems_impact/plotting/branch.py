@@ -20,7 +20,7 @@ FACES = {"G": "white", "CF": BLUE, "PD": ORANGE, "NS": GREY}
 
 
 class Diagram(Protocol):
-    """What `plot_branch` needs of a `mems_impact.studies.branches.Branch`."""
+    """What `plot_branch` needs of a `mems_impact.analysis.branch.Branch`."""
 
     @property
     def table(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ SHADES = {"I": GREEN, "II": GREY, "III": ORANGE}
 
 
 class Boundaries(Protocol):
-    """What `plot_chart` needs of a `mems_impact.studies.chart.Chart`."""
+    """What `plot_chart` needs of a `mems_impact.actuator.design.chart.Chart`."""
 
     @property
     def table(self) -> pd.DataFrame:

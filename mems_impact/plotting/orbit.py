@@ -19,7 +19,7 @@ PER_PERIOD = 1000
 
 
 class Closed(Protocol):
-    """What `plot_orbit` needs of a `mems_impact.studies.orbits.Orbit`."""
+    """What `plot_orbit` needs of a `mems_impact.analysis.orbit.Orbit`."""
 
     @property
     def actuator(self) -> Actuator:

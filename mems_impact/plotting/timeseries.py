@@ -21,7 +21,7 @@ PER_PERIOD = 400
 
 
 class Motion(Protocol):
-    """What `plot_run` needs of a `mems_impact.studies.run.Run`."""
+    """What `plot_run` needs of a `mems_impact.analysis.run.Run`."""
 
     @property
     def actuator(self) -> Actuator:

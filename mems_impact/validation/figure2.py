@@ -13,6 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mems_impact import tables
+from mems_impact.actuator.design.impacts import is_impact
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import (
     GUARDS,
@@ -29,11 +30,10 @@ from mems_impact.actuator.modes import (
     side_of,
 )
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.analysis.simulate import simulate
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.plotting.automaton import plot_automaton
-from mems_impact.studies.impacts import is_impact
-from mems_impact.studies.simulate import simulate
 from mems_impact.validation.outcome import Devices, Effort, Outcome
 
 __all__ = ["compute", "transitions"]

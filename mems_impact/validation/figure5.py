@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError
-from mems_impact.studies.state import State
 from mems_impact.validation.outcome import Devices, Effort, Outcome
 from mems_impact.validation.statements import Value
 from mems_impact.validation.switching import (

@@ -9,23 +9,24 @@ import numpy as np
 
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.errors import MemsImpactError
-from mems_impact.plotting.bifurcation import plot_sweep
-from mems_impact.plotting.branch import plot_branch
-from mems_impact.plotting.style import new_figure
-from mems_impact.studies.branches import (
+from mems_impact.actuator.system import kicked
+from mems_impact.analysis.branch import (
     Branch,
     SpecialPoint,
     continue_orbit,
     grazing_type,
     switch_branch,
 )
-from mems_impact.studies.orbits import Orbit, find_orbit
-from mems_impact.studies.run import Run
-from mems_impact.studies.simulate import simulate
-from mems_impact.studies.state import State
-from mems_impact.studies.sweep import kicked, sweep
-from mems_impact.tables import sweep_summary
+from mems_impact.analysis.orbit import Orbit, find_orbit
+from mems_impact.analysis.run import Run
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State
+from mems_impact.analysis.sweep import sweep
+from mems_impact.errors import MemsImpactError
+from mems_impact.plotting.bifurcation import plot_sweep
+from mems_impact.plotting.branch import plot_branch
+from mems_impact.plotting.style import new_figure
+from mems_impact.tables.sweep import sweep_summary
 from mems_impact.validation.outcome import Effort
 
 if TYPE_CHECKING:

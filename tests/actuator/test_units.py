@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import mems_impact as mi
 from mems_impact.actuator.parameters import PARAMETER_NAMES, preset_names
-from mems_impact.actuator.units import DIMENSIONLESS, UNITS, Scales
+from mems_impact.actuator.units import UNITS, DeviceScales
+from mems_impact.units import DIMENSIONLESS
 
 number = st.floats(1e-25, 1e12)
 
@@ -37,7 +38,7 @@ def test_device_there_and_back(m2, k, d, alpha, ratio, share):
 
 def test_the_papers_set_scaled_up_is_the_papers_set_again():
     paper = mi.load_actuator("zhao2004")
-    scales = Scales.of_device(2e-6, 5.0, 4e-6, 9e-20)
+    scales = DeviceScales.of_device(2e-6, 5.0, 4e-6, 9e-20)
     again = paper.to_si(scales).to_dimensionless()
     for name in PARAMETER_NAMES:
         assert close(getattr(again, name), getattr(paper, name)), name
@@ -45,7 +46,7 @@ def test_the_papers_set_scaled_up_is_the_papers_set_again():
 
 def test_units_are_consistent():
     # Newton's second law, the pull of the electrodes and the energy, unit by unit.
-    s = Scales.of_device(2e-6, 5.0, 4e-6, 9e-20)
+    s = DeviceScales.of_device(2e-6, 5.0, 4e-6, 9e-20)
     force = s.unit("kg") * s.unit("m/s^2")
     assert math.isclose(force, s.unit("N"), rel_tol=1e-14)
     assert math.isclose(s.unit("N s/m") * s.unit("m/s"), force, rel_tol=1e-14)

@@ -9,7 +9,7 @@ from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mo
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events
-from mems_impact.studies.impacts import concatenate, energy_lost, frame_steps, is_impact
+from mems_impact.actuator.design.impacts import concatenate, energy_lost, frame_steps, is_impact
 
 STILL, SLIDING = mode_of(STUCK, FREE), mode_of(FORWARD, FREE)
 

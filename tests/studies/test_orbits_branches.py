@@ -8,8 +8,8 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.units import Scales
 from mems_impact.studies import chart as chart_module
-from mems_impact.studies.chart import crisis
-from mems_impact.studies.orbits import ORBIT_OPTIONS, System
+from mems_impact.actuator.design.chart import crisis
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, System
 
 ZHAO = mi.load_actuator("zhao2004")
 

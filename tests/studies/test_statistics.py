@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies.statistics import Accumulator
+from mems_impact.actuator.design.statistics import Accumulator
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)

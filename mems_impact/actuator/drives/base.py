@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.actuator.units import Scales, scaled_fields
+from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.actuator.validation import ValidatedModel
 from mems_impact.errors import InvalidParameter
 
@@ -194,7 +194,7 @@ class Drive(ValidatedModel, ABC):
         Works from `units`. Override it only if a field is not simply a voltage, a time, a
         frequency or a pure number.
         """
-        return self.replace(**scaled_fields(self, self.units, Scales.of_drive(voltage, time)))
+        return self.replace(**scaled_fields(self, self.units, DeviceScales.of_drive(voltage, time)))
 
     def value(self, t: ArrayLike, *, left: bool = False) -> NDArray[np.float64]:
         """Return the voltage at many times, for plots.

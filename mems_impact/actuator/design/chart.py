@@ -11,9 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mems_impact import tables
+from mems_impact.actuator import tables
+from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.system import ActuatorSystem, kicked
+from mems_impact.analysis.branch import CodimensionTwo, GrazingType, curve_of
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
@@ -23,13 +30,6 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
 from mems_impact.orbits import orbit as orbits
 from mems_impact.orbits.family import Family
-from mems_impact.studies.branches import CodimensionTwo, GrazingType, curve_of
-from mems_impact.studies.design import pull_in_voltage
-from mems_impact.studies.orbits import ORBIT_OPTIONS, System, whole
-from mems_impact.studies.simulate import instant_of_state, simulate
-from mems_impact.studies.state import State, is_number
-from mems_impact.studies.sweep import kicked
-from mems_impact.studies.threads import Watch, stoppable_threads
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,7 +58,7 @@ class Chart:
 
     Attributes
     ----------
-    system : System
+    system : ActuatorSystem
     omega : tuple of float
         The range of the chart.
     special_points : tuple of CodimensionTwo
@@ -67,7 +67,7 @@ class Chart:
         What could not be computed, and why; empty if all was.
     """
 
-    system: System = field(repr=False)
+    system: ActuatorSystem = field(repr=False)
     omega: tuple[float, float]
     special_points: tuple[CodimensionTwo, ...]
     notes: tuple[str, ...]
@@ -91,8 +91,7 @@ class Chart:
             for boundary, region, kind, points in self.pieces
             for omega, amplitude in points
         ]
-        names = (self.system.label(OMEGA), self.system.label(AMPLITUDE))
-        return tables.chart(names, rows)
+        return tables.chart((OMEGA, AMPLITUDE), rows, self.system)
 
     @cached_property
     def types(self) -> pd.DataFrame:
@@ -108,7 +107,7 @@ class Chart:
             }
             for region, low, high in self.regions
         ]
-        return tables.chart_types(self.system.label(OMEGA), rows)
+        return tables.chart_types(OMEGA, rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -117,7 +116,7 @@ class Chart:
             {"kind": s.kind, "values": (s.values[OMEGA], s.values[AMPLITUDE])}
             for s in self.special_points
         ]
-        return tables.chart_points((self.system.label(OMEGA), self.system.label(AMPLITUDE)), rows)
+        return tables.chart_points((OMEGA, AMPLITUDE), rows, self.system)
 
 
 def operating_chart(
@@ -177,7 +176,7 @@ def operating_chart(
         On Ctrl-C; its ``chart`` holds what was done.
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
-    system = System.of(actuator, drive, options)
+    system = ActuatorSystem(actuator, drive)
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -186,7 +185,8 @@ def operating_chart(
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     tell = _teller(progress)
-    maker = _Maker(system, steps, tell, (system.into(OMEGA, low), system.into(OMEGA, high)))
+    range_of_omega = (system.into(OMEGA, low), system.into(OMEGA, high))
+    maker = _Maker(system, options, steps, tell, range_of_omega)
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:
@@ -294,13 +294,15 @@ class _Maker:
 
     def __init__(
         self,
-        system: System,
+        system: ActuatorSystem,
+        options: Options,
         steps: Steps,
         tell: Callable[[str], None],
         omega: tuple[float, float],
     ) -> None:
         self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
-        self.family: Family = system.family()
+        self.options = options
+        self.family: Family = system.family(options)
         self.notes: list[str] = []
         self.met: dict[float, list[branches.SpecialPoint]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
@@ -371,7 +373,7 @@ class _Maker:
         here = self.system.changed(
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
-        rest = instant_of_state(here.actuator, here.drive, State())
+        rest = here.instant(State(), family.problem())
         orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
         branch = branches.follow(
             orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps,
@@ -557,7 +559,7 @@ def _joined(
     return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
-def _band(system: System) -> tuple[float, float]:
+def _band(system: ActuatorSystem) -> tuple[float, float]:
     """Return the range of omega in which the force is near the resonance of the block."""
     own = math.sqrt(system.actuator.k / system.actuator.m2)
     drive = system.changed(omega=own).drive

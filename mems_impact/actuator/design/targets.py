@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from mems_impact.actuator.design.blows import blows
+from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidParameter
-from mems_impact.studies.blows import blows
-from mems_impact.studies.design import pull_in_voltage, resting_voltage
-from mems_impact.studies.state import is_number
 
 if TYPE_CHECKING:
-    from mems_impact.studies.run import Run
+    from mems_impact.actuator.results import ActuatorRun as Run
 
 __all__ = ["OF_RUN", "QUANTITIES", "Target", "of_device"]
 

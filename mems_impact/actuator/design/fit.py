@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mems_impact import tables
+from mems_impact.actuator import tables
+from mems_impact.actuator.design.targets import Target
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State
 from mems_impact.engines.options import Options
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.studies.simulate import simulate
-from mems_impact.studies.state import State
-from mems_impact.studies.targets import Target
 
 if TYPE_CHECKING:
     import pandas as pd

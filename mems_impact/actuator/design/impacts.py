@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +12,7 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats
 
-__all__ = ["SLIPPING", "begins_arc", "concatenate", "energy_lost", "frame_steps", "is_impact"]
+__all__ = ["SLIPPING", "energy_lost", "frame_steps", "is_impact"]
 
 _IMPACTS = np.array([guard.impact for guard in GUARDS])
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
@@ -52,7 +50,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     """
     impact = is_impact(events)
     rows = np.flatnonzero(impact)
-    rests = ~SLIPPING[events.mode_after] & begins_arc(events)
+    rests = ~SLIPPING[events.mode_after] & events.begin_arcs
     ends = np.flatnonzero(impact | rests)
     x1 = events.after[:, X1]
     # An impact that leaves the frame at rest ends its own step, of length zero.
@@ -62,16 +60,3 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     steps[ended] = x1[ends[place[ended]]] - x1[rows[ended]]
     steps[rests[rows]] = 0.0
     return rows, steps
-
-
-def concatenate(chunks: Sequence[Events]) -> Events:
-    """Join chunks of events."""
-    columns = ([getattr(chunk, column.name) for chunk in chunks] for column in fields(Events))
-    return Events(*(np.concatenate(parts) for parts in columns))
-
-
-def begins_arc(events: Events) -> NDArray[np.bool_]:
-    """Return where the rows begin an arc: all but passages, which only note what an arc did."""
-    begins: NDArray[np.bool_] = events.kind != loop.APPROACH
-    begins &= events.kind != loop.SECTION_CROSSING
-    return begins

@@ -6,14 +6,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact import tables
-from mems_impact.actuator.modes import GUARDS, V2, X1
+from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.analysis.progress import values_of
+from mems_impact.analysis.state import is_number
+from mems_impact.analysis.system import System
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
@@ -22,8 +24,7 @@ from mems_impact.continuation.monitors import LABELS
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit import PeriodicOrbit
-from mems_impact.studies.orbits import Orbit, System, reporting
-from mems_impact.studies.state import is_number
+from mems_impact.tables import orbits as tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -150,7 +151,7 @@ class Branch:
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
         """All orbits of the branch, in its order."""
-        return tuple(_orbit(self.system, point.orbit) for point in self.found.points)
+        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -158,17 +159,19 @@ class Branch:
 
         Columns: the parameter, stable, admissible, piece (0, 1, …: a new one where an impact or
         another event comes in or drops out), largest multiplier (its absolute value; inf where an
-        impact has lost its speed), impacts
-        and the largest impact speed over the orbit, step of the frame, closest approach, and v2
-        at the crossings of x2 = 0 with v2 > 0 in descending order: v2, v2 2, v2 3, …
+        impact has lost its speed), impacts and the largest impact speed over the orbit, closest
+        approach, observables, and the states at the crossings of the section upwards, or where
+        forcing periods begin, largest first: v2, v2 2, v2 3, …
         """
         rows = [
-            {"value": point.value, "piece": point.piece, **_measures(orbit)}
+            {
+                "value": self.system.out(self.parameter, point.value),
+                "piece": point.piece,
+                **_measures(orbit),
+            }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
-        for row in rows:
-            row["value"] = self.system.out(self.parameter, row["value"])
-        return tables.branch(self.system.label(self.parameter), rows, self.system.actuator.scales)
+        return tables.branch(self.parameter, rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -177,8 +180,7 @@ class Branch:
             {"label": s.label, "kind": s.kind, "value": s.value, **_measures(s.orbit)}
             for s in self.special_points
         ]
-        name = self.system.label(self.parameter)
-        return tables.special_points(name, rows, self.system.actuator.scales)
+        return tables.special_points(self.parameter, rows, self.system)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
         """Follow the branch of twice the period that leaves a period doubling of this one.
@@ -238,7 +240,7 @@ class Curve:
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
         """All orbits of the curve, in its order."""
-        return tuple(_orbit(self.system, point.orbit) for point in self.found.points)
+        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -254,19 +256,17 @@ class Curve:
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
-        names = [self.system.label(second), self.system.label(first)]
-        return tables.curve(names, rows, self.system.actuator.scales)
+        return tables.curve([second, first], rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
         """One row a point of codimension two."""
         first, second = self.parameters
-        names = [self.system.label(second), self.system.label(first)]
         rows = [
             {"kind": s.kind, "values": [s.values[second], s.values[first]], **_measures(s.orbit)}
             for s in self.special_points
         ]
-        return tables.codimension_two(names, rows, self.system.actuator.scales)
+        return tables.codimension_two([second, first], rows, self.system)
 
 
 def continue_orbit(
@@ -318,7 +318,7 @@ def continue_orbit(
     low, high = (system.into(parameter, bound) for bound in bounds)
     # Where the branch begins, to the last digit of the numerics.
     begin = orbit.found.family.values[parameter]
-    with reporting(progress, parameter, lambda v: system.out(parameter, v)) as report:
+    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
         found = branches.follow(
             orbit.found,
             parameter,
@@ -373,7 +373,7 @@ def switch_branch(
         allowed = f"smallest and largest value, with {special.value:g} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
     first, side = doubled(special.found.orbit, parameter)
-    with reporting(progress, parameter, lambda v: system.out(parameter, v)) as report:
+    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
         found = branches.follow(
             first,
             parameter,
@@ -429,7 +429,7 @@ def continue_curve(
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
     bounds = _bounds(system, parameter, "parameter", stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
-    with reporting(progress, parameter, lambda v: system.out(parameter, v)) as report:
+    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
         found = curves.follow_curve(
             special.without_impact,
             first,
@@ -474,10 +474,6 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
 
 
-def _orbit(system: System, found: PeriodicOrbit) -> Orbit:
-    return Orbit(system=system.at_orbit(found), found=found)
-
-
 def _branch(system: System, found: branches.OrbitBranch, bounds: tuple[float, float]) -> Branch:
     parameter = found.parameter
     after = {
@@ -490,7 +486,7 @@ def _branch(system: System, found: branches.OrbitBranch, bounds: tuple[float, fl
             label=s.label,
             parameter=parameter,
             value=system.out(parameter, s.value),
-            orbit=_orbit(system, s.orbit),
+            orbit=orbit_of(system, s.orbit),
             bounds=bounds,
             found=s,
             beyond=after.get(id(s.orbit)),
@@ -516,7 +512,7 @@ def curve_of(system: System, found: curves.OrbitCurve) -> Curve:
                 name: system.out(name, value)
                 for name, value in zip(found.parameters, s.values, strict=True)
             },
-            orbit=_orbit(system, s.orbit),
+            orbit=orbit_of(system, s.orbit),
         )
         for s in found.special_points
     )
@@ -533,21 +529,16 @@ def curve_of(system: System, found: curves.OrbitCurve) -> Curve:
 
 def _measures(orbit: Orbit) -> dict[str, Any]:
     """Return what the tables say of an orbit, in the units of the numerics."""
-    found = orbit.found
-    speeds = [abs(float(before[V2])) for _, _, before in found.impacts]
-    sides = [i for i, guard in enumerate(GUARDS) if guard.impact]
-    least = min(float(arc.minima[sides].min()) for arc in found.point.arcs)
-    crossings = orbit._crossings
-    v2 = crossings.after[crossings.guard > 0, V2]
+    found, system = orbit.found, orbit.system
     return {
         "stable": found.stable,
         "admissible": found.admissible,
         "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
-        "impacts": len(speeds),
-        "impact speed": max(speeds, default=math.nan),
-        "step": float(found.advance[X1]),
-        "closest approach": least if math.isfinite(least) else math.nan,
-        "v2": np.sort(v2)[::-1].tolist(),
+        "impacts": len(orbit.impact_speeds),
+        "impact speed": max(orbit.impact_speeds, default=math.nan),
+        "closest approach": orbit.closest,
+        **orbit.observables,
+        "states": dict(zip(system.shown, orbit.shown_states.T, strict=True)),
     }
 
 

@@ -8,30 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mems_impact import tables
-from mems_impact.actuator.modes import (
-    BREAK_AWAY,
-    MODES,
-    RELEASE,
-    SLIP_END,
-    V1,
-    V2,
-    X1,
-    X2,
-    side_of,
-)
-from mems_impact.actuator.units import DIMENSIONLESS, Scales
 from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Floats, Trajectory
-from mems_impact.studies.impacts import is_impact
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
+from mems_impact.tables.common import Labels, event_codes, event_words, is_shown
+from mems_impact.tables.run import verification
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Verification", "compare", "other_family"]
-
-FREE = np.array([side_of(mode) == 0 for mode in range(len(MODES))])
 
 TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
 
@@ -59,8 +46,8 @@ class Verification:
     ----------
     table : DataFrame
         One row a kind of event: how many were matched, how many (weak ones) only one run has, and
-        the largest differences of instants, impact speeds, positions and velocities. The last row
-        is the state at the end of the run, where the comparison came so far.
+        the largest differences of instants, impact speeds and each component of the state. The last
+        row is the state at the end of the run, where the comparison came so far.
     agrees : bool
         False if an event is lost, doubled or shifted in one of the runs and nothing led up to it.
         A motion too sensitive to be compared to its end agrees as far as it can be compared.
@@ -90,9 +77,7 @@ def other_family(options: Options) -> Options:
     )
 
 
-def compare(
-    run: Trajectory, other: Trajectory, rtol: float, scales: Scales = DIMENSIONLESS
-) -> Verification:
+def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> Verification:
     """Compare two trajectories that ought to be the same.
 
     Parameters
@@ -101,12 +86,14 @@ def compare(
         From the same start, over the same time.
     rtol : float
         Relative tolerance of the less precise one.
-    scales : Scales, optional
-        Of the device, for the table.
+    labels : Labels
+        The system, for the table.
     """
     comparison = _Comparison(_Log(run), _Log(other), rtol)
     agrees, until, verdict = comparison.walk()
-    table = tables.verification(comparison.matched, comparison.alone, scales)
+    headings = ["time apart", "impact speed apart"]
+    headings += [f"{name} apart" for name in run.automaton.states]
+    table = verification(comparison.matched, comparison.alone, headings, labels)
     return Verification(table=table, agrees=agrees, until=until, verdict=verdict)
 
 
@@ -114,43 +101,38 @@ class _Log:
     """What is compared of one run: its events, and its end after the last of them."""
 
     def __init__(self, trajectory: Trajectory) -> None:
-        self.events = trajectory.events[tables.is_shown(trajectory.events)]
+        automaton = trajectory.automaton
+        self.events = trajectory.events[is_shown(trajectory.events)]
         start, final, self.period = trajectory.start, trajectory.final, trajectory.period
         self.start = start.cycle + start.time / self.period
-        self.what = np.append(tables.event_codes(self.events), tables.EVENTS.index(tables.END))
+        self.words = event_words(automaton)
+        self.what = np.append(event_codes(self.events, automaton), len(self.words) - 1)
         self.cycle = np.append(self.events.cycle, final.cycle)
         self.time = np.append(self.events.time, final.time)
         self.after = np.vstack([self.events.after, final.y])
-        speed = np.where(is_impact(self.events), np.abs(self.events.before[:, V2]), math.nan)
+        speed = closing_speeds(self.events, automaton, trajectory.problem.parameters)
         self.speed = np.append(speed, math.nan)
-        self.strength = np.append(self._strength(), math.inf)
         self.end = len(self.events)
+        self.strength = np.append(self._strength(speed), math.inf)
         # Each event begins in the mode that the one before has left; where it does not, one is
         # lost or doubled, be it ever so weak.
         modes = np.append(trajectory.start.mode, self.events.mode_after)
         self.broken = modes != np.append(self.events.mode_before, final.mode)
         self.strength[self.broken] = math.inf
 
-    def _strength(self) -> Floats:
-        """Return how strong each event is, as a speed; infinity for a switch of the drive."""
+    def _strength(self, speed: Floats) -> Floats:
+        """Return how strong each event is, as a speed; infinity for a switch of the drive.
+
+        An impact counts by its speed. A change of mode is as strong as the modes on either side of
+        it last: within a time T, accelerations of order one come to a speed T.
+        """
         events = self.events
-        strength = np.where(events.kind == loop.SWITCH, math.inf, np.abs(events.before[:, V2]))
-        # A slip begins or ends at no speed: it counts by its length, which is v^2 / 2 a.
-        moved = np.abs(np.diff(self.after[:, X1], prepend=math.inf))
-        transition = events.kind == loop.TRANSITION
-        ends = transition & (events.guard == SLIP_END)
-        strength[ends] = np.sqrt(moved[:-1][ends])
-        begins = transition & (events.guard == BREAK_AWAY)
-        strength[begins] = np.sqrt(moved[1:][begins])
-        # A rest on a stopper counts by how long it lasts.
-        instants = events.cycle * self.period + events.time
-        rests = np.flatnonzero(events.kind == loop.ACCUMULATION)
-        frees = np.flatnonzero(FREE[events.mode_after])
-        freed = np.append(instants[frees], math.inf)[np.searchsorted(frees, rests)]
-        strength[rests] = freed - instants[rests]
-        releases = np.flatnonzero(transition & (events.guard == RELEASE))
-        rested = np.append(-math.inf, instants[rests])[np.searchsorted(rests, releases)]
-        strength[releases] = instants[releases] - rested
+        strength = np.where(np.isnan(speed), math.inf, speed)
+        changes = np.flatnonzero((events.mode_before != events.mode_after) & np.isnan(speed))
+        instants = (events.cycle * self.period + events.time)[changes]
+        apart = np.concatenate([[math.inf], np.diff(instants), [math.inf]])
+        strength[changes] = np.minimum(apart[:-1], apart[1:])
+        strength[events.kind == loop.SWITCH] = math.inf
         return strength
 
     def at(self, i: int) -> float:
@@ -158,7 +140,20 @@ class _Log:
         return float(self.cycle[i] + self.time[i] / self.period)
 
     def said(self, i: int) -> str:
-        return f"'{tables.EVENTS[self.what[i]]}' (period {self.at(i):.9g})"
+        return f"'{self.words[self.what[i]]}' (period {self.at(i):.9g})"
+
+
+def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
+    """Return the speed at which the gap closes before each impact, NaN at other events."""
+    m = len(automaton.guards)
+    impact = events.impacts(automaton)
+    speeds = np.full(len(events), math.nan)
+    for i in np.flatnonzero(impact):
+        g, r = [1.0] * m, [1.0] * m
+        mode, time = int(events.mode_before[i]), float(events.time[i])
+        automaton.margins(mode, time, events.before[i].tolist(), parameters.tolist(), g, r)
+        speeds[i] = abs(r[int(events.guard[i])])
+    return speeds
 
 
 class _Comparison:
@@ -255,14 +250,7 @@ class _Comparison:
         # Periods are counted in integers first, so that late ones lose no digits.
         late = (run.cycle[i] - other.cycle[j]) * run.period + (run.time[i] - other.time[j])
         state = np.abs(run.after[i] - other.after[j])
-        return np.array(
-            [
-                abs(late),
-                abs(run.speed[i] - other.speed[j]),
-                max(state[X1], state[X2]),
-                max(state[V1], state[V2]),
-            ]
-        )
+        return np.array([abs(late), abs(run.speed[i] - other.speed[j]), *state])
 
     def _size(self, differences: Floats, i: int, j: int) -> float:
         """Return the largest of `differences`, without what the slowness of an impact makes."""

@@ -8,26 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.actuator.modes import MODES, V2, X2, side_of
+from mems_impact.actuator.design.blows import BlowCounter, contacts
+from mems_impact.actuator.design.impacts import SLIPPING, energy_lost, is_impact
+from mems_impact.actuator.modes import MODES, V2, X1, X2, side_of
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.analysis.moments import Moments
+from mems_impact.analysis.statistics import Anchors, Window, ratio
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
-from mems_impact.studies.blows import BlowCounter, contacts
-from mems_impact.studies.impacts import (
-    SLIPPING,
-    begins_arc,
-    concatenate,
-    energy_lost,
-    is_impact,
-)
-from mems_impact.studies.moments import Moments
 
-__all__ = ["Accumulator", "Statistics", "instant_of"]
+__all__ = ["Accumulator", "Statistics"]
 
 _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
 
@@ -109,115 +104,85 @@ class Accumulator:
     Parameters
     ----------
     actuator : Actuator
-    period : float
-        Forcing period.
+        In the units of the numerics.
     start : Instant
         Where the run begins.
-    window : tuple of float
-        First and last forcing period.
+    window : Window
     """
 
-    def __init__(
-        self, actuator: Actuator, period: float, start: Instant, window: tuple[float, float]
-    ) -> None:
-        self._actuator, self._period, self._window = actuator, period, window
-        self._borders = tuple(instant_of(border, period) for border in window)
-        self._anchors = [start, start]
-        self._last = start  # the latest event, whose mode lasts until the next one
+    def __init__(self, actuator: Actuator, start: Instant, window: Window) -> None:
+        self._actuator, self._window = actuator, window
+        self._anchors = Anchors(window, start, len(MODES))
         self._waiting: Events | None = None  # from an impact on whose step has not ended
         self._impacts = self._chatter = 0
         self._speeds = Moments()
         self._steps = Moments()
         self._blows = BlowCounter()
-        self._slipping = self._resting = self._energy = 0.0
+        self._energy = 0.0
         self._closest = math.inf
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
         if len(events) == 0:
             return
-        after_first = self._since(0, events.cycle, events.time) >= 0.0
-        before_last = self._since(1, events.cycle, events.time) < 0.0
-        inside = after_first & before_last
-        self._take_durations(events.cycle, events.time, events.mode_after)
-        self._take_impacts(events, inside)
+        self._anchors.take(events)
+        self._take_impacts(events, self._window.contains(events))
         self._take_steps(events)
-        self._keep_anchors(events)
-        end = len(events) - 1
-        self._last = _instant(events, end)
 
     def anchor(self, border: int) -> Instant:
         """Return the beginning of the arc in which the window begins (0) or ends (1)."""
         return self._anchors[border]
 
-    def result(self, final: Instant, positions: Sequence[float]) -> Statistics:
-        """Return the statistics of a run that ended at `final`.
+    def result(self, final: Instant, borders: Sequence[Floats]) -> dict[str, float]:
+        """Return the statistics of a run that ended at `final`, by name.
 
         Parameters
         ----------
         final : Instant
-        positions : sequence of two float
-            x1 where the window begins and ends.
+        borders : sequence of two float array
+            The state where the window begins and ends.
         """
-        # A run that failed may have ended within the window, or before it.
-        first, last = self._window
-        last = max(first, min(last, final.cycle + final.time / self._period))
-        self._take_durations(
-            np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
-        )
-        self._last = final
+        measured = asdict(self.measured(final, borders))
+        return {name.replace("_", " "): value for name, value in measured.items()}
+
+    def measured(self, final: Instant, borders: Sequence[Floats]) -> Statistics:
+        """Return the same as an object."""
+        window = self._window.until(final)
+        self._anchors.end(final)
         if self._waiting is not None:
             self._take_steps(self._waiting[:0], last=True)
-        displacement = positions[1] - positions[0]
-        periods = last - first
-        duration = periods * self._period
+        displacement = float(borders[1][X1] - borders[0][X1])
+        periods = window.last - window.first
+        duration = periods * window.period
         impacts, blows = self._impacts, self._blows.count
         closest = self._closest if math.isfinite(self._closest) else math.nan
-        if self._resting > 0.0:
+        slipping = float(self._anchors.durations[SLIPPING].sum())
+        resting = float(self._anchors.durations[_RESTING].sum())
+        if resting > 0.0:
             closest = 0.0
         return Statistics(
-            window_first=first,
-            window_last=last,
+            window_first=window.first,
+            window_last=window.last,
             periods=periods,
             impacts=impacts,
-            impacts_per_period=_ratio(impacts, periods),
+            impacts_per_period=ratio(impacts, periods),
             blows=blows,
-            blows_per_period=_ratio(blows, periods),
-            displacement_per_period=_ratio(displacement, periods),
-            displacement_per_impact=_ratio(displacement, impacts),
+            blows_per_period=ratio(blows, periods),
+            displacement_per_period=ratio(displacement, periods),
+            displacement_per_impact=ratio(displacement, impacts),
             displacement_per_impact_std=self._steps.deviation(),
-            displacement_per_blow=_ratio(displacement, blows),
+            displacement_per_blow=ratio(displacement, blows),
             displacement_per_blow_std=self._blows.displacements.deviation(),
-            mean_speed=_ratio(displacement, duration),
+            mean_speed=ratio(displacement, duration),
             impact_speed_min=self._speeds.low if impacts else math.nan,
             impact_speed_mean=self._speeds.mean if impacts else math.nan,
             impact_speed_max=self._speeds.high if impacts else math.nan,
-            share_slipping=_ratio(self._slipping, duration),
-            share_resting=_ratio(self._resting, duration),
+            share_slipping=ratio(slipping, duration),
+            share_resting=ratio(resting, duration),
             closest_approach=math.nan if impacts else closest,
             chatter_sequences=self._chatter,
-            energy_lost_per_period=_ratio(self._energy, periods),
+            energy_lost_per_period=ratio(self._energy, periods),
         )
-
-    def _since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
-        """Return the times from the beginning (0) or end (1) of the window."""
-        at_cycle, at_time = self._borders[border]
-        # Periods are counted in integers first, so that late ones lose no digits.
-        result: Floats = (cycle - at_cycle) * self._period + (time - at_time)
-        return result
-
-    def _take_durations(
-        self, cycle: NDArray[np.int64], time: Floats, mode: NDArray[np.int64]
-    ) -> None:
-        cycle = np.concatenate([[self._last.cycle], cycle])
-        time = np.concatenate([[self._last.time], time])
-        during = np.concatenate([[self._last.mode], mode[:-1]]).astype(np.int64)
-        lengths = np.diff(cycle) * self._period + np.diff(time)
-        lengths += np.minimum(self._since(0, cycle, time)[:-1], 0.0)
-        lengths -= np.maximum(self._since(1, cycle, time)[1:], 0.0)
-        lengths = np.maximum(lengths, 0.0)
-        self._slipping += float(lengths[SLIPPING[during]].sum())
-        self._resting += float(lengths[_RESTING[during]].sum())
 
     def _take_impacts(self, events: Events, inside: NDArray[np.bool_]) -> None:
         struck = is_impact(events) & inside
@@ -233,40 +198,12 @@ class Accumulator:
 
     def _take_steps(self, events: Events, *, last: bool = False) -> None:
         if self._waiting is not None:
-            events = concatenate([self._waiting, events])
+            events = Events.joined([self._waiting, events])
         log, steps = contacts(events)
-        inside = self._since(0, log.cycle, log.time) >= 0.0
-        inside &= self._since(1, log.cycle, log.time) < 0.0
+        inside = self._window.contains(log)
         open_ = np.isnan(steps)
         self._steps.add(steps[is_impact(log) & inside & ~open_])
         # Only the last impact can wait for its end, and the end of chatter with it.
         held = int(np.argmax(open_)) if open_.any() and not last else len(log)
         self._waiting = log[held:]
         self._blows.add(log[:held], steps[:held], inside[:held], last=last)
-
-    def _keep_anchors(self, events: Events) -> None:
-        for border in (0, 1):
-            begins = begins_arc(events)
-            begins &= self._since(border, events.cycle, events.time) <= 0.0
-            places = np.flatnonzero(begins)
-            if places.size > 0:
-                self._anchors[border] = _instant(events, int(places[-1]))
-
-
-def instant_of(border: float, period: float) -> tuple[int, float]:
-    """Return a number of periods as whole periods and the time within the next one."""
-    whole = math.floor(border)
-    return whole, (border - whole) * period
-
-
-def _instant(events: Events, row: int) -> Instant:
-    return Instant(
-        int(events.cycle[row]),
-        float(events.time[row]),
-        int(events.mode_after[row]),
-        events.after[row].copy(),
-    )
-
-
-def _ratio(part: float, whole: float) -> float:
-    return part / whole if whole > 0 else math.nan

@@ -13,15 +13,12 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from mems_impact import tables
-from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.modes import V1, V2
-from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State
+from mems_impact.analysis.system import System
+from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, MemsImpactError
-from mems_impact.studies.simulate import simulate
-from mems_impact.studies.state import State
-from mems_impact.studies.threads import Watch, stoppable_threads
+from mems_impact.errors import MemsImpactError
 
 __all__ = ["Case", "Chain", "Point", "Study", "in_threads", "in_turn"]
 
@@ -34,16 +31,19 @@ class Case:
     """One value of the parameter, put where it belongs."""
 
     value: float
-    actuator: Actuator
-    drive: Drive
+    system: System
+
+    @property
+    def period(self) -> float:
+        """The forcing period, in the units of the system."""
+        return self.system.forcing_period or 1.0
 
 
 @dataclass(frozen=True)
 class Study:
     """What all values of a sweep share."""
 
-    actuator: Actuator
-    drive: Drive
+    system: System
     parameter: str
     transient: int
     periods: int
@@ -52,20 +52,17 @@ class Study:
 
     def case(self, value: float) -> Case:
         """Return the case of one value; InvalidParameter if it is not allowed."""
-        if self.parameter in self.drive.names:
-            return Case(value, self.actuator, self.drive.varied({self.parameter: value}))
-        if self.parameter in PARAMETER_NAMES:
-            changed = self.actuator.replace(**{self.parameter: value})
-            return Case(value, changed, self.drive)
-        names = [*self.drive.names, *PARAMETER_NAMES]
-        raise InvalidParameter("parameter", self.parameter, f"one of {', '.join(names)}")
+        return Case(value, self.system.changed(**{self.parameter: value}))
 
     @property
-    def unit(self) -> str:
-        """The SI unit of the parameter; empty for a pure number."""
-        if self.parameter in self.drive.names:
-            return self.drive.unit(self.parameter)
-        return PARAMETER_UNITS.get(self.parameter, "")
+    def states(self) -> tuple[str, ...]:
+        """The states that are told of every crossing: those by which orbits are shown first."""
+        system = self.system
+        hidden = {system.states[i] for i in system.automaton.cyclic}
+        if system.section is not None:
+            hidden.add(system.states[system.section[0]])
+        rest = (name for name in reversed(system.states) if name not in hidden)
+        return tuple(dict.fromkeys([*system.shown, *rest]))
 
     def point(
         self, case: Case, name: str, start: State, watch: Watch | None
@@ -75,15 +72,14 @@ class Study:
             "value": case.value,
             "direction": name,
             "section": {},
-            **dict.fromkeys(tables.SWEEP_COLUMNS, math.nan),
+            "statistics": {},
             "status": "ok",
         }
-        period = case.drive.period
-        first = start.time / period + self.transient
+        system = case.system
+        first = start.time / case.period + self.transient
         try:
             run = simulate(
-                case.actuator,
-                case.drive,
+                system,
                 self.transient + self.periods,
                 initial=start,
                 window=(first, first + self.periods),
@@ -93,20 +89,24 @@ class Study:
         except MemsImpactError as error:
             point["status"] = str(error)
             return point, start
-        log, begin = tables.crossings(run.trajectory.events, self.section), run.trajectory.start
-        elapsed = (log.cycle - self.transient) * run.trajectory.period + log.time
-        log = log[elapsed >= begin.time]
-        # By the scales of this case: a parameter that is varied may change them.
-        scales = case.actuator.scales
+        trajectory = run.trajectory
+        if system.section is None:
+            grid = trajectory.samples(1, first=first)
+            cycle, time, y = grid.cycle, grid.time, grid.y
+        else:
+            log = trajectory.events.crossings(self.section)
+            cycle, time, y = log.cycle, log.time, log.after
+        settled = (cycle - self.transient) * trajectory.period + time >= trajectory.start.time
         point["section"] = {
-            "period": (log.cycle - self.transient).astype(float),
-            "v2": scales.out(log.after[:, V2], "m/s"),
-            "v1": scales.out(log.after[:, V1], "m/s"),
+            "period": (cycle[settled] - self.transient).astype(float),
+            **{
+                name: system.scales.out(y[settled, system.states.index(name)], system.unit(name))
+                for name in self.states
+            },
         }
-        for name in tables.SWEEP_COLUMNS:
-            value = getattr(run.measured, name.replace(" ", "_"))
-            unit = tables.COLUMN_UNITS.get(name, "")
-            point[name] = scales.out(value, unit) if unit else value
+        point["statistics"] = {
+            name: system.scales.out(run.gathered[name], system.unit(name)) for name in system.told
+        }
         return point, run.final
 
 
@@ -121,11 +121,11 @@ class Chain:
 
     def points(self, watch: Watch | None = None) -> Iterator[Point]:
         """Compute value after value. `watch` is called now and then and may raise."""
-        state, period = self.initial, self.cases[0].drive.period
+        state, period = self.initial, self.cases[0].period
         for case in self.cases:
-            if case.drive.period != period:
-                state = _at_same_phase(state, period, case.drive.period)
-                period = case.drive.period
+            if case.period != period:
+                state = _at_same_phase(state, period, case.period)
+                period = case.period
             point, state = self.study.point(case, self.name, state, watch)
             yield point
 
@@ -169,8 +169,8 @@ def compile_once(chain: Chain) -> None:
     case = chain.cases[0]
     options = replace(chain.study.options, engine="compiled")
     with contextlib.suppress(MemsImpactError):  # the chain itself will say so
-        simulate(case.actuator, case.drive, 1e-3, initial=chain.initial, options=options)
+        simulate(case.system, 1e-3, initial=chain.initial, options=options)
 
 
 def _at_same_phase(state: State, old: float, new: float) -> State:
-    return replace(state, time=min(state.time / old * new, math.nextafter(new, 0.0)))
+    return state.replace(time=min(state.time / old * new, math.nextafter(new, 0.0)))

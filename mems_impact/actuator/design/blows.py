@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
 from mems_impact.actuator.modes import V2
+from mems_impact.analysis.moments import Moments
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats
-from mems_impact.studies.impacts import concatenate, energy_lost, frame_steps, is_impact
-from mems_impact.studies.moments import Moments
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
-    from mems_impact.studies.run import Run
+    from mems_impact.actuator.results import ActuatorRun
 
 __all__ = ["BlowCounter", "Blows", "EachBlow", "blow_of", "blows", "contacts", "each_blow"]
 
@@ -48,7 +48,7 @@ class Blows:
     displacement_std: float
 
 
-def blows(run: Run) -> Blows:
+def blows(run: ActuatorRun) -> Blows:
     """Return what the blows in the window of a run do.
 
     Parameters
@@ -67,7 +67,7 @@ def blows(run: Run) -> Blows:
     >>> mi.blows(run).count  # the 80 impacts of run.statistics are bounces of these
     4
     """
-    found, scales = run.measured, run.actuator.scales
+    found, scales = run.measured, run.system.scales
     still = found.blows == 0 and found.displacement_per_period == 0.0
     return Blows(
         count=found.blows,
@@ -152,7 +152,7 @@ class BlowCounter:
         """
         if self._held is not None:
             events, before, within = self._held
-            log = concatenate([events, log])
+            log = Events.joined([events, log])
             steps, inside = np.concatenate([before, steps]), np.concatenate([within, inside])
         first, settled = blow_of(log)
         done = len(log) if last else settled

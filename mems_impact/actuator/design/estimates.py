@@ -12,21 +12,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mems_impact import tables
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator import tables
+from mems_impact.actuator.design.impacts import frame_steps
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.analysis.state import State
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.studies.impacts import frame_steps
-from mems_impact.studies.state import State
+from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-    from mems_impact.studies.run import Run
+    from mems_impact.actuator.results import ActuatorRun
 
 __all__ = [
     "Window",
@@ -112,7 +113,7 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     return float(result) if result.ndim == 0 else result
 
 
-def step_lengths(run: Run) -> pd.DataFrame:
+def step_lengths(run: ActuatorRun) -> pd.DataFrame:
     """Return the steps of a run beside the formula.
 
     Parameters
@@ -133,12 +134,12 @@ def step_lengths(run: Run) -> pd.DataFrame:
     hits = log[struck]
     chosen = (hits.guard == RIGHT_IMPACT) & (hits.before[:, V1] == 0.0) & (steps > 0.0)
     hits, steps = hits[chosen], steps[chosen]
-    scales = run.actuator.scales
+    scales = run.system.scales
     volts = run.drive.value(scales.out(hits.time, "s"))
     speed = scales.out(hits.before[:, V2], "m/s")
     formula = step_length(run.actuator, speed, volts)
     return tables.step_lengths(
-        hits.cycle, hits.time / period, speed, volts, scales.out(steps, "m"), formula, scales
+        hits.cycle, hits.time / period, speed, volts, scales.out(steps, "m"), formula, run.system
     )
 
 
@@ -173,13 +174,14 @@ def speed_over_voltage(
         One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
         displacement per period, per impact and per blow, mean speed.
     """
-    from mems_impact.studies.sweep import sweep
+    from mems_impact.analysis.sweep import sweep
+    from mems_impact.tables.sweep import sweep_summary
 
     table = sweep(
         actuator, drive, parameter, amplitudes, direction="down", transient=transient,
         periods=periods, initial=initial, options=options, workers=workers,
     )  # fmt: skip
-    summary = tables.symbols(tables.sweep_summary(table)).iloc[::-1]
+    summary = sweep_summary(table).iloc[::-1]
     return tables.speed(
         parameter,
         summary[parameter].to_numpy(),
@@ -187,7 +189,7 @@ def speed_over_voltage(
         summary["blows per period"].to_numpy(),
         summary["displacement per period"].to_numpy(),
         drive.period,
-        actuator.scales,
+        actuator.under(drive),
     )
 
 
@@ -211,7 +213,7 @@ def resolution(speeds: pd.DataFrame) -> float:
         If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
         period that moves the frame forward.
     """
-    table = tables.symbols(speeds)
+    table = bare(speeds)
     if "displacement per blow" not in table:
         raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
     blows, moved = table["blows per period"], table["displacement per blow"]
@@ -292,9 +294,9 @@ def period_one_window(
     OrbitError
         If the run from the guess does not lead to a stable orbit with impacts.
     """
-    from mems_impact.studies.branches import continue_orbit
-    from mems_impact.studies.orbits import find_orbit
-    from mems_impact.studies.sweep import kicked
+    from mems_impact.actuator.system import kicked
+    from mems_impact.analysis.branch import continue_orbit
+    from mems_impact.analysis.orbit import find_orbit
 
     amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
     if not low < amplitude < high:

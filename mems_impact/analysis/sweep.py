@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mems_impact import tables
-from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.parameters import Actuator
+from mems_impact.analysis.chains import Chain, Point, Study, in_threads, in_turn
+from mems_impact.analysis.progress import progress_bar
+from mems_impact.analysis.run import check_direction
+from mems_impact.analysis.state import State, whole
+from mems_impact.analysis.system import System, takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, SweepInterrupted
 from mems_impact.hybrid.problem import is_compiled
-from mems_impact.studies.chains import Case, Chain, Point, Study, in_threads, in_turn
-from mems_impact.studies.run import check_direction
-from mems_impact.studies.state import State, is_number
+from mems_impact.tables import sweep as tables
 
 if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import ArrayLike
 
-__all__ = ["kicked", "sweep"]
+__all__ = ["sweep"]
 
 CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
 
 
+@takes_system(start="initial")
 def sweep(
-    actuator: Actuator,
-    drive: Drive,
+    system: System,
     parameter: str,
     values: ArrayLike,
     *,
@@ -40,17 +38,17 @@ def sweep(
     section: Literal[1, -1, 0] = 1,
     initial: State | Mapping[str, State] | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
-    progress: bool = False,
+    progress: bool | Callable[[float], None] = False,
     workers: int | None = None,
 ) -> pd.DataFrame:
     """Vary one parameter slowly; every value starts from the last state of the value before.
 
     Parameters
     ----------
-    actuator : Actuator
-    drive : Drive
+    system : System, or Actuator and Drive
     parameter : str
-        A parameter of the drive (``"amplitude"``, ``"omega"``, …) or of the actuator.
+        One of the system's: of an actuator, a number of the drive (``"amplitude"``, ``"omega"``, …)
+        or of the device.
     values : array_like of float
         Values of the parameter, in any order.
     direction : {"up", "down", "both"}, optional
@@ -58,11 +56,12 @@ def sweep(
     transient, periods : int, optional
         Forcing periods that each value is given to settle, and that are then measured.
     section : {1, -1, 0}, optional
-        Which crossings of the Poincaré section x2 = 0 are kept: v2 > 0, v2 < 0 or both.
+        Which crossings of the Poincaré section are kept: upwards, downwards or both. A system
+        without a section is looked at where its forcing periods begin.
     initial : State or mapping of str to State, optional
-        Where each chain starts: one state for all, or one for ``"up"`` and one for ``"down"``. By
-        default, up starts at rest in the middle and down with a kick (see `kicked`), so that a
-        range with two attractors shows both.
+        Where each chain starts: one state for all, or one for ``"up"`` and one for ``"down"``; the
+        system's start by default. Of an actuator, up starts at rest in the middle and down with a
+        kick (see `kicked`), so that a range with two attractors shows both.
     options : Options, optional
     progress : bool, optional
         Show a progress bar if the sweep takes over a second.
@@ -93,53 +92,50 @@ def sweep(
     if direction not in CHAINS:
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
     check_direction("section", section)
-    transient, periods = _count("transient", transient, 0), _count("periods", periods, 1)
-    study = Study(actuator, drive, parameter, transient, periods, section, options)
+    transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
+    if not system.forced:
+        problem = "the system has no forcing period by which a sweep could count"
+        raise InvalidParameter("period", None, "", problem=problem)
+    system.check_parameter(parameter)
+    study = Study(system, parameter, transient, periods, section, options)
     ascending = np.sort(_numbers(values))
     cases = [study.case(value) for value in ascending.tolist()]  # all checked before the first
     chains = []
     for name in CHAINS[direction]:
         ordered = cases if name == "up" else cases[::-1]
-        chains.append(Chain(study, name, ordered, _initial(initial, name, ordered[0])))
+        chains.append(Chain(study, name, ordered, _initial(initial, name, ordered[0].system)))
     threads = _threads(workers, len(chains), options)
 
     points: list[list[Point]] = [[] for _ in chains]
     total = len(cases) * len(chains)
     run = in_turn if threads == 1 else in_threads
     interrupted = False
-    with _counting(total, shown=progress) as count:
+    with progress_bar(progress, "values", total) as report:
         results = run(chains)
         try:
-            for number, point in results:
+            for done, (number, point) in enumerate(results, 1):
                 points[number].append(point)
-                count()
+                if report is not None:
+                    report(done)
         except KeyboardInterrupt:
             interrupted = True
         finally:
             results.close()
-    done = [point for chain in points for point in chain]
-    table = tables.sweep(parameter, done, study.unit, actuator.scales)
+    found = [point for chain in points for point in chain]
+    table = tables.sweep(parameter, found, study.states, system.told, system)
     if interrupted:
-        raise SweepInterrupted(table, len(done), total)
+        raise SweepInterrupted(table, len(found), total)
     return table
 
 
-def kicked(actuator: Actuator) -> State:
-    """Return the state in which the block passes the middle fast enough to strike a stopper.
-
-    Its kinetic energy is four times what the spring takes up on the way.
-    """
-    return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
-
-
-def _initial(initial: State | Mapping[str, State] | None, name: str, case: Case) -> State:
+def _initial(initial: State | Mapping[str, State] | None, name: str, system: System) -> State:
     if isinstance(initial, Mapping):
         unknown = set(initial) - {"up", "down"}
         if unknown:
             raise InvalidParameter("initial", sorted(unknown), "given for 'up' and 'down' alone")
         initial = initial.get(name)
     if initial is None:
-        return State() if name == "up" else kicked(case.actuator)
+        return system.start_of(name)
     if not isinstance(initial, State):
         raise InvalidParameter("initial", initial, "a State, or a mapping of 'up', 'down' to State")
     return initial
@@ -158,26 +154,8 @@ def _numbers(values: ArrayLike) -> np.ndarray:
 
 def _threads(workers: int | None, chains: int, options: Options) -> int:
     if workers is not None:
-        workers = _count("workers", workers, 1)
+        workers = whole("workers", workers, 1)
     # An interpreted engine holds Python's lock; CVODE's silences standard output for all threads.
     if not is_compiled(options):
         return 1
     return chains if workers is None else min(workers, chains)
-
-
-def _count(field: str, value: Any, least: int) -> int:
-    if not (is_number(value) and value >= least and value == int(value)):
-        raise InvalidParameter(field, value, f"a whole number >= {least}")
-    return int(value)
-
-
-@contextmanager
-def _counting(total: int, *, shown: bool) -> Iterator[Callable[[], object]]:
-    """Give what is called after every value; with a bar while it is shown."""
-    if not shown:
-        yield lambda: None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=total, delay=1.0, unit=" values") as bar:
-        yield bar.update

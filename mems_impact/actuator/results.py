@@ -1,0 +1,109 @@
+"""What runs and orbits of an actuator tell beside what those of any system do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact.actuator import tables
+from mems_impact.actuator.design.blows import each_blow
+from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
+from mems_impact.actuator.design.statistics import Accumulator, Statistics
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.run import Run
+from mems_impact.hybrid.trajectory import Events
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.parameters import Actuator
+
+__all__ = ["ActuatorOrbit", "ActuatorRun"]
+
+
+class _OfActuator:
+    """What comes of an actuator under a drive."""
+
+    system: Any
+
+    @property
+    def actuator(self) -> Actuator:
+        """The device."""
+        actuator: Actuator = self.system.actuator
+        return actuator
+
+    @property
+    def drive(self) -> Drive:
+        """The voltage."""
+        drive: Drive = self.system.drive
+        return drive
+
+
+class ActuatorRun(_OfActuator, Run):
+    """A run of an actuator under a drive."""
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """One row an impact.
+
+        Columns: period, time and phase (in [0, 1)) within it, running time t, stopper, velocities
+        of frame (v1) and block (v2) before and after, energy lost, position x1 of the frame, and
+        its step: the displacement until the frame rests or the next impact comes (NaN if neither
+        came).
+        """
+        log = self._log("impacts")
+        rows, steps = frame_steps(log)
+        struck = np.zeros(len(log), dtype=bool)
+        struck[rows] = True
+        hits = log[struck]
+        lost = energy_lost(hits, self.system.inner_actuator)
+        return tables.impacts(hits, steps, lost, self.trajectory.period, self.system)
+
+    @cached_property
+    def blows(self) -> pd.DataFrame:
+        """One row a blow: an impact, or a sequence of ever weaker ones that ends in rest.
+
+        Columns: period, time and phase (in [0, 1)) of the first impact, running time t, stopper,
+        the number of impacts, whether the blow ends in rest, velocity v2 of the block before the
+        first impact, energy lost, position x1 of the frame at the first impact, and the
+        displacement of the frame: the sum of the steps after the impacts (NaN if the last has not
+        ended). The impacts of a sequence that the end of the run cuts short stand as blows of
+        their own.
+        """
+        each = each_blow(self._log("blows"), self.system.inner_actuator)
+        return tables.blows(
+            each.first, each.impacts, each.rests, each.displacement, each.energy,
+            self.trajectory.period, self.system,
+        )  # fmt: skip
+
+    @cached_property
+    def measured(self) -> Statistics:
+        """The statistics as numbers with names, dimensionless like the trajectory."""
+        assert isinstance(self._gatherer, Accumulator)
+        borders = [self._state_at(border) for border in (0, 1)]
+        return self._gatherer.measured(self.trajectory.final, borders)
+
+
+class ActuatorOrbit(_OfActuator, Orbit):
+    """A periodic orbit of an actuator under a drive."""
+
+    @property
+    def step(self) -> float:
+        """Displacement of the frame over the orbit."""
+        return self.gains["x1"]
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """One row an impact, with the columns of `ActuatorRun.impacts`."""
+        # The step after the last impact may end in the next pass of the orbit.
+        later = replace(self._log, cycle=self._log.cycle + self.periods)
+        log = Events.joined([self._log, replace(later, after=self._ahead(later.after))])
+        steps = frame_steps(log)[1]
+        hits = self._log[is_impact(self._log)]
+        lost = energy_lost(hits, self.system.inner_actuator)
+        period = self._problem.period
+        return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)

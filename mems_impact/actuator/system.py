@@ -1,0 +1,277 @@
+"""An actuator under a drive, as a system among others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.modes import (
+    GUARDS,
+    STATES,
+    V1,
+    X2,
+    actuator_automaton,
+    direction_of,
+)
+from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS
+from mems_impact.actuator.units import scaled_fields
+from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.state import State
+from mems_impact.analysis.statistics import Gatherer, Window
+from mems_impact.analysis.system import System
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.units import DIMENSIONLESS, Scales
+
+__all__ = ["ActuatorSystem", "kicked"]
+
+IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
+
+
+def _frame_position(mode: int, t: float, y: Any, p: Any) -> float:
+    return float(y.x1)
+
+
+def _energy_lost(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
+    # Equations (5) and (6) conserve momentum; what is lost is of the relative motion alone.
+    m1, m2 = p[0], p[1]
+    return float(0.5 * m1 * m2 / (m1 + m2) * (before.v2 - after.v2) * (before.v2 + after.v2))
+
+
+class ActuatorSystem(System):
+    """An actuator under a drive, with every number of theirs as a parameter.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+    scales : Scales, optional
+        In which the numerics count; they stay when a parameter is varied from which they were
+        made. Those of the actuator by default.
+
+    Raises
+    ------
+    InvalidParameter
+        If `drive` is no drive, or cannot be told in floating-point numbers.
+    """
+
+    run_type = ActuatorRun
+    orbit_type = ActuatorOrbit
+    observables = (
+        Observable("step", _frame_position, unit="m"),
+        Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J"),
+    )
+
+    def __init__(self, actuator: Actuator, drive: Drive, scales: Scales | None = None) -> None:
+        if not isinstance(drive, Drive):
+            raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
+        drive.check()
+        self._put(actuator, drive, scales or actuator.scales)
+
+    def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
+        self.name = ""
+        self.actuator, self.drive, self._scales = actuator, drive, scales
+
+    def __repr__(self) -> str:
+        return f"{self.actuator!r} under {self.drive!r}"
+
+    @property
+    def automaton(self) -> Automaton:
+        """The actuator's modes and guards, under the drive's waveform."""
+        drive = self.drive
+        return actuator_automaton(
+            drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate
+        )
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """All numbers of drive and actuator."""
+        values = {name: self.drive.number(name) for name in self.drive.names}
+        for name in PARAMETER_NAMES:
+            values.setdefault(name, float(getattr(self.actuator, name)))
+        return values
+
+    @property
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+        return self._scales
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI units of parameters and columns; none of a dimensionless device."""
+        if self._scales is DIMENSIONLESS:
+            return {}
+        of_drive = {name: self.drive.unit(name) for name in self.drive.names}
+        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive}
+
+    @property
+    def initial(self) -> State:
+        """At rest in the middle."""
+        return State()
+
+    @property
+    def section(self) -> Section:
+        """The block passes the middle: x2 = 0."""
+        return X2, 0.0, 0
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The states by which orbits are shown."""
+        return ("v2",)
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The statistics that a sweep tells of every value."""
+        return SWEEP_COLUMNS
+
+    def start_of(self, direction: str) -> State:
+        """Return rest in the middle for a sweep up, and a kick for one down."""
+        return State() if direction == "up" else kicked(self.actuator)
+
+    @property
+    def forcing_period(self) -> float:
+        """The drive's."""
+        return self.drive.period
+
+    def unit(self, name: str) -> str:
+        """Return the SI unit of a parameter or a column, empty for a pure number."""
+        return self.units.get(name, "")
+
+    def check_parameter(self, name: str, field: str = "parameter") -> None:
+        """Raise InvalidParameter unless `name` can be varied continuously."""
+        super().check_parameter(name, field)
+        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
+            problem = "the forcing period doubles where the bias sets in; begin with another value"
+            raise InvalidParameter(name, 0.0, "", problem=problem)
+
+    def changed(self, *, checked: bool = True, **values: float) -> ActuatorSystem:
+        """Return the system at other values of some parameters.
+
+        Differences by a parameter at the end of its range look beyond it, as do trial steps: not
+        `checked`, everything is taken. Otherwise InvalidParameter is raised if a value is not
+        allowed.
+        """
+        names = self.drive.names
+        of_drive = {name: value for name, value in values.items() if name in names}
+        of_actuator = {name: value for name, value in values.items() if name not in names}
+        unknown = [name for name in of_actuator if name not in PARAMETER_NAMES]
+        if unknown:
+            super().check_parameter(unknown[0])
+        actuator, drive = self.actuator, self.drive
+        if of_drive:
+            drive = drive.varied(of_drive, checked=checked)
+        if of_actuator and checked:
+            actuator = actuator.replace(**of_actuator)
+        elif of_actuator:
+            actuator = actuator.replace_unchecked(**of_actuator)
+        other = object.__new__(ActuatorSystem)
+        # Those that a continuation looks at share the units in which it counts.
+        other._put(actuator, drive, actuator.scales if checked else self._scales)
+        return other
+
+    @property
+    def inner_actuator(self) -> Actuator:
+        """The actuator in the units of the numerics."""
+        if self._scales is DIMENSIONLESS:
+            return self.actuator
+        values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
+        return self.actuator.replace_unchecked(**values, units="dimensionless")
+
+    def problem(self, options: Options) -> Problem:
+        """Return what the event loop integrates, dimensionless."""
+        drive = self.drive
+        if self._scales is not DIMENSIONLESS:
+            drive = drive.scaled(self._scales.unit("V"), self._scales.unit("s"))
+        return Problem(
+            automaton=self.automaton,
+            parameters=np.concatenate([self.inner_actuator.to_array(), drive.parameters()]),
+            period=drive.period,
+            switches=drive.switches,
+            time_scale=drive.time_scale,
+            section=self.section,
+            options=options,
+        )
+
+    def ending(self, until: Callable[..., float]) -> System:
+        """Refuse: the functions of an actuator are not written by name."""
+        problem = "only systems made by mems_impact.System know it; give periods= or duration="
+        raise InvalidParameter("until", None, "", problem=problem)
+
+    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
+        """Return where a run from `state` starts; the block must be between the stoppers."""
+        start = super().instant(state, problem)
+        x2 = self.out("x2", float(start.y[X2]))
+        delta = self.actuator.delta
+        if not abs(x2) <= delta * (1.0 + 1e-15):
+            raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
+        return start
+
+    def state_of(self, instant: Instant) -> State:
+        """Return an instant as a state in the device's units."""
+        values = {
+            name: self.out(name, value)
+            for name, value in zip(STATES, instant.y.tolist(), strict=True)
+        }
+        time = float(self.scales.out(instant.time, "s"))
+        if self.scales is not DIMENSIONLESS:
+            # Scaling may round a block on its stopper, or the end of a period, to just beyond it.
+            delta, last = self.actuator.delta, math.nextafter(self.drive.period, 0.0)
+            values["x2"] = min(max(values["x2"], -delta), delta)
+            time = min(time, last)
+        return State(**values, time=time)
+
+    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
+        """Return the mode of a state, by Equation (4) and the contact force."""
+        automaton = problem.automaton
+        code = automaton.switch_code
+        return int(automaton.transition(0, code, time, y, problem.parameters))
+
+    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+        """Return what gathers the statistics of a run."""
+        return Accumulator(self.inner_actuator, start, window)
+
+    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Return an observable of a state, in the units of the numerics."""
+        return float(observable.function(0, 0.0, _Named(y), problem.parameters))
+
+    def measure_event(
+        self, observable: Observable, events: Events, i: int, problem: Problem
+    ) -> float:
+        """Return an observable at an event, in the units of the numerics."""
+        before, after = _Named(events.before[i]), _Named(events.after[i])
+        mode, time = int(events.mode_before[i]), float(events.time[i])
+        return float(observable.function(mode, time, before, after, problem.parameters))
+
+    def tidied(self, mode: int, y: Floats) -> Floats:
+        """Return a state found by Newton's method, with a stuck frame at rest."""
+        # A rounding is left there, with which a run would begin to slip.
+        return y if direction_of(mode) != 0 else np.where(np.arange(y.size) == V1, 0.0, y)
+
+    def moves(self, instant: Instant) -> bool:
+        """Return whether the frame slides."""
+        return direction_of(instant.mode) != 0
+
+
+def kicked(actuator: Actuator) -> State:
+    """Return the state in which the block passes the middle fast enough to strike a stopper.
+
+    Its kinetic energy is four times what the spring takes up on the way.
+    """
+    return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
+
+
+class _Named:
+    """A state of the actuator by name."""
+
+    def __init__(self, y: Floats) -> None:
+        self.x1, self.v1, self.x2, self.v2 = y.tolist()

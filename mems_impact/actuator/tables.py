@@ -1,0 +1,281 @@
+"""Tables that an actuator has beside those of any system (see `mems_impact.tables`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2, X1
+from mems_impact.hybrid.trajectory import Events, Floats
+from mems_impact.tables.common import Labels, table, when, words
+
+__all__ = [
+    "COLUMN_UNITS",
+    "SWEEP_COLUMNS",
+    "blows",
+    "chart",
+    "chart_points",
+    "chart_types",
+    "checks",
+    "displacement",
+    "fit_parameters",
+    "fit_residuals",
+    "impacts",
+    "speed",
+    "step_lengths",
+    "transitions",
+]
+
+COLUMN_UNITS = {
+    "time": "s",
+    **dict.fromkeys(["x1", "x2", "step", "displacement", "formula", "closest approach"], "m"),
+    **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
+    **dict.fromkeys(["energy lost", "energy lost per period"], "J"),
+    **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
+    "voltage": "V",
+}
+"""The SI unit of every column, and of every statistic, that is not a pure number."""
+
+
+def impacts(
+    rows: Events, steps: Floats, energy: Floats, period: float, labels: Labels
+) -> pd.DataFrame:
+    """Return one row an impact.
+
+    Parameters
+    ----------
+    rows : Events
+        Impacts only.
+    steps : float array
+        Displacement of the frame from each impact until the frame rests or the next impact comes.
+    energy : float array
+        Kinetic energy lost in each.
+    period : float
+        Forcing period.
+    labels : Labels
+    """
+    columns = {
+        **when(rows.cycle, rows.time, period, labels),
+        "phase": rows.time / period,
+        "stopper": _stopper(rows),
+        "v1 before": rows.before[:, V1],
+        "v1 after": rows.after[:, V1],
+        "v2 before": rows.before[:, V2],
+        "v2 after": rows.after[:, V2],
+        "energy lost": energy,
+        "x1": rows.after[:, X1],
+        "step": steps,
+    }
+    return table(columns, labels)
+
+
+def blows(
+    first: Events,
+    impacts: NDArray[np.int64],
+    rests: NDArray[np.bool_],
+    displacement: Floats,
+    energy: Floats,
+    period: float,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a blow.
+
+    Parameters
+    ----------
+    first : Events
+        The first impact of each.
+    impacts : int array
+        How many it has.
+    rests : bool array
+        Whether it ends in rest on the stopper.
+    displacement : float array
+        What it moves the frame by.
+    energy : float array
+        Kinetic energy lost in each.
+    period : float
+        Forcing period.
+    labels : Labels
+    """
+    columns = {
+        **when(first.cycle, first.time, period, labels),
+        "phase": first.time / period,
+        "stopper": _stopper(first),
+        "impacts": impacts,
+        "ends in rest": rests,
+        "v2 before": first.before[:, V2],
+        "energy lost": energy,
+        "x1": first.after[:, X1],
+        "displacement": displacement,
+    }
+    return table(columns, labels)
+
+
+def chart(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a point of a boundary: boundary, the `parameters`, type, kind."""
+    columns = {
+        "boundary": [row["boundary"] for row in rows],
+        **_values(parameters, rows),
+        "type": [row["type"] for row in rows],
+        "kind": [row["kind"] for row in rows],
+    }
+    return table({}, labels, given=columns)
+
+
+def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
+    """Return one row a type: type, grazing, `parameter` from and to, on, off."""
+    columns = {
+        "type": [row["type"] for row in rows],
+        "grazing": [row["grazing"] for row in rows],
+        **_values((f"{parameter} from", f"{parameter} to"), rows),
+        "on": [row["on"] for row in rows],
+        "off": [row["off"] for row in rows],
+    }
+    return table({}, labels, given=columns)
+
+
+def chart_points(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a point of codimension two: kind and the `parameters`."""
+    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    return table({}, labels, given=columns)
+
+
+def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {
+        name: np.array([row["values"][i] for row in rows], dtype=float)
+        for i, name in enumerate(parameters)
+    }
+
+
+SWEEP_COLUMNS = (
+    "impacts per period",
+    "blows per period",
+    "displacement per period",
+    "displacement per impact",
+    "mean speed",
+)
+"""What a sweep says of every value: statistics, as a run has them."""
+
+
+def fit_parameters(
+    names: Sequence[str],
+    start: Sequence[float],
+    fitted: Sequence[float],
+    limits: Floats,
+    errors: Floats,
+    determined: NDArray[np.bool_],
+    at_bound: NDArray[np.bool_],
+) -> pd.DataFrame:
+    """Return one row a free parameter of a fit; `errors` are relative."""
+    columns = {
+        "parameter": list(names),
+        "start": list(start),
+        "fitted": list(fitted),
+        "low": limits[:, 0],
+        "high": limits[:, 1],
+        "standard error": np.array(fitted) * errors,
+        "determined": determined,
+        "at bound": at_bound,
+    }
+    return pd.DataFrame(columns)
+
+
+def fit_residuals(
+    quantities: Sequence[str],
+    drives: Sequence[str],
+    measured: Floats,
+    computed: Floats,
+    tolerances: Floats,
+) -> pd.DataFrame:
+    """Return one row a target of a fit."""
+    columns = {
+        "quantity": list(quantities),
+        "drive": list(drives),
+        "measured": measured,
+        "computed": computed,
+        "difference": computed - measured,
+        "in tolerances": (computed - measured) / tolerances,
+    }
+    return pd.DataFrame(columns)
+
+
+def step_lengths(
+    period: NDArray[np.int64],
+    phase: Floats,
+    speed: Floats,
+    voltage: Floats,
+    simulated: Floats,
+    formula: Floats,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row an impact: the simulated step beside the formula; all in device units."""
+    columns = {
+        "period": period,
+        "phase": phase,
+        "v2 before": speed,
+        "voltage": voltage,
+        "step": simulated,
+        "formula": formula,
+        "ratio": simulated / formula,
+    }
+    return table({}, labels, given=columns)
+
+
+def speed(
+    parameter: str,
+    voltage: Floats,
+    impacts_per_period: Floats,
+    blows_per_period: Floats,
+    displacement_per_period: Floats,
+    period: float,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a value of `parameter`, a voltage: steps and mean speed; in device units."""
+
+    def each(number: Floats) -> Floats:
+        none = np.full(number.size, np.nan)
+        return np.divide(displacement_per_period, number, out=none, where=number > 0.0)
+
+    columns = {
+        parameter: voltage,
+        "impacts per period": impacts_per_period,
+        "blows per period": blows_per_period,
+        "displacement per period": displacement_per_period,
+        "displacement per impact": each(impacts_per_period),
+        "displacement per blow": each(blows_per_period),
+        "mean speed": displacement_per_period / period,
+    }
+    return table({}, labels, given=columns)
+
+
+def transitions(rows: Sequence[tuple[str, str, str, int]]) -> pd.DataFrame:
+    """Return one row a transition of the automaton: mode, event, mode, and how often seen."""
+    return pd.DataFrame(rows, columns=["mode before", "event", "mode after", "seen"])
+
+
+def displacement(rows: Sequence[tuple[float, float, float, float]]) -> pd.DataFrame:
+    """Return one row a voltage of a device in SI: frequency, amplitude, and what it does."""
+    columns = [
+        "frequency [Hz]",
+        "amplitude [V]",
+        "displacement per blow [m]",
+        "blows per period",
+    ]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def checks(rows: Sequence[tuple[float, str, str, float, float, float]]) -> pd.DataFrame:
+    """Return one row a boundary of a chart that was checked by brute force."""
+    columns = ["omega", "type", "boundary", "chart", "brute force", "steps apart"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _stopper(impacts: Events) -> Any:
+    return words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))

@@ -1,0 +1,421 @@
+"""Periodic orbits of a system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.analysis.moments import Moments
+from mems_impact.analysis.run import check_direction
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.statistics import observed, reduced
+from mems_impact.analysis.system import System, takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples
+from mems_impact.hybrid.unguarded import unguarded
+from mems_impact.orbits import orbit as orbits
+from mems_impact.orbits.orbit import Defect, PeriodicOrbit
+from mems_impact.orbits.shooting import Point
+from mems_impact.orbits.signature import BOUNDARY
+from mems_impact.tables import run as tables
+from mems_impact.tables.common import CHATTER_ENDS, DRIVE_SWITCHES
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit"]
+
+ORBIT_OPTIONS = Options(rtol=1e-11, atol=1e-13)
+"""Tighter than for runs: special points are located to ten digits."""
+
+PERIOD_ENDS = "period ends"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Orbit:
+    """A periodic orbit of a system, stable or not.
+
+    Attributes
+    ----------
+    system : System
+        At the parameters of the orbit.
+    found : PeriodicOrbit
+        The orbit as arrays.
+    """
+
+    system: System = field(repr=False)
+    found: PeriodicOrbit = field(repr=False)
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        kind += "" if self.admissible else ", inadmissible"
+        hits = len(self._hits)
+        return (
+            f"{type(self).__name__}(periods={self.periods}, impacts={hits}, {kind}, {self.state})"
+        )
+
+    @property
+    def period(self) -> float:
+        """The forcing period; the orbit takes `periods` of them."""
+        return float(self.system.scales.out(self._problem.period, "s"))
+
+    @property
+    def periods(self) -> int:
+        """Forcing periods after which the orbit closes."""
+        return self.found.periods
+
+    @property
+    def state(self) -> State:
+        """The state where a forcing period begins; ``initial`` of a run along the orbit."""
+        mode = self.found.segments[0].mode
+        y = self.system.tidied(mode, self.found.state)
+        return self.system.state_of(Instant(0, 0.0, mode, y))
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers over the whole orbit, largest first.
+
+        Of the components of the state that are free where the orbit begins: x2 and v2 where the
+        frame of an actuator is stuck. A single 0 where none is: at rest on a stopper.
+        """
+        return self.found.multipliers
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return self.found.stable
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the system has this orbit; if not, `defects` says why."""
+        return self.found.admissible
+
+    @property
+    def defects(self) -> tuple[str, ...]:
+        """In words, how the solution violates the rules of the system."""
+        return tuple(self._sentence(defect) for defect in self.found.defects)
+
+    @property
+    def residual(self) -> float:
+        """Largest residual of the equations of the orbit, in the units of the numerics."""
+        return self.found.residual
+
+    @property
+    def gains(self) -> dict[str, float]:
+        """What each cyclic state gains over the orbit."""
+        cyclic = (self.system.states[i] for i in self.system.automaton.cyclic)
+        return {
+            name: self.system.out(name, float(gain))
+            for name, gain in zip(cyclic, self.found.advance, strict=True)
+        }
+
+    @property
+    def closest_approach(self) -> float:
+        """Smallest gap at which two bodies turn back from each other, NaN if nowhere.
+
+        Negative on an inadmissible orbit that penetrates.
+        """
+        return float(self.system.scales.out(self.closest, self.system.unit("closest approach")))
+
+    @property
+    def closest(self) -> float:
+        """`closest_approach` in the units of the numerics."""
+        gaps = [i for i, guard in enumerate(self.system.automaton.guards) if guard.impact]
+        least = min(float(arc.minima[gaps].min(initial=math.inf)) for arc in self.found.point.arcs)
+        return least if math.isfinite(least) else math.nan
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """One row a transition, with the columns of `Run.events`."""
+        return tables.events(
+            self._log, self._problem.period, self.system, self._observed(self._log)
+        )
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """One row an impact, with the columns of `Run.impacts`."""
+        hits = self._hits
+        return tables.impacts(hits, self._problem.period, self.system, self._observed(hits))
+
+    @cached_property
+    def segments(self) -> pd.DataFrame:
+        """One row a stretch of the orbit within one mode and one forcing period.
+
+        Columns: period, mode, start and end (since the start of that forcing period), and what
+        ends it.
+        """
+        shown = self.found.segments
+        return tables.segments(
+            [s.cycle for s in shown],
+            [s.mode for s in shown],
+            self.found.point.starts,
+            self.found.point.ends,
+            [self._what_ends(s.code) for s in shown],
+            self.system,
+        )
+
+    def section(self, direction: int = 0) -> pd.DataFrame:
+        """Return the crossings of the Poincaré section, with the columns of `Run.section`.
+
+        Parameters
+        ----------
+        direction : {0, 1, -1}, optional
+            Both directions, upwards or downwards.
+        """
+        check_direction("direction", direction)
+        if self.system.section is None:
+            return self.samples(1).iloc[: self.periods]
+        log = self.crossings.crossings(direction)
+        return tables.section(log, self._problem.period, self.system)
+
+    def samples(self, per_period: int = 200) -> pd.DataFrame:
+        """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
+
+        An inadmissible orbit is sampled as it was solved, through what is in its way.
+        """
+        grid = self.grid(whole("per_period", per_period, 1))
+        return tables.samples(grid, self._problem.period, self.system)
+
+    def grid(self, per_period: int) -> Samples:
+        """Return the samples in the units of the numerics."""
+        parts: list[Samples] = []
+        last, period = -1, self._problem.period
+        for cycle, offset, trajectory in self._arcs():
+            grid = trajectory.samples(per_period)
+            number = np.rint((cycle + grid.cycle + grid.time / period) * per_period)
+            new = number > last
+            if new.any():
+                last = int(number[-1])
+                y = grid.y[new] + offset
+                parts.append(Samples(grid.cycle[new] + cycle, grid.time[new], grid.mode[new], y))
+        columns = (
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("cycle", "time", "mode", "y")
+        )
+        return Samples(*columns)
+
+    @cached_property
+    def crossings(self) -> Events:
+        """The crossings of the section, in the units of the numerics."""
+        parts = []
+        for cycle, offset, trajectory in self._arcs():
+            log = trajectory.events.crossings(0)
+            parts.append(
+                replace(
+                    log,
+                    cycle=log.cycle + cycle,
+                    before=log.before + offset,
+                    after=log.after + offset,
+                )
+            )
+        return Events.joined(parts)
+
+    @cached_property
+    def impact_speeds(self) -> list[float]:
+        """The speed at which the bodies meet in each impact, in the units of the numerics."""
+        guards = self.system.automaton.guards
+        m = len(guards)
+        return [
+            -float(event.rates[segment.code % m])
+            for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
+            if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
+        ]
+
+    @cached_property
+    def observables(self) -> dict[str, float]:
+        """The system's observables over the orbit, in the units of the numerics."""
+        values: dict[str, float] = {}
+        at_events = self._observed(self._log)
+        first = self.found.state
+        last = self._ahead(first[None])[0]
+        for each in self.system.observables:
+            if each.at:
+                moments = Moments()
+                moments.add(at_events[each.name][~np.isnan(at_events[each.name])])
+                values[each.name] = reduced(each.reduce, moments, 1.0)
+            else:
+                begin, end = (self.system.measure(each, y, self._problem) for y in (first, last))
+                values[each.name] = end - begin
+        return values
+
+    @cached_property
+    def shown_states(self) -> Floats:
+        """`System.shown` at the section upwards, or where periods begin; largest first."""
+        if self.system.section is None:
+            y = self.grid(1).y[: self.periods]
+        else:
+            y = self.crossings.crossings(1).after
+        places = [self.system.states.index(name) for name in self.system.shown]
+        return np.asarray(-np.sort(-y[:, places], axis=0))
+
+    @property
+    def _problem(self) -> Problem:
+        return self.found.family.problem()
+
+    @property
+    def _hits(self) -> Events:
+        return self._log[self._log.impacts(self.system.automaton)]
+
+    def _observed(self, log: Events) -> dict[str, Floats]:
+        return observed(self.system, self._problem, log)
+
+    @cached_property
+    def _log(self) -> Events:
+        """The events of the orbit, in the form of a run's."""
+        automaton = self.system.automaton
+        m, n = len(automaton.guards), len(automaton.states)
+        cyclic = list(automaton.cyclic)
+        rows, offset = [], np.zeros(n)
+        found = self.found
+        for i, (segment, arc) in enumerate(zip(found.segments, found.point.arcs, strict=True)):
+            event = found.point.events[i]
+            before = arc.end + offset
+            offset[cyclic] = before[cyclic]
+            if event is None:
+                continue
+            after = np.array(event.after)
+            after[cyclic] = before[cyclic]
+            kind, guard = loop.TRANSITION, segment.code
+            if segment.code == automaton.switch_code:
+                kind, guard = loop.SWITCH, loop.NONE
+            elif segment.code >= m:
+                kind, guard = loop.ACCUMULATION, segment.code - m
+            row = np.zeros(loop.HEAD + 2 * n)
+            row[loop.CYCLE], row[loop.TIME] = segment.cycle, found.point.ends[i]
+            row[loop.KIND], row[loop.GUARD] = kind, guard
+            row[loop.MODE_BEFORE], row[loop.MODE_AFTER] = segment.mode, event.mode
+            row[loop.HEAD : loop.HEAD + n], row[loop.HEAD + n :] = before, after
+            rows.append(row)
+        return Events.from_rows(np.array(rows).reshape(len(rows), loop.HEAD + 2 * n))
+
+    def _ahead(self, states: Floats) -> Floats:
+        """Return states one pass of the orbit later."""
+        later = states.copy()
+        later[:, list(self.system.automaton.cyclic)] += self.found.advance
+        return later
+
+    def _arcs(self) -> Iterator[tuple[int, Floats, Any]]:
+        """Integrate the orbit's segments, each in its mode to its end whatever the guards say.
+
+        The orbit may penetrate what it strikes, and one that is very unstable would be left by a
+        run. With each comes what the cyclic states had gathered before.
+        """
+        found, problem = self.found, self._problem
+        cyclic = list(problem.automaton.cyclic)
+        problem = replace(problem, automaton=unguarded(problem.automaton))
+        states, _ = found.shooting.unpack(found.point.unknowns)
+        offset = np.zeros(len(problem.automaton.states))
+        for i, segment in enumerate(found.segments):
+            start, end = float(found.point.starts[i]), float(found.point.ends[i])
+            if end > start:
+                y = self.system.tidied(segment.mode, states[i])
+                begin = Instant(0, start, segment.mode, y)
+                length = (end - start) / problem.period
+                yield segment.cycle, offset.copy(), run(problem, begin, length)
+            offset[cyclic] += found.point.arcs[i].end[cyclic]
+
+    def _sentence(self, defect: Defect) -> str:
+        segment, modes = self.found.segments[defect.segment], self.system.modes
+        where = f"segment {defect.segment} ({modes[segment.mode]})"
+        value = f"{defect.value:.3g}"
+        match defect.kind:
+            case "missed":
+                return f"{where} passes the {defect.guard} without it, by {value}"
+            case "reversed":
+                return f"{where} ends with a {defect.guard} from the wrong side, at speed {value}"
+            case "mode":
+                return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
+            case "order":
+                return f"{where} ends before it starts, by {-defect.value:.3g}"
+        return f"{where}: {defect.guard}, {defect.kind}, {value}"
+
+    def _what_ends(self, code: int) -> str:
+        automaton = self.system.automaton
+        if code == BOUNDARY:
+            return PERIOD_ENDS
+        if code == automaton.switch_code:
+            return DRIVE_SWITCHES
+        m = len(automaton.guards)
+        return automaton.guards[code].name if code < m else CHATTER_ENDS
+
+
+@takes_system(start="guess")
+def find_orbit(
+    system: System,
+    *,
+    guess: State | Mapping[str, float] | None = None,
+    periods: int = 1,
+    transient: float = 0,
+    options: Options = ORBIT_OPTIONS,
+) -> Orbit:
+    """Find a periodic orbit near a state.
+
+    Its modes and events are read off a run from `guess`; all its states and event times are then
+    corrected together by Newton's method, which finds unstable orbits as well.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive, or Run
+        A run stands for its system, and its last state for `guess`.
+    guess : State or mapping of str to float, optional
+        A state near the orbit, such as the last one of a run; the system's start by default.
+    periods : int, optional
+        Forcing periods after which the orbit closes, >= 1.
+    transient : float, optional
+        Forcing periods to run before that, >= 0: a stable orbit attracts.
+    options : Options, optional
+        How it is integrated; 1e-11 relative and 1e-13 absolute by default.
+
+    Returns
+    -------
+    Orbit
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    OrbitError
+        If there is no orbit near the guess; its ``partial`` is the `State` that was reached.
+    RunError
+        If the run from the guess fails.
+    """
+    count = whole("periods", periods, 1)
+    if not is_number(transient) or transient < 0.0:
+        raise InvalidParameter("transient", transient, "a finite number >= 0")
+    if not system.forced:
+        problem = "the system has no forcing period, and so no orbit that repeats with it"
+        raise InvalidParameter("period", None, "", problem=problem)
+    start = system.instant(guess, system.problem(options))
+    try:
+        found = orbits.find_orbit(
+            system.family(options), start, periods=count, transient=float(transient)
+        )
+    except OrbitError as error:
+        if isinstance(error.partial, Point):
+            error.partial = _reached(error.partial, system)
+        raise
+    return orbit_of(system, found)
+
+
+def orbit_of(system: System, found: PeriodicOrbit) -> Orbit:
+    """Return an orbit in the user's terms, at its own parameters."""
+    orbit: Orbit = (system.orbit_type or Orbit)(system=system.at(found.family.values), found=found)
+    return orbit
+
+
+def _reached(point: Point, system: System) -> State | None:
+    """Return the first state of an iteration that did not converge."""
+    free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
+    y = np.zeros(len(system.states))
+    y[free] = point.unknowns[: len(free)]
+    return system.state_of(Instant(0, 0.0, 0, y)) if np.isfinite(y).all() else None

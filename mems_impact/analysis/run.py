@@ -1,0 +1,235 @@
+"""What a run returns: tables, statistics and the last state."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.statistics import Gatherer, Window, observed
+from mems_impact.analysis.system import System
+from mems_impact.analysis.verification import Verification, compare, other_family
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid import run as hybrid
+from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
+from mems_impact.tables import run as tables
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Keep", "Run", "check_direction"]
+
+Keep = Literal["events", "statistics"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A run of a system; its tables are made when they are first asked for.
+
+    Results are in the units of the system, which stand in ``table.attrs["units"]``.
+
+    Attributes
+    ----------
+    system : System
+    options : Options
+    keep : {"events", "statistics"}
+    window : tuple of float
+        First and last forcing period of the statistics; times, where nothing forces the system.
+    trajectory : Trajectory
+        What the event loop returned: the events as arrays, the first and last instant; always in
+        the units of the numerics.
+    ended : str
+        What ended the run: "time", or "until".
+    """
+
+    system: System = field(repr=False)
+    options: Options = field(repr=False)
+    keep: Keep
+    window: tuple[float, float]
+    trajectory: Trajectory = field(repr=False)
+    ended: str = "time"
+    _gatherer: Gatherer = field(repr=False)
+
+    def __repr__(self) -> str:
+        first, last = self.extent
+        unit = "periods" if self.system.forced else "time"
+        return (
+            f"{type(self).__name__}({unit} {first:g} to {last:g}, "
+            f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps, {self.final})"
+        )
+
+    @property
+    def periods(self) -> float:
+        """Forcing periods done."""
+        first, last = self.extent
+        return last - first
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Where the run begins and ends, in forcing periods (0: start of the first of them)."""
+        start, final = self.trajectory.start, self.trajectory.final
+        period = self.trajectory.period
+        return start.cycle + start.time / period, final.cycle + final.time / period
+
+    @property
+    def final(self) -> State:
+        """The state at the end; ``initial`` of a run that goes on from there."""
+        return self.system.state_of(self.trajectory.final)
+
+    @cached_property
+    def events(self) -> pd.DataFrame:
+        """One row a transition: when, event, modes before and after, state after, observables."""
+        log = self._log("events")
+        return tables.events(log, self.trajectory.period, self.system, self._observed(log))
+
+    @cached_property
+    def impacts(self) -> pd.DataFrame:
+        """One row an impact: when, which, the states before and after it, observables."""
+        log = self._log("impacts")
+        hits = log[log.impacts(self.system.automaton)]
+        return tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
+
+    def section(self, direction: int = 0) -> pd.DataFrame:
+        """Return the crossings of the Poincaré section.
+
+        Parameters
+        ----------
+        direction : {0, 1, -1}, optional
+            Both directions, upwards or downwards.
+
+        Returns
+        -------
+        DataFrame
+            When, the state, the direction; one row a crossing. Of a system with forcing and no
+            section of its own, the states at the beginnings of the forcing periods.
+        """
+        check_direction("direction", direction)
+        log = self._log("section")
+        if self.system.section is None and self.system.forced:
+            return self.samples(per_period=1)
+        return tables.section(log.crossings(direction), self.trajectory.period, self.system)
+
+    def samples(
+        self, per_period: int = 200, first: float | None = None, last: float | None = None
+    ) -> pd.DataFrame:
+        """Return the state at equal intervals.
+
+        Parameters
+        ----------
+        per_period : int, optional
+            Samples per forcing period, > 0; of a system without forcing, samples in its
+            ``time_scale`` (1 by default).
+        first, last : float, optional
+            Forcing periods between which to sample; the whole run by default. Times, where nothing
+            forces the system.
+
+        Returns
+        -------
+        DataFrame
+            When, the state, the mode.
+        """
+        self._log("samples")
+        whole = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
+        if not whole or per_period <= 0:
+            raise InvalidParameter("per_period", per_period, "a whole number > 0")
+        unit = self._unit
+        begin, end = (border * unit for border in self.extent)
+        low, high = begin if first is None else first, end if last is None else last
+        if not (is_number(low) and is_number(high) and low <= high and high >= begin):
+            allowed = f"between {begin:g} and {end:g}, first before last"
+            raise InvalidParameter("first, last", (first, last), allowed)
+        grid = self.trajectory.samples(
+            int(per_period),
+            None if first is None else first / unit,
+            None if last is None else last / unit,
+        )
+        return tables.samples(grid, self.trajectory.period, self.system)
+
+    def verify(self) -> Verification:
+        """Run the same again by an unrelated method, more precisely, and compare event by event.
+
+        A run by Adams or BDF is verified by dop853 and one by dop853 by Adams, with a hundredth of
+        its tolerances (rtol at least 1e-13, atol 1e-15).
+
+        Returns
+        -------
+        Verification
+            Whether the runs agree, up to which forcing period, and by how much they differ.
+
+        Raises
+        ------
+        InvalidParameter
+            If the run has kept no events.
+        RunError
+            If the second run cannot go on.
+
+        Warns
+        -----
+        StiffnessWarning
+            If a run by BDF is so stiff that dop853 takes long.
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> zhao = mi.load_actuator("zhao2004")
+        >>> run = mi.simulate(zhao, mi.Sine(amplitude=0.24, omega=0.5), periods=50)
+        >>> run.verify().verdict
+        'agree to the end, period 50'
+        """
+        self._log("verification")
+        problem = self.system.problem(other_family(self.options))
+        again = hybrid.run(problem, self.trajectory.start, self.periods)
+        return compare(self.trajectory, again, self.options.rtol, self.system)
+
+    @cached_property
+    def statistics(self) -> pd.Series:
+        """What happened in the window, number by number."""
+        return tables.statistics(self.gathered, self.system)
+
+    @cached_property
+    def gathered(self) -> Mapping[str, float]:
+        """The statistics as numbers by name, in the units of the numerics."""
+        borders = [self._state_at(border) for border in (0, 1)]
+        return self._gatherer.result(self.trajectory.final, borders)
+
+    @property
+    def _unit(self) -> float:
+        """What arguments count in: forcing periods, or a unit of time where nothing forces."""
+        if self.system.forced:
+            return 1.0
+        return float(self.system.scales.out(self.trajectory.period, "s"))
+
+    def _state_at(self, border: int) -> Floats:
+        """Return the state where the window begins (0) or ends (1)."""
+        final, period = self.trajectory.final, self.trajectory.period
+        first, last = (value / self._unit for value in self.window)
+        cycle, time = Window(first, last, period).instant(border)
+        if (final.cycle, final.time) <= (cycle, time):
+            return final.y
+        anchor = self._gatherer.anchor(border)
+        wait = (cycle - anchor.cycle) + (time - anchor.time) / period
+        if wait <= 0.0 or not self.system.moves(anchor):
+            return anchor.y
+        # Integrate the arc that reaches across the border again, up to there.
+        problem = self.system.problem(self.options)
+        return hybrid.run(problem, anchor, wait, consume=lambda _: None).final.y
+
+    def _observed(self, log: Events) -> dict[str, Floats]:
+        return observed(self.system, self.trajectory.problem, log)
+
+    def _log(self, table: str) -> Events:
+        if self.keep != "events":
+            allowed = f"'events' for the run's {table}; simulate again with keep='events'"
+            raise InvalidParameter("keep", self.keep, allowed)
+        return self.trajectory.events
+
+
+def check_direction(field: str, direction: object) -> None:
+    """Raise InvalidParameter unless `direction` is that of crossings of a section."""
+    if direction not in (-1, 0, 1):
+        raise InvalidParameter(field, direction, "1 (upwards), -1 (downwards) or 0 (both)")

@@ -1,0 +1,161 @@
+"""One run of a system from an initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, get_args
+
+from mems_impact.analysis.progress import progress_bar
+from mems_impact.analysis.run import Keep, Run
+from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.statistics import Window
+from mems_impact.analysis.system import System, takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.hybrid import run as hybrid
+from mems_impact.hybrid.trajectory import Events, Trajectory
+
+__all__ = ["simulate"]
+
+PERIODS = 300  # of a system with forcing, where nothing is said
+
+
+@takes_system(start="initial")
+def simulate(
+    system: System,
+    periods: float | None = None,
+    *,
+    duration: float | None = None,
+    until: Callable[..., float] | None = None,
+    initial: State | Mapping[str, float] | None = None,
+    window: tuple[float, float] | None = None,
+    keep: Keep = "events",
+    options: Options = Options(),  # noqa: B008 - immutable
+    progress: bool | Callable[[float], None] = False,
+) -> Run:
+    """Simulate a system; ``simulate(actuator, drive, …)`` an actuator under a drive.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    periods : float, optional
+        Length of the run in forcing periods, > 0; 300 by default.
+    duration : float, optional
+        Length of the run in time, instead.
+    until : callable, optional
+        ``until(mode, t, y, p)``: the run ends where this falls through zero, if not before.
+    initial : State or mapping of str to float, optional
+        Where the run starts; the system's own start by default.
+    window : tuple of float, optional
+        First and last forcing period of the statistics, within the run; its last half by default.
+        Periods are counted from the start of the forcing period in which the run begins. Times,
+        where nothing forces the system.
+    keep : {"events", "statistics"}, optional
+        ``"statistics"`` keeps no events, so that memory does not grow with the run.
+    options : Options, optional
+        How it is integrated.
+    progress : bool or callable, optional
+        True: show a progress bar if the run takes over a second. A function is called with the
+        periods done, several times a second; an exception that it raises ends the run.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    RunError
+        If the run cannot go on; its ``trajectory`` is the `Run` up to there.
+
+    Notes
+    -----
+    An actuator starts at rest in the middle by default. A sliding frame is allowed; a block on a
+    stopper that moves into it strikes at once. The frame at rest stays so if static friction holds
+    it: the initial mode follows from Equation (4) of the paper.
+    """
+    problem = system.problem(options)
+    if until is not None:
+        system = system.ending(until)
+        problem = system.problem(options)
+    start = system.instant(initial, problem)
+    unit = 1.0 if system.forced else float(system.scales.out(problem.period, "s"))
+    periods = _length(system, periods, duration, until, problem.period)
+    if keep not in get_args(Keep):
+        raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
+    first, last = _window(window, start.time / problem.period, periods, unit)
+    gatherer = system.gatherer(problem, start, Window(first, last, problem.period))
+    kept: list[Events] = []
+
+    def consume(events: Events) -> None:
+        gatherer(events)
+        if keep == "events":
+            kept.append(events)
+
+    def finished(trajectory: Trajectory) -> Run:
+        if kept:
+            trajectory = trajectory.with_events(Events.joined(kept))
+        return (system.run_type or Run)(
+            system=system,
+            options=options,
+            keep=keep,
+            window=(first * unit, last * unit),
+            trajectory=trajectory,
+            ended="until" if trajectory.ended else "time",
+            _gatherer=gatherer,
+        )
+
+    with progress_bar(progress, "periods", periods) as report:
+        try:
+            trajectory = hybrid.run(problem, start, periods, consume=consume, progress=report)
+        except (RunError, RunInterrupted) as error:
+            if isinstance(error.trajectory, Trajectory):
+                error.trajectory = finished(error.trajectory)
+            raise
+    return finished(trajectory)
+
+
+def _length(
+    system: System,
+    periods: float | None,
+    duration: float | None,
+    until: Any,
+    period: float,
+) -> float:
+    """Return the length of a run in periods of the problem."""
+    for field, value in (("periods", periods), ("duration", duration)):
+        if value is not None and not (is_number(value) and value > 0.0):
+            raise InvalidParameter(field, value, "a finite number > 0")
+    if duration is not None:
+        if periods is not None:
+            raise InvalidParameter("duration", duration, "given, or periods, not both")
+        return float(system.scales.into(duration, "s")) / period
+    if system.forced:
+        return float(PERIODS if periods is None else periods)
+    if periods is not None:
+        problem = "the system has no forcing period: give duration="
+        raise InvalidParameter("periods", periods, "", problem=problem)
+    if until is None:
+        problem = "the system has no forcing period: say how long to run, or until="
+        raise InvalidParameter("duration", None, "", problem=problem)
+    return float(hybrid.MAX_CYCLE) / 2.0
+
+
+def _window(
+    window: tuple[float, float] | None, phase: float, periods: float, unit: float
+) -> tuple[float, float]:
+    """Return the window in periods of the problem; `unit` is what it is given in."""
+    end = phase + periods
+    if window is None:
+        return phase + 0.5 * periods, end
+    allowed = f"(first, last) with 0 <= first < last <= {end * unit:g}, the length of the run"
+    try:
+        first, last = (value / unit for value in window)
+    except (TypeError, ValueError):
+        raise InvalidParameter("window", window, allowed) from None
+    numbers = is_number(first) and is_number(last)
+    # The last digits of a phase shall not matter.
+    if not (numbers and 0.0 <= first < last <= end * (1.0 + 1e-12) and last > phase):
+        raise InvalidParameter("window", window, allowed)
+    return max(float(first), phase), min(float(last), end)

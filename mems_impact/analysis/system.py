@@ -1,0 +1,531 @@
+"""A system: an automaton with named parameters and all that the verbs of the package ask of it."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.statistics import Gatherer, Gathering, Window
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.portable import portable
+from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.hybrid.written import (
+    RATE_STEP,
+    Definition,
+    ending,
+    hidden_parameters,
+    named,
+    writes_into_arrays,
+    written,
+)
+from mems_impact.orbits.family import Family
+from mems_impact.units import DIMENSIONLESS, Scales
+
+__all__ = ["Mode", "System", "modes", "takes_system"]
+
+Number = float | Callable[..., float]
+
+
+class Mode(int):
+    """A mode: its number, which functions compare and return, and its name."""
+
+    name: str
+
+    def __new__(cls, number: int, name: str) -> Mode:
+        """Return the mode of a number."""
+        mode = super().__new__(cls, number)
+        mode.name = name
+        return mode
+
+    def __reduce__(self) -> Any:
+        return Mode, (int(self), self.name)
+
+
+def modes(*names: str) -> tuple[Mode, ...]:
+    """Return one mode a name, numbered from 0.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> FREE, HELD = mi.modes("free", "held")
+    >>> HELD == 1, HELD.name
+    (True, 'held')
+    """
+    return tuple(Mode(number, name) for number, name in enumerate(names))
+
+
+class System:
+    """A system that switches between smooth modes, from functions that read like its equations.
+
+    Parameters
+    ----------
+    states : sequence of str, or int
+        Names of the components of the state; or how many there are (then u0, u1, …).
+    flow : callable
+        ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` have
+        states and parameters by name (``y.x``, ``p.omega``), ``t`` counts from the start of the
+        forcing period. With many states ``flow(mode, t, y, p, dy)`` writes them into ``dy``, and
+        ``y`` is an array (see `mems_impact.hybrid.written`).
+    parameters : mapping of str to float, optional
+        Names and values.
+    guards : sequence of Guard, optional
+        What ends a mode, or is recorded: `Guard` and `Impact`.
+    modes : sequence of Mode or str, optional
+        All modes, from `modes`; those that the guards name by default, or one.
+    period : float or callable, optional
+        The forcing period: a number, or ``period(p)``. None for a system without forcing.
+    switches : sequence of float or callable, optional
+        Times in (0, period], ascending, at which the flow jumps; or ``switches(p)``.
+    settle : callable, optional
+        ``settle(mode, t, y, p)`` returns mode and state after such a time; both go on by default.
+    section : tuple of str and float, optional
+        A Poincaré section: a state and its value there. Crossings are recorded. Without one, a
+        system with forcing is looked at where its periods begin.
+    initial : mapping of str to float, or State, optional
+        Where runs start if nothing else is said; 0 for every component that is not given.
+    observables : sequence of Observable, optional
+        Named quantities that tables and studies show beside the states.
+    units : mapping of str to str, optional
+        Units of states, parameters and ``"time"``.
+    cyclic : sequence of str, optional
+        States that enter no function, such as a position that only grows. They are accumulated
+        apart, and an orbit need not close in them.
+    jacobian : callable, optional
+        ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
+        method "bdf", which otherwise takes differences.
+    time_scale : float or callable, optional
+        Time within which the system shows all that it does, where that is not the period.
+    name : str, optional
+
+    Raises
+    ------
+    InvalidParameter
+        If names repeat, or a name, a number or a function is missing or of the wrong kind.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -p.g
+    >>> def height(mode, t, y, p):
+    ...     return y.x
+    >>> def bounce(mode, t, y, p):
+    ...     return mode, (0.0, -p.e * y.v)
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=fall, parameters={"g": 9.81, "e": 0.8},
+    ...     guards=[mi.Impact("floor", height, bounce)], initial={"x": 1.0},
+    ... )
+    >>> len(mi.simulate(ball, duration=2.0).impacts)
+    4
+    """
+
+    # The classes of its runs and orbits, where a kind of system adds tables of its own.
+    run_type: ClassVar[Any] = None
+    orbit_type: ClassVar[Any] = None
+
+    def __init__(
+        self,
+        *,
+        states: Sequence[str] | int,
+        flow: Callable[..., Any],
+        parameters: Mapping[str, float] | None = None,
+        guards: Sequence[Guard] = (),
+        modes: Sequence[Mode | str] | None = None,
+        period: Number | None = None,
+        switches: Sequence[float] | Callable[..., Sequence[float]] = (),
+        settle: Callable[..., Any] | None = None,
+        section: tuple[str, float] | None = None,
+        initial: Mapping[str, float] | State | None = None,
+        observables: Sequence[Observable] = (),
+        units: Mapping[str, str] | None = None,
+        cyclic: Sequence[str] = (),
+        jacobian: Callable[..., Any] | None = None,
+        time_scale: Number | None = None,
+        name: str = "",
+    ) -> None:
+        if isinstance(states, int):
+            states = tuple(f"u{i}" for i in range(states))
+        states = tuple(states)
+        self.name = name
+        self._parameters = _numbers(parameters or {})
+        self._period, self._switches, self._time_scale = period, switches, time_scale
+        self._definition = Definition(
+            states=states,
+            modes=_mode_names(modes, guards),
+            parameters=tuple(self._parameters),
+            flow=_function("flow", flow),
+            guards=_guards(guards),
+            settle=settle,
+            jacobian=jacobian,
+            cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
+        )
+        self._section = _section(section, states)
+        self.units = dict(units or {})
+        self.observables = tuple(observables)
+        self._initial = initial if isinstance(initial, State) else State(**(initial or {}))
+        self._check_state("initial", self._initial)
+        self.automaton  # noqa: B018 - the text is put together now: wrong names are told at once
+
+    # What each kind of system has in its own way; the actuator's stands in its own room.
+
+    @property
+    def automaton(self) -> Automaton:
+        """Modes, flow, guards and transitions, as the event loop takes them."""
+        return written(self._definition)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in the system's units."""
+        return dict(self._parameters)
+
+    @property
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+        return DIMENSIONLESS if not self.units else Scales()
+
+    @property
+    def initial(self) -> State:
+        """Where runs start if nothing else is said."""
+        return self._initial
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction."""
+        return self._section
+
+    def changed(self, *, checked: bool = True, **values: float) -> System:
+        """Return the system with other values of some parameters.
+
+        Parameters
+        ----------
+        checked : bool, optional
+            False takes values that may not be allowed, at which differences look.
+        **values : float
+
+        Raises
+        ------
+        InvalidParameter
+            If a name is none of the system's, or a value is not a number.
+        """
+        for name in values:
+            self.check_parameter(name)
+        other = self._copy()
+        other._parameters = {**self._parameters, **_numbers(values)}
+        if checked:
+            other.problem(Options())
+        return other
+
+    def problem(self, options: Options) -> Problem:
+        """Return what the event loop integrates, in the units of the numerics."""
+        p = self._named(self._parameters.values())
+        period = self.forcing_period
+        scale = self._value_of(self._time_scale, p)
+        tail = np.zeros(hidden_parameters(self._definition))
+        tail[0] = RATE_STEP * (scale or period or 1.0)
+        switches = self._switches(p) if callable(self._switches) else self._switches
+        return Problem(
+            automaton=self.automaton,
+            parameters=np.concatenate([np.array(p, dtype=float), tail]),
+            period=period or scale or 1.0,
+            switches=tuple(float(time) for time in switches),
+            section=self.section,
+            options=options,
+            time_scale=scale,
+        )
+
+    @property
+    def forcing_period(self) -> float | None:
+        """The forcing period; None for a system without forcing."""
+        return self._value_of(self._period, self._named(self._parameters.values()))
+
+    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
+        """Return the mode of a state whose mode is not given; `y` may be put right."""
+        return 0
+
+    def ending(self, until: Callable[..., float]) -> System:
+        """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
+        other = self._copy()
+        other._definition = ending(self._definition, _function("until", until))
+        return other
+
+    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+        """Return what gathers the statistics of a run."""
+        return Gathering(self, problem, start, window)
+
+    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Return an observable of a state, both in the units of the numerics."""
+        p = self._named(problem.parameters[: len(self._parameters)].tolist())
+        return float(observable.function(0, 0.0, self._state(y), p))
+
+    def measure_event(
+        self, observable: Observable, events: Events, i: int, problem: Problem
+    ) -> float:
+        """Return an observable at an event, in the units of the numerics."""
+        p = self._named(problem.parameters[: len(self._parameters)].tolist())
+        before, after = self._state(events.before[i]), self._state(events.after[i])
+        mode, time = int(events.mode_before[i]), float(events.time[i])
+        return float(observable.function(mode, time, before, after, p))
+
+    def tidied(self, mode: int, y: Floats) -> Floats:
+        """Return a state that Newton's method has found, without what rounding made of it."""
+        return y
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The states by which sweeps and branches show an orbit, where the section cuts it."""
+        hidden = {self.states[i] for i in self.automaton.cyclic}
+        if self.section is not None:
+            hidden.add(self.states[self.section[0]])
+        return tuple(name for name in self.states if name not in hidden)
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The statistics that a sweep tells of every value."""
+        return ("impacts per period", *(each.name for each in self.observables))
+
+    def start_of(self, direction: str) -> State:
+        """Return where a sweep "up" or "down" starts if nothing is said."""
+        return self.initial
+
+    def moves(self, instant: Instant) -> bool:
+        """Return whether statistics need to know where an arc has come to at any time."""
+        return any(not each.at for each in self.observables)
+
+    # What all kinds of system share.
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the components of the state."""
+        return self.automaton.states
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the modes."""
+        return self.automaton.modes
+
+    @property
+    def forced(self) -> bool:
+        """Whether the system has a forcing period."""
+        return self.forcing_period is not None
+
+    def check_parameter(self, name: str, field: str = "parameter") -> None:
+        """Raise InvalidParameter unless `name` is a parameter that can be varied continuously."""
+        if name not in self.parameters:
+            raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
+
+    def value(self, name: str) -> float:
+        """Return a parameter in the system's units."""
+        return self.parameters[name]
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a parameter, a state or an observable, empty for a pure number."""
+        return self.units.get(name, "")
+
+    def into(self, name: str, value: float) -> float:
+        """Return a value of a parameter or state in the units of the numerics."""
+        unit = self.unit(name)
+        return float(self.scales.into(value, unit)) if unit else value
+
+    def out(self, name: str, value: float) -> float:
+        """Return a value of a parameter or state in the system's units."""
+        unit = self.unit(name)
+        return float(self.scales.out(value, unit)) if unit else value
+
+    def label(self, name: str) -> str:
+        """Return a name with its unit, to be printed."""
+        return self.scales.label(name, self.unit(name))
+
+    @property
+    def inner_parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in the units of the numerics."""
+        return {name: self.into(name, value) for name, value in self.parameters.items()}
+
+    def family(self, options: Options) -> Family:
+        """Return the problems for all values of the parameters, in the units of the numerics."""
+        return Family(_Build(self, options), self.inner_parameters)
+
+    def at(self, inner: Mapping[str, float]) -> System:
+        """Return the system at values in the units of the numerics, allowed or not."""
+        here = self.inner_parameters
+        changes = {
+            name: self.out(name, value) for name, value in inner.items() if value != here[name]
+        }
+        return self.changed(checked=False, **changes) if changes else self
+
+    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
+        """Return where a run from `state` starts, in the units of the numerics.
+
+        Raises
+        ------
+        InvalidParameter
+            If the state has other components, a mode that there is not, or lies beyond the period.
+        """
+        if state is None:
+            state = self.initial
+        elif not isinstance(state, State):
+            if not isinstance(state, Mapping):
+                allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
+                raise InvalidParameter("initial", state, allowed)
+            state = State(**state)
+        self._check_state("initial", state)
+        values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
+        y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
+        time = float(self.scales.into(state.time, "s"))
+        if self.forced and not state.time < self.scales.out(problem.period, "s"):
+            period = self.scales.out(problem.period, "s")
+            raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
+        time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
+        mode = state.mode if state.mode is not None else self.initial.mode
+        if mode is None:
+            return Instant(0, time, self.mode_of(y, time, problem), y)
+        return Instant(0, time, self._mode_number(mode), y)
+
+    def state_of(self, instant: Instant) -> State:
+        """Return an instant of the numerics as a state in the system's units."""
+        values = zip(self.states, instant.y.tolist(), strict=True)
+        return State(
+            **{name: self.out(name, value) for name, value in values},
+            time=float(self.scales.out(instant.time, "s")) if self.forced else 0.0,
+            mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
+        )
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        return f"{type(self).__name__}({self.name or ', '.join(self.states)}; {values})"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled, with functions fit to go to another process."""
+        state: dict[str, Any] = portable(vars(self))
+        return state
+
+    def _copy(self) -> System:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other
+
+    def _named(self, values: Iterable[float]) -> Any:
+        return named("Parameters", tuple(self._parameters))(*values)
+
+    def _state(self, y: Floats) -> Any:
+        """Return a state by name, as functions read it; as a list where they take an array."""
+        if writes_into_arrays(self._definition.flow):
+            return y.tolist()
+        return named("State", self.states)(*y.tolist())
+
+    def _mode_number(self, mode: str | int) -> int:
+        if isinstance(mode, str) and mode in self.modes:
+            return self.modes.index(mode)
+        if isinstance(mode, int) and 0 <= mode < len(self.modes):
+            return int(mode)
+        raise InvalidParameter("mode", mode, f"one of {', '.join(self.modes)}")
+
+    def _check_state(self, field: str, state: State) -> None:
+        unknown = [name for name in state if name not in self.states]
+        if unknown:
+            raise InvalidParameter(field, unknown[0], f"components among {', '.join(self.states)}")
+
+    def _value_of(self, number: Number | None, p: Any) -> float | None:
+        value = number(p) if callable(number) else number
+        return None if value is None else float(value)
+
+
+class _Build:
+    """The problem of a system at any values of its parameters."""
+
+    def __init__(self, system: System, options: Options) -> None:
+        self.system, self.options = system, options
+
+    def __call__(self, values: Mapping[str, float]) -> Problem:
+        return self.system.at(values).problem(self.options)
+
+
+R = TypeVar("R")
+
+
+def takes_system(start: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
+    """Let a verb be called with what makes a system in place of its first argument.
+
+    ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
+    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run stands for its
+    system, and for where it ended: the verb's argument `start`.
+    """
+
+    def decorated(verb: Callable[..., R]) -> Callable[..., R]:
+        first = next(iter(inspect.signature(verb).parameters))
+
+        @functools.wraps(verb)
+        def called(*arguments: Any, **named: Any) -> R:
+            rest = list(arguments)
+            model = rest.pop(0) if rest else named.pop(first, named.pop("actuator", None))
+            if isinstance(getattr(model, "system", None), System):
+                return verb(model.system, *rest, **{start: model.final, **named})
+            if isinstance(model, System):
+                return verb(model, *rest, **named)
+            if not hasattr(model, "under"):
+                raise InvalidParameter(first, model, "a System, or an Actuator and a Drive")
+            drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
+            return verb(model.under(drive), *rest, **named)
+
+        return called
+
+    return decorated
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float]:
+    for name, value in values.items():
+        if not is_number(value):
+            raise InvalidParameter(name, value, "a finite number")
+    return {name: float(value) for name, value in values.items()}
+
+
+def _function(field: str, value: Any) -> Any:
+    if not callable(value):
+        raise InvalidParameter(field, value, "a function")
+    return value
+
+
+def _guards(guards: Sequence[Guard]) -> tuple[Guard, ...]:
+    for guard in guards:
+        if not isinstance(guard, Guard):
+            raise InvalidParameter("guards", guard, "each a Guard or an Impact")
+        _function(f"margin of {guard.name!r}", guard.margin)
+    names = [guard.name for guard in guards]
+    if len(set(names)) != len(names):
+        raise InvalidParameter("guards", names, "a name of its own for each")
+    return tuple(guards)
+
+
+def _mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
+    if given is not None:
+        return tuple(mode.name if isinstance(mode, Mode) else str(mode) for mode in given)
+    found = {mode for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
+    if not found:
+        return ("free",)
+    names = {int(mode): mode.name for mode in found}
+    if sorted(names) != list(range(len(names))):
+        known = ", ".join(names.values())
+        raise InvalidParameter("modes", known, "given: the guards do not name all of them")
+    return tuple(names[number] for number in sorted(names))
+
+
+def _place(field: str, state: str, states: tuple[str, ...]) -> int:
+    if state not in states:
+        raise InvalidParameter(field, state, f"one of {', '.join(states)}")
+    return states.index(state)
+
+
+def _section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Section | None:
+    if section is None:
+        return None
+    state, level = section
+    return _place("section", state, states), float(level), 0

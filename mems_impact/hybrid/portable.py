@@ -1,0 +1,59 @@
+"""Functions on their way to another process: by their names, or with their code."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, is_dataclass, replace
+from types import FunctionType
+from typing import Any
+
+__all__ = ["portable"]
+
+
+def portable(value: Any) -> Any:
+    """Return `value` with what plain pickling cannot take along made fit for it.
+
+    A function that another process can import goes by its name. One that was defined in a notebook,
+    in ``__main__``, within a function, or as a lambda, goes with its code.
+    """
+    if isinstance(value, dict):
+        return {key: portable(part) for key, part in value.items()}
+    if type(value) is tuple:
+        return tuple(portable(part) for part in value)
+    if isinstance(value, FunctionType) and not is_importable(value):
+        return _Carried(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        inner = {key: portable(part) for key, part in vars(value).items()}
+        changed = {key: part for key, part in inner.items() if part is not getattr(value, key)}
+        return replace(value, **changed) if changed else value
+    return value
+
+
+def is_importable(function: Callable[..., Any]) -> bool:
+    """Return whether another process finds the function under its name."""
+    module = sys.modules.get(function.__module__)
+    if module is None or module.__name__ == "__main__":
+        return False
+    found: Any = module
+    for name in function.__qualname__.split("."):
+        found = getattr(found, name, None)
+    return found is function
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """A function that is pickled with its code, and comes back as the function itself."""
+
+    function: Callable[..., Any]
+
+    def __reduce__(self) -> Any:
+        import cloudpickle
+
+        return _unpacked, (cloudpickle.dumps(self.function),)
+
+
+def _unpacked(packed: bytes) -> Any:
+    import cloudpickle
+
+    return cloudpickle.loads(packed)

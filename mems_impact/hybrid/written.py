@@ -1,0 +1,304 @@
+"""An automaton from functions that read like equations.
+
+Users write one function for the flow, and for each guard one for its margin and one for its
+transition. They read states and parameters by name and return what is new::
+
+    def flow(mode, t, y, p):
+        return y.v, p.A * math.cos(p.omega * t) - 2 * p.zeta * y.v - y.x
+
+The event loop wants three functions over arrays (see `mems_impact.hybrid.automaton.Automaton`).
+Their text is put together here, once for each set of functions, so that the compiler sees plain
+calls: named tuples cost nothing at run time.
+
+Where there are many states, the flow takes one more argument, an array to write into. Then all of
+the functions get the state as an array, and transitions too have one more argument, in which they
+find the state and leave the new one::
+
+    def flow(mode, t, y, p, dy):
+        for i in range(1, 49):
+            dy[i] = p.k * (y[i - 1] - 2 * y[i] + y[i + 1])
+
+Rates of margins
+----------------
+A margin without a rate is differentiated along the flow: its change on the straight line through
+(t, y) in the direction (1, flow), by central differences of sixth order with a step of 1e-3 of the
+period (or of ``time_scale``). The line touches the trajectory, so that for a margin linear in state
+and time this is its rate to rounding; otherwise the error is that of a sixth-order difference.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.record import ENDS, NO_REST
+
+__all__ = ["RATE_STEP", "Definition", "ending", "hidden_parameters", "named", "written"]
+
+RATE_STEP = 1e-3  # of the differences that give a rate, in periods
+NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Definition:
+    """What a user writes of an automaton.
+
+    Attributes
+    ----------
+    states, modes, parameters : tuple of str
+        Names.
+    flow : callable
+        ``flow(mode, t, y, p)`` returns the time derivatives of the states.
+    guards : tuple of Guard
+        Each with its margin.
+    settle : callable or None
+        ``settle(mode, t, y, p)`` returns mode and state after a switching time.
+    jacobian : callable or None
+        ``jacobian(mode, t, y, p, J)``, as of an `Automaton`.
+    cyclic : tuple of int
+    """
+
+    states: tuple[str, ...]
+    modes: tuple[str, ...]
+    parameters: tuple[str, ...]
+    flow: Callable[..., Any]
+    guards: tuple[Guard, ...] = ()
+    settle: Callable[..., Any] | None = None
+    jacobian: Callable[..., Any] | None = None
+    cyclic: tuple[int, ...] = ()
+
+    def __reduce__(self) -> Any:
+        """Pickle functions by their names where they can be imported, and else with their code."""
+        from mems_impact.hybrid.portable import portable
+
+        return _definition, (portable(vars(self)),)
+
+
+def _definition(values: dict[str, Any]) -> Definition:
+    return Definition(**values)
+
+
+@cache
+def written(definition: Definition) -> Automaton:
+    """Return the automaton of a definition; the same one for the same functions."""
+    guards = in_order(definition.guards)
+    return Automaton(
+        states=definition.states,
+        modes=definition.modes,
+        guards=guards or (Guard("never", order=0),),
+        cyclic=definition.cyclic,
+        recipe=(written, (definition,)),
+        **_Text(definition, guards).functions(),
+    )
+
+
+def end_run(mode, t, y, p):  # type: ignore[no-untyped-def]
+    """Be the transition that ends a run."""
+    return ENDS, y
+
+
+def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
+    """Be the transition that ends a run, where states are arrays."""
+    return ENDS
+
+
+def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
+    """Return a definition whose runs end where `until` falls through zero."""
+    end = end_run_of_array if writes_into_arrays(definition.flow) else end_run
+    return replace(definition, guards=(*definition.guards, Guard("until", until, end)))
+
+
+def in_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
+    """Return the guards with an order each: impacts first, then as they are listed."""
+    ranked = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
+    return tuple(
+        replace(guard, order=ranked.index(i)) if guard.order is None else guard
+        for i, guard in enumerate(guards)
+    )
+
+
+def hidden_parameters(definition: Definition) -> int:
+    """Return how many numbers stand behind the parameters: the step of rates, and scratch."""
+    return 1 + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
+
+
+def writes_into_arrays(flow: Callable[..., Any]) -> bool:
+    """Return whether a flow has an argument to write into.
+
+    Raises
+    ------
+    InvalidParameter
+        If it takes another number of arguments.
+    """
+    count = len(inspect.signature(flow).parameters)
+    if count not in (NAMED_FORM, ARRAY_FORM):
+        allowed = "a function flow(mode, t, y, p) that returns, or flow(mode, t, y, p, dy)"
+        raise InvalidParameter("flow", getattr(flow, "__name__", flow), allowed)
+    return count == ARRAY_FORM
+
+
+class _Text:
+    """The source of the three functions over arrays, and the names that it uses."""
+
+    def __init__(self, definition: Definition, guards: tuple[Guard, ...]) -> None:
+        self.definition, self.guards = definition, guards
+        self.n, self.m, self.count = (
+            len(definition.states),
+            max(1, len(guards)),
+            len(definition.parameters),
+        )
+        self.by_array = writes_into_arrays(definition.flow)
+        self.space: dict[str, Any] = {
+            "__name__": __name__,
+            "flow_of": definition.flow,
+            "Parameters": named("Parameters", definition.parameters),
+        }
+        if not self.by_array:
+            self.space["State"] = named("State", definition.states)
+
+    def functions(self) -> dict[str, Any]:
+        """Return flow, margins, transition and jacobian of the automaton."""
+        names = ["flow", "margins", "transition"]
+        text = [self.flow(), self.margins(), self.transition()]
+        if self.definition.jacobian is not None:
+            names.append("jacobian")
+            text.append(self.jacobian())
+        exec(compile("\n\n".join(text), "<automaton>", "exec"), self.space)
+        return {name: self.space[name] for name in names}
+
+    def flow(self) -> str:
+        lines = self.head()
+        if self.by_array:
+            lines.append("flow_of(mode, t, y, q, dy)")
+        else:
+            lines.append("slope = flow_of(mode, t, s, q)")
+            lines += [f"dy[{i}] = slope[{i}]" for i in range(self.n)]
+        return function("flow(mode, t, y, p, dy)", lines)
+
+    def jacobian(self) -> str:
+        self.space["jacobian_of"] = self.definition.jacobian
+        state = "y" if self.by_array else "s"
+        return function(
+            "jacobian(mode, t, y, p, entries)",
+            [*self.head(), f"jacobian_of(mode, t, {state}, q, entries)"],
+        )
+
+    def margins(self) -> str:
+        lines = self.head()
+        state = "y" if self.by_array else "s"
+        if any(guard.rate is None for guard in self.guards):
+            lines.append(f"h = p[{self.count}]")
+            lines += self.slope()
+        for i, guard in enumerate(self.guards):
+            self.space[f"margin_{i}"] = guard.margin
+            own = [f"g[{i}] = margin_{i}(mode, t, {state}, q)"]
+            if guard.rate is None:
+                own += self.difference(i)
+            else:
+                self.space[f"rate_{i}"] = guard.rate
+                own.append(f"r[{i}] = rate_{i}(mode, t, {state}, q)")
+            lines += within(guard.modes, own)
+        return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
+
+    def slope(self) -> list[str]:
+        """Return the lines that put the flow into `d`, and set up `x`, a state to be moved."""
+        if not self.by_array:
+            return ["d = flow_of(mode, t, s, q)"]
+        first = self.count + 1
+        return [
+            f"d = p[{first}:{first + self.n}]",
+            f"x = p[{first + self.n}:{first + 2 * self.n}]",
+            "flow_of(mode, t, y, q, d)",
+        ]
+
+    def difference(self, i: int) -> list[str]:
+        """Return the lines that put the rate of margin `i` into place."""
+        lines = [f"r[{i}] = 0.0"]
+        for step, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+            for sign in (1, -1):
+                moved = f"{float(sign * step)} * h"
+                if self.by_array:
+                    lines.append(f"for k in range({self.n}):")
+                    lines.append(f"    x[k] = y[k] + {moved} * d[k]")
+                    state = "x"
+                else:
+                    parts = (f"y[{k}] + {moved} * d[{k}]" for k in range(self.n))
+                    state = f"State({', '.join(parts)})"
+                value = f"margin_{i}(mode, t + {moved}, {state}, q)"
+                lines.append(f"r[{i}] += {sign * weight / 60.0!r} * {value}")
+        return [*lines, f"r[{i}] /= h"]
+
+    def transition(self) -> str:
+        lines = self.head()
+        for i, guard in enumerate(self.guards):
+            lines += self.case(i, f"transition_{i}", guard.transition)
+            if guard.impact:
+                if guard.rest is None:
+                    lines += [f"if code == {self.m + i}:", f"    return {NO_REST}"]
+                else:
+                    lines += self.case(self.m + i, f"rest_{i}", guard.rest)
+        lines += self.case(2 * self.m, "settle", self.definition.settle)
+        return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
+
+    def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:
+        if change is None:
+            return []
+        self.space[name] = change
+        if self.by_array:
+            # It reads the old state while it writes the new one.
+            first = self.count + 1
+            copy = ["for k in range(n):".replace("n)", f"{self.n})"), "    x[k] = y[k]"]
+            lines = [f"x = p[{first}:{first + self.n}]", *copy]
+            lines.append(f"return int({name}(mode, t, x, q, y))")
+        else:
+            lines = [f"new_mode, new = {name}(mode, t, s, q)"]
+            lines += [f"y[{k}] = new[{k}]" for k in range(self.n)]
+            lines.append("return int(new_mode)")
+        return [f"if code == {code}:", *indented(lines)]
+
+    def head(self) -> list[str]:
+        """Return the lines that name parameters and states."""
+        lines = ["q = Parameters(" + ", ".join(f"p[{i}]" for i in range(self.count)) + ")"]
+        if not self.by_array:
+            lines.append("s = State(" + ", ".join(f"y[{i}]" for i in range(self.n)) + ")")
+        return lines
+
+
+@cache
+def named(kind: str, names: tuple[str, ...]) -> Any:
+    """Return a named tuple; InvalidParameter for names that Python does not take."""
+    field = kind.lower()
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z]\w*", name):
+            raise InvalidParameter(field, name, "a Python name that begins with a letter")
+    if len(set(names)) != len(names):
+        raise InvalidParameter(field, list(names), "names that differ")
+    try:
+        return namedtuple(kind, names)
+    except ValueError as error:
+        raise InvalidParameter(field, list(names), f"names that Python takes ({error})") from None
+
+
+def within(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
+    """Return lines that are carried out in some modes only."""
+    if modes is None:
+        return lines
+    test = " or ".join(f"mode == {int(mode)}" for mode in modes)
+    return [f"if {test}:", *indented(lines)]
+
+
+def indented(lines: Sequence[str]) -> list[str]:
+    """Return lines one level deeper."""
+    return [f"    {line}" for line in lines]
+
+
+def function(signature: str, lines: Sequence[str]) -> str:
+    """Return the text of a function."""
+    return "\n".join([f"def {signature}:", *indented(lines)])

@@ -1,0 +1,109 @@
+"""Tables of sweeps: all that was seen at every value of a parameter, and one row a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact.tables.common import Labels, bare, table
+
+__all__ = ["sweep", "sweep_summary"]
+
+# Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
+DIRECTION, PERIOD, STATUS = "direction", "period", "status"
+
+
+def sweep(
+    parameter: str,
+    points: Sequence[Mapping[str, Any]],
+    states: Sequence[str],
+    statistics: Sequence[str],
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a crossing of the section, or one with NaN for a point without any.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter that was swept.
+    points : sequence of mapping
+        One for each value, in order: ``value``, ``direction``, ``section`` (period and `states` of
+        the crossings), ``statistics`` by name, and ``status``; in the units of the system.
+    states, statistics : sequence of str
+        What there is a column of.
+    labels : Labels
+    """
+    crossings = [len(point["section"].get(PERIOD, ())) for point in points]
+    repeats = [max(1, k) for k in crossings]
+
+    def repeated(values: Sequence[Any]) -> NDArray[Any]:
+        return np.repeat(np.array(values), repeats)
+
+    def crossing(column: str) -> NDArray[Any]:
+        none = np.array([np.nan])
+        found = [
+            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
+        ]
+        return np.concatenate([*found, none])[:-1]
+
+    columns = {
+        parameter: repeated([point["value"] for point in points]).astype(float),
+        DIRECTION: repeated([point["direction"] for point in points]).astype(str).astype(object),
+        PERIOD: crossing(PERIOD),
+        **{name: crossing(name) for name in states},
+        **{
+            name: repeated([point["statistics"].get(name, np.nan) for point in points])
+            for name in statistics
+        },
+        STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
+    }
+    return table({}, labels, given=columns, states=list(states))
+
+
+def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each value of a sweep, in the order in which they were computed.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `sweep`, or read back from a file: its first column is the parameter.
+
+    Returns
+    -------
+    DataFrame
+        Parameter, direction, status, impacting (impacts in the measured periods; False where the
+        point failed), the statistics of the sweep, smallest and largest value of the first state
+        on the section, and the number of crossings.
+    """
+    table = bare(table)
+    parameter, state = table.columns[0], table.columns[3]
+    # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
+    # crossing earlier than the one before it begins a new point.
+    keys = table[[parameter, DIRECTION]]
+    changed = (keys != keys.shift()).any(axis=1)
+    changed |= table[PERIOD] < table[PERIOD].shift()
+    groups = table.groupby(changed.cumsum(), sort=False)
+    first = list(table.columns).index("impacts per period")
+    statistics = [name for name in table.columns[first:] if name != STATUS]
+    summary = groups.agg(
+        **{
+            parameter: (parameter, "first"),
+            DIRECTION: (DIRECTION, "first"),
+            STATUS: (STATUS, "first"),
+            **{name: (name, "first") for name in statistics},
+            f"{state} min": (state, "min"),
+            f"{state} max": (state, "max"),
+            "crossings": (state, "count"),
+        }
+    ).reset_index(drop=True)
+    summary.insert(3, "impacting", summary["impacts per period"] > 0.0)
+    units = dict(table.attrs.get("units", {}))
+    if state in units:
+        units[f"{state} min"] = units[f"{state} max"] = units[state]
+    shown = {name: unit for name, unit in units.items() if name in summary}
+    summary.attrs = {**table.attrs, "units": shown}
+    return summary

@@ -1,0 +1,61 @@
+"""Units: how results in the units of the numerics become those of the user, and back.
+
+Inside, a system is integrated in whatever units make its numbers of order one. Every conversion is
+one multiplication or division, so that there and back is exact to one rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+__all__ = ["DIMENSIONLESS", "Scales"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """The units of the numerics, in those of the user.
+
+    Parameters
+    ----------
+    factors : mapping of str to float
+        By the name of a user's unit ("m/s"), the unit of the numerics in it; 1 for all others.
+    named : bool
+        Whether units have names; False where everything is a pure number.
+    """
+
+    factors: Mapping[str, float] = field(default_factory=dict)
+    named: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
+
+    def __reduce__(self) -> Any:
+        """Pickle the factors as a dict: a mapping proxy cannot be."""
+        return _scales, (dict(self.factors), self.named)
+
+    def unit(self, name: str) -> float:
+        """Return the unit of the numerics for what has the unit `name`."""
+        return self.factors.get(name, 1.0)
+
+    def out(self, value: Any, name: str) -> Any:
+        """Return a value of the numerics (number or array) in the unit `name`."""
+        return value * self.unit(name) if name in self.factors else value
+
+    def into(self, value: Any, name: str) -> Any:
+        """Return a value in the unit `name` in the units of the numerics."""
+        return value / self.unit(name) if name in self.factors else value
+
+    def label(self, heading: str, name: str) -> str:
+        """Return a heading with its unit, or alone where there is none."""
+        return f"{heading} [{name}]" if self.named and name else heading
+
+
+def _scales(factors: Mapping[str, float], named: bool) -> Scales:
+    return Scales(factors=factors, named=named)
+
+
+DIMENSIONLESS = Scales(named=False)
+"""Of a dimensionless system: what goes in comes out."""
