@@ -5,6 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.actuator.drives import WAVEFORMS
+
 if TYPE_CHECKING:
     from mems_impact.actuator.design.blows import Blows, blows
     from mems_impact.actuator.design.chart import Chart, operating_chart
@@ -20,18 +22,8 @@ if TYPE_CHECKING:
     )
     from mems_impact.actuator.design.fit import Fit, fit
     from mems_impact.actuator.design.targets import Target
-    from mems_impact.actuator.drive import (
-        Burst,
-        Custom,
-        Drive,
-        Pulse,
-        Sampled,
-        Sine,
-        Square,
-        Trapezoid,
-        TwoSided,
-        load_drive,
-    )
+    from mems_impact.actuator.drive import *  # noqa: F403
+    from mems_impact.actuator.drive import Drive, load_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import (
@@ -81,14 +73,13 @@ if TYPE_CHECKING:
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
+    *WAVEFORMS.values(),
     "Actuator",
     "Blows",
     "Branch",
-    "Burst",
     "Chart",
     "ChartInterrupted",
     "Curve",
-    "Custom",
     "Drive",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -106,22 +97,16 @@ __all__ = [
     "Options",
     "Orbit",
     "OrbitError",
-    "Pulse",
     "Run",
     "RunError",
     "RunInterrupted",
-    "Sampled",
-    "Sine",
     "SpecialPoint",
-    "Square",
     "State",
     "Steps",
     "StiffnessWarning",
     "SweepInterrupted",
     "System",
     "Target",
-    "Trapezoid",
-    "TwoSided",
     "UnitsWarning",
     "Verification",
     "Window",
@@ -158,18 +143,7 @@ __all__ = [
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
-    "actuator.drive": (
-        "Burst",
-        "Custom",
-        "Drive",
-        "Pulse",
-        "Sampled",
-        "Sine",
-        "Square",
-        "Trapezoid",
-        "TwoSided",
-        "load_drive",
-    ),
+    "actuator.drive": ("Drive", "load_drive", *WAVEFORMS.values()),
     "plotting.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),

@@ -12,14 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
-from mems_impact.actuator.validation import (
-    Fraction,
-    NonNegative,
-    Positive,
-    ValidatedModel,
-)
 from mems_impact.errors import InvalidParameter, UnitsWarning, shown
 from mems_impact.units import DIMENSIONLESS, Scales
 
@@ -34,7 +29,7 @@ _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fi
 _LIGHT = 1e-3  # masses below: kilograms of a device in SI; scaled ones are of the order of 1
 
 
-class Actuator(ValidatedModel):
+class Actuator(Checked):
     """The electrostatic impact microactuator: a block in a frame that rests on the ground.
 
     All parameters are keyword-only, in SI or dimensionless as in the paper; `units` says which.
@@ -159,7 +154,7 @@ PARAMETER_NAMES: tuple[str, ...] = tuple(name for name in Actuator.model_fields 
 """The parameters' names, in the order of `Actuator.to_array`."""
 
 
-class _DeviceFile(ValidatedModel):
+class _DeviceFile(Checked):
     """What a device file may hold at its top level."""
 
     name: str = ""

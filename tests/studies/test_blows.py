@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.design.blows import BlowCounter, blow_of, contacts, each_blow
 from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events
-from mems_impact.actuator.design.blows import BlowCounter, blow_of, contacts, each_blow
 
 PAPER = mi.load_actuator("zhao2004")
 LEFT = 1

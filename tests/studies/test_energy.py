@@ -7,11 +7,11 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator.design.impacts import energy_lost
 from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, mode_under
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant
-from mems_impact.actuator.design.impacts import energy_lost
 
 ZHAO = mi.load_actuator("zhao2004")
 FORCE, DAMPER, FRICTION = 4, 5, 6

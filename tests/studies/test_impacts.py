@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from mems_impact.actuator.design.impacts import concatenate, energy_lost, frame_steps, is_impact
 from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events
-from mems_impact.actuator.design.impacts import concatenate, energy_lost, frame_steps, is_impact
 
 STILL, SLIDING = mode_of(STUCK, FREE), mode_of(FORWARD, FREE)
 

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from mems_impact.studies import chart as chart_module
 
 import mems_impact as mi
-from mems_impact.actuator.units import Scales
-from mems_impact.studies import chart as chart_module
 from mems_impact.actuator.design.chart import crisis
+from mems_impact.actuator.units import Scales
 from mems_impact.analysis.orbit import ORBIT_OPTIONS, System
 
 ZHAO = mi.load_actuator("zhao2004")

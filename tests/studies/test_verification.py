@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
 from mems_impact.actuator.design.impacts import is_impact
 from mems_impact.analysis.verification import other_family
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.trajectory import Events
 
 ZHAO = mi.load_actuator("zhao2004")
 PERIODIC = mi.Sine(amplitude=0.24, omega=0.5)

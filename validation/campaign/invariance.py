@@ -12,11 +12,11 @@ import numpy as np
 
 import mems_impact as mi
 from mems_impact.actuator.units import Scales
+from mems_impact.analysis.run import problem_of
+from mems_impact.analysis.simulate import instant_of_state
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import run
-from mems_impact.analysis.run import problem_of
-from mems_impact.analysis.simulate import instant_of_state
 from validation.campaign.cases import Case, random_case
 from validation.campaign.checks import parting, rows_of
 from validation.campaign.result import Result

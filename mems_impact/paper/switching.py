@@ -23,11 +23,11 @@ from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.sweep import sweep
 from mems_impact.errors import MemsImpactError
+from mems_impact.paper.outcome import Effort
 from mems_impact.plotting.bifurcation import plot_sweep
 from mems_impact.plotting.branch import plot_branch
 from mems_impact.plotting.style import new_figure
 from mems_impact.tables.sweep import sweep_summary
-from mems_impact.validation.outcome import Effort
 
 if TYPE_CHECKING:
     from typing import Any

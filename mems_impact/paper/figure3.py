@@ -13,8 +13,8 @@ from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
+from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.plotting.displacement import plot_displacement
-from mems_impact.validation.outcome import Devices, Effort, Outcome
 
 __all__ = ["compute"]
 
