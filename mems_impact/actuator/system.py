@@ -23,7 +23,7 @@ from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.state import State
+from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Window
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
@@ -154,30 +154,38 @@ class ActuatorSystem(System):
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
-    def changed(self, *, checked: bool = True, **values: float) -> ActuatorSystem:
-        """Return the system at other values of some parameters.
-
-        Differences by a parameter at the end of its range look beyond it, as do trial steps: not
-        `checked`, everything is taken. Otherwise InvalidParameter is raised if a value is not
-        allowed.
-        """
-        names = self.drive.names
-        of_drive = {name: value for name, value in values.items() if name in names}
-        of_actuator = {name: value for name, value in values.items() if name not in names}
-        unknown = [name for name in of_actuator if name not in PARAMETER_NAMES]
-        if unknown:
-            super().check_parameter(unknown[0])
-        actuator, drive = self.actuator, self.drive
-        if of_drive:
-            drive = drive.varied(of_drive, checked=checked)
-        if of_actuator and checked:
-            actuator = actuator.replace(**of_actuator)
-        elif of_actuator:
-            actuator = actuator.replace_unchecked(**of_actuator)
+    def changed(self, **values: float) -> ActuatorSystem:
+        """Return the system at other values of some parameters, checked."""
+        drive_values, actuator_values = self._sorted(values)
+        drive = self.drive.varied(drive_values) if drive_values else self.drive
+        actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
         other = object.__new__(ActuatorSystem)
-        # Those that a continuation looks at share the units in which it counts.
-        other._put(actuator, drive, actuator.scales if checked else self._scales)
+        other._put(actuator, drive, actuator.scales)
         return other
+
+    def shifted(self, values: Mapping[str, float]) -> ActuatorSystem:
+        """Return the system at values that may not be allowed, in the same scales.
+
+        Differences by a parameter at the end of its range look beyond it, as do trial steps.
+        """
+        drive_values, actuator_values = self._sorted(values)
+        actuator, drive = self.actuator, self.drive
+        if drive_values:
+            drive = drive.varied(drive_values, checked=False)
+        if actuator_values:
+            actuator = actuator.replace_unchecked(**actuator_values)
+        other = object.__new__(ActuatorSystem)
+        other._put(actuator, drive, self._scales)
+        return other
+
+    def _sorted(self, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+        """Return the values of the drive and those of the actuator."""
+        of_drive = {name: value for name, value in values.items() if name in self.drive.names}
+        rest = {name: value for name, value in values.items() if name not in of_drive}
+        for name in rest:
+            if name not in PARAMETER_NAMES:
+                super().check_parameter(name)
+        return of_drive, rest
 
     @property
     def inner_actuator(self) -> Actuator:
@@ -228,7 +236,7 @@ class ActuatorSystem(System):
             delta, last = self.actuator.delta, math.nextafter(self.drive.period, 0.0)
             values["x2"] = min(max(values["x2"], -delta), delta)
             time = min(time, last)
-        return State(**values, time=time)
+        return state_from(values, time=time)
 
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state, by Equation (4) and the contact force."""

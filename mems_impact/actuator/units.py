@@ -91,9 +91,12 @@ class DeviceScales(Scales):
         return cls(voltage=voltage, time=time)
 
 
-def _device_scales(*numbers: float) -> DeviceScales:
-    names = ("mass", "stiffness", "length", "alpha", "time", "voltage")
-    return DeviceScales(**dict(zip(names, numbers, strict=True)))
+def _device_scales(
+    mass: float, stiffness: float, length: float, alpha: float, time: float, voltage: float
+) -> DeviceScales:
+    return DeviceScales(
+        mass=mass, stiffness=stiffness, length=length, alpha=alpha, time=time, voltage=voltage
+    )
 
 
 def scaled_fields(model: Any, units: Mapping[str, str], scales: Scales) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class Study:
 
     def case(self, value: float) -> Case:
         """Return the case of one value; InvalidParameter if it is not allowed."""
-        return Case(value, self.system.changed(**{self.parameter: value}))
+        return Case(value, self.system.changed(**{self.parameter: float(value)}))
 
     @property
     def states(self) -> tuple[str, ...]:

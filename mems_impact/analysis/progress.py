@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 __all__ = ["Report", "progress_bar", "values_of"]
 
-Report = Callable[[float], object]
+Report = Callable[[float], None]
 
 
 @contextmanager
@@ -31,7 +31,7 @@ def progress_bar(
     from tqdm import tqdm
 
     with tqdm(total=total and round(total, 3), delay=1.0, unit=f" {unit}") as bar:
-        yield lambda done: bar.update(done - bar.n)
+        yield lambda done: bar.update(done - bar.n) and None
 
 
 @contextmanager

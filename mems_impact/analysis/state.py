@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from numbers import Real
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["State", "is_number", "whole"]
+__all__ = ["State", "is_number", "state_from", "whole"]
 
 
 class State:
@@ -43,6 +43,9 @@ class State:
     """
 
     __slots__ = ("_values", "mode", "time")
+    _values: dict[str, float]
+    time: float
+    mode: str | int | None
 
     def __init__(
         self, *, time: float = 0.0, mode: str | int | None = None, **components: float
@@ -52,8 +55,9 @@ class State:
                 raise InvalidParameter(name, value, "a finite number")
         if time < 0.0:
             raise InvalidParameter("time", time, ">= 0 and below the forcing period")
-        for name, value in (("time", time), ("mode", mode), ("_values", components)):
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "_values", components)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "mode", mode)
 
     def __getattr__(self, name: str) -> float:
         if not name.startswith("_") and name in self._values:
@@ -88,7 +92,7 @@ class State:
         return f"State({', '.join(parts)})"
 
     def __reduce__(self) -> Any:
-        return _state, (self.as_dict(), self.time, self.mode)
+        return state_from, (self.as_dict(), self.time, self.mode)
 
     def as_dict(self) -> dict[str, float]:
         """Return the components by name."""
@@ -102,8 +106,12 @@ class State:
         return frozenset(self._values.items()), self.time, self.mode
 
 
-def _state(components: dict[str, float], time: float, mode: str | int | None) -> State:
-    return State(time=time, mode=mode, **components)
+def state_from(
+    components: Mapping[str, float], time: float = 0.0, mode: str | int | None = None
+) -> State:
+    """Return the state with components of these names."""
+    given: dict[str, Any] = dict(components)
+    return State(**{"time": time, "mode": mode, **given})
 
 
 def is_number(value: Any) -> bool:

@@ -6,12 +6,12 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, overload
 
 import numpy as np
 
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Window
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -170,9 +170,9 @@ class System:
             cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
         )
         self._section = _section(section, states)
-        self.units = dict(units or {})
+        self._units = dict(units or {})
         self.observables = tuple(observables)
-        self._initial = initial if isinstance(initial, State) else State(**(initial or {}))
+        self._initial = initial if isinstance(initial, State) else state_from(initial or {})
         self._check_state("initial", self._initial)
         self.automaton  # noqa: B018 - the text is put together now: wrong names are told at once
 
@@ -189,6 +189,11 @@ class System:
         return dict(self._parameters)
 
     @property
+    def units(self) -> Mapping[str, str]:
+        """Units of states, parameters, observables and times; none for pure numbers."""
+        return {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
+
+    @property
     def scales(self) -> Scales:
         """The units of the numerics."""
         return DIMENSIONLESS if not self.units else Scales()
@@ -203,13 +208,11 @@ class System:
         """The Poincaré section: component, level, direction."""
         return self._section
 
-    def changed(self, *, checked: bool = True, **values: float) -> System:
+    def changed(self, **values: float) -> System:
         """Return the system with other values of some parameters.
 
         Parameters
         ----------
-        checked : bool, optional
-            False takes values that may not be allowed, at which differences look.
         **values : float
 
         Raises
@@ -219,10 +222,14 @@ class System:
         """
         for name in values:
             self.check_parameter(name)
+        other = self.shifted(values)
+        other.problem(Options())
+        return other
+
+    def shifted(self, values: Mapping[str, float]) -> System:
+        """Return the system at values that may not be allowed, at which continuation looks."""
         other = self._copy()
         other._parameters = {**self._parameters, **_numbers(values)}
-        if checked:
-            other.problem(Options())
         return other
 
     def problem(self, options: Options) -> Problem:
@@ -360,7 +367,7 @@ class System:
         changes = {
             name: self.out(name, value) for name, value in inner.items() if value != here[name]
         }
-        return self.changed(checked=False, **changes) if changes else self
+        return self.shifted(changes) if changes else self
 
     def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
         """Return where a run from `state` starts, in the units of the numerics.
@@ -376,7 +383,7 @@ class System:
             if not isinstance(state, Mapping):
                 allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
                 raise InvalidParameter("initial", state, allowed)
-            state = State(**state)
+            state = state_from(state)
         self._check_state("initial", state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
@@ -393,8 +400,8 @@ class System:
     def state_of(self, instant: Instant) -> State:
         """Return an instant of the numerics as a state in the system's units."""
         values = zip(self.states, instant.y.tolist(), strict=True)
-        return State(
-            **{name: self.out(name, value) for name, value in values},
+        return state_from(
+            {name: self.out(name, value) for name, value in values},
             time=float(self.scales.out(instant.time, "s")) if self.forced else 0.0,
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
         )
@@ -450,9 +457,22 @@ class _Build:
 
 
 R = TypeVar("R")
+Result = TypeVar("Result", covariant=True)
 
 
-def takes_system(start: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
+class Verb(Protocol[Result]):
+    """What takes a system, or what makes one: then results have more than any system's."""
+
+    __name__: str
+
+    @overload
+    def __call__(self, system: System, /, *arguments: Any, **named: Any) -> Result: ...
+
+    @overload
+    def __call__(self, *arguments: Any, **named: Any) -> Any: ...
+
+
+def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
     """Let a verb be called with what makes a system in place of its first argument.
 
     ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
@@ -460,11 +480,11 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Callable[..., R]]:
     system, and for where it ended: the verb's argument `start`.
     """
 
-    def decorated(verb: Callable[..., R]) -> Callable[..., R]:
+    def decorated(verb: Callable[..., R]) -> Verb[R]:
         first = next(iter(inspect.signature(verb).parameters))
 
         @functools.wraps(verb)
-        def called(*arguments: Any, **named: Any) -> R:
+        def called(*arguments: Any, **named: Any) -> Any:
             rest = list(arguments)
             model = rest.pop(0) if rest else named.pop(first, named.pop("actuator", None))
             if isinstance(getattr(model, "system", None), System):

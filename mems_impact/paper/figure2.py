@@ -12,7 +12,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mems_impact import tables
 from mems_impact.actuator.design.impacts import is_impact
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.modes import (
@@ -33,6 +32,7 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.simulate import simulate
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.paper import tables
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.plotting.automaton import plot_automaton
 

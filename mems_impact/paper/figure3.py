@@ -6,13 +6,13 @@ import math
 
 import numpy as np
 
-from mems_impact import tables
 from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.analysis.run import Run
+from mems_impact.actuator.results import ActuatorRun
 from mems_impact.analysis.simulate import simulate
+from mems_impact.paper import tables
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.plotting.displacement import plot_displacement
 
@@ -57,6 +57,6 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
     )
 
 
-def _run(device: Actuator, amplitude: float, hertz: float) -> Run:
+def _run(device: Actuator, amplitude: float, hertz: float) -> ActuatorRun:
     drive = Sine(amplitude=amplitude, omega=2.0 * math.pi * hertz)
     return simulate(device, drive, WAIT + MEASURE, window=(WAIT, WAIT + MEASURE))

@@ -9,6 +9,7 @@ import numpy as np
 
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked
 from mems_impact.analysis.branch import (
     Branch,
@@ -18,7 +19,6 @@ from mems_impact.analysis.branch import (
     switch_branch,
 )
 from mems_impact.analysis.orbit import Orbit, find_orbit
-from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.sweep import sweep
@@ -181,12 +181,14 @@ def period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[floa
     return (float(len(orbit.impacts)), orbit) if good else (0.0, None)
 
 
-def at_rest(actuator: Actuator, omega: float, amplitude: float, periods: int = 600) -> Run:
+def at_rest(actuator: Actuator, omega: float, amplitude: float, periods: int = 600) -> ActuatorRun:
     """Return a run from rest; its statistics are over its second half."""
     return simulate(actuator, Sine(amplitude=amplitude, omega=omega), periods)
 
 
-def period_of(actuator: Actuator, omega: float, amplitude: float, start: State) -> tuple[int, Run]:
+def period_of(
+    actuator: Actuator, omega: float, amplitude: float, start: State
+) -> tuple[int, ActuatorRun]:
     """Return the period of the attractor that `start` leads to, 0 if it is longer than LONGEST."""
     drive = Sine(amplitude=amplitude, omega=omega)
     wait, watch = 1500, 8 * LONGEST

@@ -9,7 +9,8 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables import heading, sweep_summary, symbols
+from mems_impact.tables.common import bare, heading
+from mems_impact.tables.sweep import sweep_summary
 
 __all__ = ["plot_sweep"]
 
@@ -59,10 +60,10 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
     >>> plot_sweep(table).figure.savefig("sweep.png")
     >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
     """
-    if "v2" not in symbols(table):
+    if "v2" not in bare(table):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)
-    drawn = [name for name, (column, _) in QUANTITIES.items() if column in symbols(table)]
+    drawn = [name for name, (column, _) in QUANTITIES.items() if column in bare(table)]
     if quantity is not None and quantity not in drawn:
         raise InvalidParameter("quantity", quantity, f"one of {', '.join(drawn)}")
     if quantity is not None or ax is not None:
@@ -81,7 +82,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
         if panel is first and panel.get_legend_handles_labels()[0]:
             panel.legend(frameon=False, markerscale=1.0 / size)
         tidy(panel)
-    parameter = symbols(table).columns[0]
+    parameter = bare(table).columns[0]
     name = symbol(parameter)
     panels[-1].set_xlabel(
         (name if name == parameter else f"{parameter} {name}") + _unit(table.columns[0])
@@ -93,7 +94,7 @@ def _draw_dots(ax: Any, table: pd.DataFrame, quantity: str) -> float:
     """Draw one quantity, and below v2 the values that have none; return the size of its dots."""
     column, words = QUANTITIES[quantity]
     ax.set_ylabel(words + _unit(heading(table, column)))
-    rows = symbols(table if quantity == "v2" else sweep_summary(table))
+    rows = bare(table if quantity == "v2" else sweep_summary(table))
     parameter = rows.columns[0]
     # Many dots are drawn small, or the rings run into a band; those that coincide count once.
     spread = max(1e-300, rows[column].max() - rows[column].min())
@@ -137,7 +138,7 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, scale: float) -> None:
 
 def _draw_switches(ax: Any, table: pd.DataFrame, *, named: bool) -> None:
     """Draw a line where each chain begins or ceases to impact, maybe with its value above it."""
-    parameter = symbol(symbols(table).columns[0])
+    parameter = symbol(bare(table).columns[0])
     marks = sorted(switches(table), key=lambda mark: mark[1])
     for place, (direction, value, impacting) in enumerate(marks):
         color = MARKS[direction]["color"]
@@ -160,7 +161,7 @@ def _unit(name: str) -> str:
 
 def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
     """Return where each chain first begins or ceases to impact: direction, value, begins."""
-    summary = sweep_summary(symbols(table))
+    summary = sweep_summary(bare(table))
     summary = summary[summary["status"] == "ok"]
     found = []
     for direction, rows in summary.groupby("direction", sort=False):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables import heading, symbols
+from mems_impact.tables.common import bare, heading
 
 __all__ = ["plot_branch"]
 
@@ -62,7 +62,7 @@ def plot_branch(
     first = diagrams[0].table
     label, ordinate = first.columns[0], heading(first, "v2")
     if sweep is not None:
-        dots = symbols(sweep)
+        dots = bare(sweep)
         ax.plot(
             dots.iloc[:, 0], dots["v2"], linestyle="none", marker="o", color=DOTS,
             markersize=1.8 if len(dots) > 2000 else 3.2,
@@ -89,7 +89,7 @@ def _lines(ax: Any, table: pd.DataFrame, drawn: set[str]) -> None:
     values = table.iloc[:, 0].to_numpy()
     kind = np.where(table["stable"], "stable", "unstable")
     kind = np.where(table["admissible"], kind, "")
-    plain = symbols(table)
+    plain = bare(table)
     columns = [name for name in plain.columns if name == "v2" or name.startswith("v2 ")]
     pieces = table["piece"].to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
@@ -116,7 +116,7 @@ def _lines(ax: Any, table: pd.DataFrame, drawn: set[str]) -> None:
 
 
 def _marks(table: pd.DataFrame) -> pd.DataFrame:
-    plain = symbols(table)
+    plain = bare(table)
     plain = plain[plain["label"].isin(MARKED) & plain["admissible"].astype(bool)]
     return pd.DataFrame({"label": plain["label"], "value": plain.iloc[:, 2], "v2": plain["v2"]})
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import pandas as pd
 
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables import heading
+from mems_impact.tables.common import heading
 
 __all__ = ["plot_chart"]
 

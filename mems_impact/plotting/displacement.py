@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables import symbols
+from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
     from mems_impact.plotting.timeseries import Motion
@@ -63,7 +63,7 @@ def plot_displacement(
     response.legend(frameon=False)
 
     begin = run.extent[1] - 2.0
-    samples = symbols(run.samples(PER_PERIOD, begin, None))
+    samples = bare(run.samples(PER_PERIOD, begin, None))
     time = samples["t"] - samples["t"].iloc[0]
     block.plot(time, 1e6 * samples["x2"], color=BLUE, linewidth=1.0)
     voltage = block.twinx()

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables import heading
+from mems_impact.tables.common import heading
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +53,7 @@ def plot_orbit(orbit: Closed, ax: Any = None) -> Any:
     if ax is None:
         ax = new_figure(5.2, 4.4).subplots()
     table = orbit.samples(PER_PERIOD)
-    x, v = heading(table, "x2"), heading(table, "v2")
+    x, v = "x2", "v2"
     stuck = table["mode"].astype(str).str.startswith("stuck")
     free, slips = table[v].where(stuck), table[v].where(~stuck)
     # At an impact the velocity jumps: the line is broken there.
@@ -67,13 +67,13 @@ def plot_orbit(orbit: Closed, ax: Any = None) -> Any:
     hits = orbit.impacts
     for place, (_, hit) in enumerate(hits.iterrows()):
         side = delta if hit["stopper"] == "right" else -delta
-        jump = [hit[heading(hits, "v2 before")], hit[heading(hits, "v2 after")]]
+        jump = [hit["v2 before"], hit["v2 after"]]
         ax.plot(
             [side, side], jump, color=ORANGE, linewidth=1.2, linestyle=(0, (2, 1)), marker="o",
             markersize=3.5, label=None if place else "impact", zorder=3,
         )  # fmt: skip
-    ax.set_xlabel("$x_2$" + x[2:])
-    ax.set_ylabel("$v_2$" + v[2:])
+    ax.set_xlabel("$x_2$" + heading(table, x)[2:])
+    ax.set_ylabel("$v_2$" + heading(table, v)[2:])
     ax.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, 1.1), ncols=3)
     tidy(ax)
     return ax

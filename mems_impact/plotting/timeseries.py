@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables import symbols
+from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,7 +80,7 @@ def plot_run(
         begin, end = run.extent
         end = end if last is None else last
         first = max(begin, end - SHOWN)
-    samples = symbols(run.samples(PER_PERIOD, first, last))
+    samples = bare(run.samples(PER_PERIOD, first, last))
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]
     if axes is None:
@@ -88,7 +88,7 @@ def plot_run(
         axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
     block, frame = axes
 
-    for slip in _slips(symbols(run.events), period, left, right, samples["mode"].iloc[0]):
+    for slip in _slips(bare(run.events), period, left, right, samples["mode"].iloc[0]):
         for ax in (block, frame):
             # The edge keeps a slip visible that is thinner than a dot.
             ax.axvspan(*slip, color=GREEN, alpha=0.3, linewidth=1.0, zorder=0)

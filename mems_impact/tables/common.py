@@ -31,6 +31,7 @@ __all__ = [
     "bare",
     "event_codes",
     "event_words",
+    "heading",
     "is_shown",
     "states",
     "table",
@@ -126,12 +127,18 @@ def bare(shown: pd.DataFrame) -> pd.DataFrame:
     Others are returned as they are.
     """
     pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in shown.columns}
-    found = {name: match.groups() for name, match in pairs.items() if match}
+    found = {name: (match[1], match[2]) for name, match in pairs.items() if match}
     if not found:
         return shown
     result = shown.rename(columns={name: plain for name, (plain, _) in found.items()})
     result.attrs = {**shown.attrs, "units": dict(found.values())}
     return result
+
+
+def heading(shown: pd.DataFrame, name: str) -> str:
+    """Return the name of a column with its unit, if it has one: a label for an axis."""
+    unit = shown.attrs.get("units", {}).get(name, "")
+    return f"{name} [{unit}]" if unit else name
 
 
 def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) -> dict[str, Any]:
