@@ -11,11 +11,14 @@ from mems_impact.cli.failures import FAILED, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
+    initial_option,
     integrator_options,
     output_options,
+    periods_option,
     progress_option,
-    state_options,
+    state_from,
 )
+from mems_impact.cli.showing import show_lines
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,13 +31,14 @@ FIRST_ROWS = 6
 @click.command(short_help="Run a device under a voltage.")
 @device_options
 @drive_options
-@click.option("--periods", type=float, default=300.0, help="Forcing periods to simulate.  [300]")
-@state_options
+@periods_option("Forcing periods to simulate.", 300, float)
+@initial_option
 @click.option(
     "--window",
     type=(float, float),
     metavar="FIRST LAST",
-    help="Forcing periods that the statistics are taken over.  [the last part of the run]",
+    show_default="second half of the run",
+    help="Forcing periods that the statistics are taken over.",
 )
 @integrator_options
 @click.option(
@@ -51,9 +55,7 @@ def command(
     device: str,
     changes: dict[str, float],
     periods: float,
-    x2: float,
-    v2: float,
-    v1: float,
+    initial: dict[str, float],
     window: tuple[float, float] | None,
     method: str,
     rtol: float,
@@ -82,7 +84,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    initial = mi.State(x2=x2, v1=v1, v2=v2)
+    state = state_from(initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         try:
@@ -90,7 +92,7 @@ def command(
                 actuator,
                 drive,
                 periods,
-                initial=initial,
+                initial=state,
                 window=window,
                 options=options,
                 progress=progress,
@@ -117,9 +119,7 @@ def _show(run: mi.Run) -> None:
     click.echo(f"Statistics over forcing periods {first:g} to {last:g}:")
     # Without an impact there is no impact speed: what is not defined is not shown.
     defined = run.statistics.drop(["window first", "window last"]).dropna()
-    width = max(map(len, defined.index))
-    for name, value in defined.items():
-        click.echo(f"  {name:<{width}}  {value:.9g}")
+    show_lines({str(name): f"{value:.9g}" for name, value in defined.items()})
     impacts = run.impacts
     if impacts.empty:
         click.echo("\nNo impact.")
