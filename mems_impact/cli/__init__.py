@@ -23,6 +23,7 @@ from mems_impact.cli.failures import (
     past_click,
     report,
 )
+from mems_impact.cli.former import in_present_words
 
 __all__ = ["main"]
 
@@ -52,6 +53,12 @@ class _Commands(click.Group):
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name, command, rest = super().resolve_command(ctx, args)
+        return name, command, in_present_words(name or "", rest)
 
     def make_context(self, *arguments: Any, **more: Any) -> click.Context:
         with past_click():  # help pages are written here
@@ -83,7 +90,8 @@ def _group() -> None:
     """Simulate impact microactuators: frames that walk by the blows of a block inside them.
 
     A DEVICE is the name of a preset ("mems-impact devices" lists them) or the path of a TOML file.
-    Numbers are in the units of the device; times are counted in forcing periods.
+    Numbers are in the units of the device: SI, in the units that help pages give in brackets, or
+    dimensionless. Durations are counted in forcing periods.
     """
 
 

@@ -12,8 +12,12 @@ from mems_impact.cli.options import (
     device_options,
     orbit_integrator_options,
     output_options,
+    periods_option,
     progress_option,
+    range_options,
+    workers_option,
 )
+from mems_impact.cli.showing import text_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,25 +27,32 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Chart where a device switches on and off.")
 @device_options
-@click.option("--from", "low", type=float, help="Lowest omega.  [0.88 of resonance]")
-@click.option("--to", "high", type=float, help="Highest omega.  [1.02 of resonance]")
-@click.option("--bias", type=float, default=0.0, help="Constant part of the voltage.  [0]")
-@click.option(
-    "--crises", type=int, default=7, help="Frequencies at which type III is simulated.  [7]"
+@range_options(
+    "Lowest omega [rad/s].",
+    "Highest omega [rad/s].",
+    defaults=("0.88 of the resonance", "1.02 of the resonance"),
 )
 @click.option(
-    "--periods", type=int, default=2000,
-    help="Forcing periods for which an attractor has to persist there.  [2000]",
-)  # fmt: skip
+    "--bias", type=float, default=0, show_default=True, help="Constant part of the voltage [V]."
+)
+@click.option(
+    "--crises",
+    type=int,
+    default=7,
+    show_default=True,
+    help="Frequencies at which type III is simulated.",
+)
+@periods_option("Forcing periods for which an attractor has to persist there.", 2000)
 @orbit_integrator_options
+@workers_option("Threads.", show_default="one for each crisis, at most 4")
 @progress_option
 @output_options
 def command(
     *,
     device: str,
     changes: dict[str, float],
-    low: float | None,
-    high: float | None,
+    start: float | None,
+    stop: float | None,
     bias: float,
     crises: int,
     periods: int,
@@ -49,6 +60,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    workers: int | None,
     progress: bool,
     output: str,
     figure: str | None,
@@ -76,23 +88,24 @@ def command(
             chart = mi.operating_chart(
                 actuator,
                 drive,
-                omega=(low, high),
+                omega=(start, stop),
                 crises=crises,
                 periods=periods,
                 options=options,
+                workers=workers,
                 progress=say if progress else False,
             )
-        except mi.ChartInterrupted as stop:
-            if stop.total > 0 and isinstance(stop.chart, mi.Chart):
-                files.tables(_tables(stop.chart))
+        except mi.ChartInterrupted as interruption:
+            if interruption.total > 0 and isinstance(interruption.chart, mi.Chart):
+                files.tables(_tables(interruption.chart))
             raise
         files.tables(_tables(chart))
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
             say(f"warning: {note}")
-        click.echo(chart.types.to_string(index=False, float_format="{:.9g}".format) + "\n")
+        click.echo(text_of(chart.types, 9) + "\n")
         if len(chart.special_table):
-            points = chart.special_table.to_string(index=False, float_format="{:.12g}".format)
+            points = text_of(chart.special_table, 12)
             click.echo(points + "\n")
         click.echo(files.said())
 

@@ -14,8 +14,12 @@ from mems_impact.cli.options import (
     guess_options,
     orbit_integrator_options,
     output_options,
+    parameter_option,
     progress_option,
+    range_options,
+    state_from,
 )
+from mems_impact.cli.showing import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,17 +29,22 @@ if TYPE_CHECKING:
 
 @click.command(short_help="Follow a periodic orbit over a parameter.")
 @device_options
-@click.option("--parameter", required=True, help="What to vary: a parameter of drive or device.")
-@click.option("--from", "start", type=float, required=True, help="Where the orbit is found.")
-@click.option("--stop", type=float, required=True, help="Where the branch ends.")
-@click.option("--back", type=float, help="Where it ends if it turns round.  [where it began]")
+@parameter_option
+@range_options("Value at which the orbit is found.", "Value at which the branch ends.")
+@click.option(
+    "--back",
+    type=float,
+    show_default="that of --start",
+    help="Value at which it ends if it turns round.",
+)
 @drive_options
 @guess_options
 @click.option(
     "--through-grazing/--past-grazing",
     default=True,
+    show_default=True,
     help="Go on with the impact more or less at a grazing, or past it with orbits that the "
-    "device does not have.  [through]",
+    "device does not have.",
 )
 @click.option("--doubled", is_flag=True, help="Follow the orbits of twice the period as well.")
 @orbit_integrator_options
@@ -49,9 +58,7 @@ def command(
     start: float,
     stop: float,
     back: float | None,
-    x2: float,
-    v2: float,
-    v1: float,
+    initial: dict[str, float],
     transient: float,
     periods: int,
     through_grazing: bool,
@@ -72,7 +79,7 @@ def command(
 
     \b
     Example:
-      mems-impact continue zhao2004 --parameter amplitude --from 0.24 --stop 0.16 --omega 0.5
+      mems-impact continue zhao2004 --parameter amplitude --start 0.24 --stop 0.16 --omega 0.5
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -82,7 +89,7 @@ def command(
     if parameter not in drive.names:
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
-    guess = mi.State(x2=x2, v1=v1, v2=v2)
+    guess = state_from(initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "continue") as files:
         orbit = mi.find_orbit(
@@ -93,13 +100,14 @@ def command(
         )
         files.tables(_tables(branch))
         branches = [branch]
+        unit = unit_of(branch.table, branch.table.columns[0])
         if doubled:
             for special in branch.special_points:
                 if special.label == "PD":
                     try:
                         part = mi.switch_branch(special, progress=progress)
                     except mi.OrbitError as error:
-                        say(f"warning: period doubling at {special.value:.9g}: {error}")
+                        say(f"warning: period doubling at {special.value:.9g}{unit}: {error}")
                         continue
                     files.tables(_tables(part, f"-{len(branches)}"))
                     branches.append(part)
@@ -116,11 +124,13 @@ def _tables(branch: mi.Branch, end: str = "") -> dict[str, pd.DataFrame]:
 def _show(branch: mi.Branch) -> None:
     table = branch.table
     low, high = table.iloc[:, 0].min(), table.iloc[:, 0].max()
+    unit = unit_of(table, table.columns[0])
     periods = branch.orbits[0].periods
     each = "one forcing period" if periods == 1 else f"{periods} forcing periods"
     click.echo(
         f"{len(branch)} orbits of {each}, {branch.parameter} "
-        f"{low:.9g} to {high:.9g}, {int(table['stable'].sum())} of them stable; {branch.ended}"
+        f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} of them stable; "
+        f"{branch.ended}"
     )
     for special in branch.special_points:
         side = ""
@@ -133,5 +143,5 @@ def _show(branch: mi.Branch) -> None:
             except mi.InvalidParameter:
                 side = " (of an orbit with impacts)"
         name = "" if special.label == special.kind else f" {special.kind}"
-        click.echo(f"  {special.label:<3}{special.value:.12g}{name}{side}")
+        click.echo(f"  {special.label:<3}{special.value:.12g}{unit}{name}{side}")
     click.echo("")

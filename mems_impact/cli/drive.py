@@ -9,6 +9,7 @@ import click
 from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options, output_options
+from mems_impact.cli.showing import show_lines
 
 
 @click.command(short_help="Show what a device sees of a voltage.")
@@ -40,15 +41,15 @@ def command(
     forces = [force for stretch in seen(drive, actuator) for force in stretch.force]
     shown = ", ".join(f"{time:.9g}" for time in drive.switches[:8])
     more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
+    label = actuator.scales.label
     lines = {
         "drive": str(type(drive).__name__),
-        "forcing period": f"{drive.period:.9g}",
-        "angular frequency": f"{2.0 * math.pi / drive.period:.9g}",
-        "switches": f"{shown}{more}" if shown else "none",
-        "force at x2 = 0": f"{min(forces):.9g} to {max(forces):.9g}",
+        label("forcing period", "s"): f"{drive.period:.9g}",
+        label("angular frequency", "rad/s"): f"{2.0 * math.pi / drive.period:.9g}",
+        label("switches", "s"): f"{shown}{more}" if shown else "none",
+        label("force at x2 = 0", "N"): f"{min(forces):.9g} to {max(forces):.9g}",
     }
     with Output(output, figure, no_figure, "drive") as files:
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)
-        for name, text in lines.items():
-            click.echo(f"  {name:<18}{text}")
+        show_lines(lines)
         click.echo(f"\n{files.said()}" if files.written else "")

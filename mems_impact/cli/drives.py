@@ -20,25 +20,34 @@ if TYPE_CHECKING:
 KEY = "mems_impact.drive"
 PREFIX = "drive_"  # lest an option of the command has the same name
 
-# A waveform whose parameters are all among these can be described by options; others need a file.
-NUMBERS = {
-    "amplitude": "Amplitude f of the voltage; top of a square wave or pulse.",
-    "omega": "Angular frequency of the voltage: rad/s for a device in SI.",
-    "frequency": "The same as omega/(2 pi): Hz for a device in SI.",
-    "bias": "Constant part of a sine or trapezoid.  [0]",
-    "phase": "How far the voltage is ahead, in radians.  [0]",
-    "duty": "Share of the period that a square wave is high.  [0.5]",
-    "rise": "Rise time of a square wave (both flanks) or pulse.  [0]",
-    "fall": "Fall time of a pulse.  [0]",
-    "low": "Voltage between the pulses.  [0]",
-    "flat": "Share of the period that a trapezoid is flat.  [0.5]",
-    "width": "Width of a pulse.",
-    "period": "Period of pulses, or of a measured voltage.",
+# A waveform whose parameters are all among these can be described by options; others need a
+# file.
+NUMBERS: dict[str, tuple[str, str | None]] = {
+    "amplitude": ("Amplitude f of the voltage; top of a square wave or pulse [V].", None),
+    "omega": ("Angular frequency of the voltage [rad/s].", None),
+    "frequency": ("The same as omega/(2 pi) [Hz].", None),
+    "bias": ("Constant part of a sine or trapezoid [V].", "0"),
+    "phase": ("How far the voltage is ahead [rad].", "0"),
+    "duty": ("Share of the period that a square wave is high.", "0.5"),
+    "rise": ("Rise time of a square wave (both flanks) or pulse [s].", "0"),
+    "fall": ("Fall time of a pulse [s].", "0"),
+    "low": ("Voltage between the pulses [V].", "0"),
+    "flat": ("Share of the period that a trapezoid is flat.", "0.5"),
+    "width": ("Width of a pulse [s].", None),
+    "period": ("Period of pulses, or of a measured voltage [s].", None),
 }
-
+"""What each number is, and its default in words."""
 
 FIELDS = {"frequency": "omega"}
-"""The field that an option sets, where it has not the name of the field."""
+"""The field that a number sets, where it is not the field itself."""
+
+OPTIONS = {"period": "--drive-period"}
+"""The option of a number, where it is not the name: --periods counts, and is a letter away."""
+
+
+def option_of(name: str) -> str:
+    """Return the option that sets a field of a drive."""
+    return OPTIONS.get(name, f"--{name}")
 
 
 def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -47,9 +56,16 @@ def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None
         ctx.meta.setdefault(KEY, {})[parameter.name.removeprefix(PREFIX)] = value
 
 
-def _number(name: str, text: str) -> Decorator:
+def _number(name: str) -> Decorator:
+    text, default = NUMBERS[name]
     return click.option(
-        f"--{name}", f"{PREFIX}{name}", type=float, callback=_collect, expose_value=False, help=text
+        option_of(name),
+        f"{PREFIX}{name}",
+        type=float,
+        callback=_collect,
+        expose_value=False,
+        show_default=default,
+        help=text,
     )
 
 
@@ -60,8 +76,9 @@ drive_options = combined(
         metavar="KIND|FILE",
         callback=_collect,
         expose_value=False,
+        show_default="sine",
         help=f"Waveform of the voltage: its kind ({', '.join(WAVEFORMS)}) where the numbers below "
-        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV.  [sine]",
+        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV.",
     ),
     click.option(
         "--allow-code",
@@ -72,7 +89,7 @@ drive_options = combined(
         help="Run the Python code that a drive file names. It can do all that you can: read it "
         "first.",
     ),
-    *(_number(name, text) for name, text in NUMBERS.items()),
+    *map(_number, NUMBERS),
 )
 
 
@@ -90,7 +107,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     allow_code = given.pop("allow_code", False)
     for name in varied or {}:
         if name in given:
-            raise click.UsageError(f"--{name} is what is varied; leave it out")
+            raise click.UsageError(f"{option_of(name)} is what is varied; leave it out")
         if name == "omega" and "frequency" in given:
             raise click.UsageError("--frequency sets omega, which is varied; leave it out")
     if described_by_options(choice):
@@ -128,15 +145,17 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
     known = described_by_options(kind)
     for name in given:
         if FIELDS.get(name, name) not in known:
-            takes = ", ".join(f"--{one}" for one in known)
-            raise click.UsageError(f"--{name} does not belong to a {kind}, which takes {takes}")
+            takes = ", ".join(map(option_of, known))
+            raise click.UsageError(
+                f"{option_of(name)} does not belong to a {kind}, which takes {takes}"
+            )
     values = {**in_fields(given), **{name: v for name, v in varied.items() if name in known}}
     try:
         return drive_of_kind(kind)(**values)
     except InvalidParameter as error:
         if error.field in known and error.field not in values:
             either = " or '--frequency'" if error.field == "omega" else ""
-            raise click.UsageError(f"missing option '--{error.field}'{either}") from None
+            raise click.UsageError(f"missing option '{option_of(error.field)}'{either}") from None
         raise
 
 
@@ -161,6 +180,8 @@ def _of_file(
     for name in given:
         if FIELDS.get(name, name) not in drive.names:
             known = ", ".join(drive.names)
-            raise click.UsageError(f"--{name} is no parameter of the drive in {path}: {known}")
+            raise click.UsageError(
+                f"{option_of(name)} is no parameter of the drive in {path}: {known}"
+            )
     values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
     return drive.varied(values) if values else drive

@@ -13,8 +13,11 @@ from mems_impact.cli.options import (
     assignment,
     device_options,
     directory_option,
+    initial_option,
     integrator_options,
-    state_options,
+    periods_option,
+    state_from,
+    transient_option,
 )
 
 if TYPE_CHECKING:
@@ -49,13 +52,13 @@ def _bounds(
 )  # fmt: skip
 @click.option(
     "--bounds", multiple=True, metavar="NAME=LOW:HIGH", callback=_bounds,
-    help="Between which values it is looked for. May be repeated.  [a tenth to ten times the "
-    "value of DEVICE]",
+    show_default="a tenth to ten times the value of DEVICE",
+    help="Between which values it is looked for. May be repeated.",
 )  # fmt: skip
 @drive_options
-@click.option("--transient", type=int, default=2, help="Forcing periods to wait in a run.  [2]")
-@click.option("--periods", type=int, default=2, help="Forcing periods to measure then.  [2]")
-@state_options
+@transient_option("Forcing periods to wait in a run.", 2)
+@periods_option("Forcing periods to measure then.", 2)
+@initial_option
 @integrator_options
 @directory_option
 @click.pass_context
@@ -69,9 +72,7 @@ def command(
     bounds: dict[str, tuple[float, float]],
     transient: int,
     periods: int,
-    x2: float,
-    v2: float,
-    v1: float,
+    initial: dict[str, float],
     method: str,
     rtol: float,
     atol: float,
@@ -114,7 +115,7 @@ def command(
             bounds=bounds,
             transient=transient,
             periods=periods,
-            initial=mi.State(x2=x2, v1=v1, v2=v2),
+            initial=state_from(initial),
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})

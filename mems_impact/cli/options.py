@@ -12,6 +12,7 @@ from mems_impact.engines.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
+    from mems_impact.analysis.state import State
 
 Decorator = Callable[[Any], Any]
 
@@ -57,11 +58,61 @@ device_options = combined(
     ),
 )
 
-state_options = combined(
-    click.option("--x2", type=float, default=0.0, help="Initial position of the block.  [0]"),
-    click.option("--v2", type=float, default=0.0, help="Initial velocity of the block.  [0]"),
-    click.option("--v1", type=float, default=0.0, help="Initial velocity of the frame.  [0]"),
+initial_option = click.option(
+    "--initial",
+    multiple=True,
+    metavar="NAME=NUMBER",
+    callback=_assignments,
+    help="A component of the initial state, such as x2=0.1: x1, x2 [m], v1, v2 [m/s], or time [s] "
+    "since the forcing period began. May be repeated.",
+    show_default="0 each",
 )
+
+parameter_option = click.option(
+    "--parameter",
+    required=True,
+    metavar="NAME",
+    help="What to vary: a parameter of drive or device.",
+)
+
+
+def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None) -> Decorator:
+    """Return the options of where a varied parameter starts and stops.
+
+    Parameters
+    ----------
+    start, stop : str
+        Their help texts.
+    defaults : tuple of str, optional
+        What the command takes for each that is not given, in words; without, both are required.
+    """
+    words = defaults or (None, None)
+    return combined(
+        *(
+            click.option(
+                option, type=float, required=defaults is None, show_default=default, help=text
+            )
+            for option, text, default in zip(
+                ("--start", "--stop"), (start, stop), words, strict=True
+            )
+        )
+    )
+
+
+def periods_option(text: str, default: float, kind: type = int) -> Decorator:
+    """Return the option of how many forcing periods a command's work takes."""
+    return click.option("--periods", type=kind, default=default, show_default=True, help=text)
+
+
+def transient_option(text: str, default: float, kind: type = int) -> Decorator:
+    """Return the option of how many forcing periods pass before a command looks."""
+    return click.option("--transient", type=kind, default=default, show_default=True, help=text)
+
+
+def workers_option(text: str, **settings: Any) -> Decorator:
+    """Return the option of how much is done at once."""
+    settings = {"show_default": True, **settings}
+    return click.option("--workers", type=click.IntRange(1, 64), help=text, **settings)
 
 
 def _integrator(rtol: float, atol: float) -> Decorator:
@@ -70,17 +121,25 @@ def _integrator(rtol: float, atol: float) -> Decorator:
             "--method",
             type=click.Choice(METHODS),
             default=Options.method,
-            help="CVODE's Adams or BDF formulas, or a one-step method of order 8.  "
-            f"[{Options.method}]",
+            show_default=True,
+            help="CVODE's Adams or BDF formulas, or a one-step method of order 8.",
         ),
-        click.option("--rtol", type=float, default=rtol, help=f"Relative tolerance.  [{rtol:g}]"),
-        click.option("--atol", type=float, default=atol, help=f"Absolute tolerance.  [{atol:g}]"),
+        click.option(
+            "--rtol", type=float, default=rtol, show_default=True, help="Relative tolerance."
+        ),
+        click.option(
+            "--atol",
+            type=float,
+            default=atol,
+            show_default=True,
+            help="Absolute tolerance, of the dimensionless state.",
+        ),
         click.option(
             "--engine",
             type=click.Choice(ENGINES),
             default=Options.engine,
-            help="Compiled, or interpreted (slower).  "
-            f"[{Options.engine}: compiled where it is available]",
+            show_default=True,
+            help="Compiled, or interpreted (slower); auto: compiled where it is available.",
         ),
     )
 
@@ -90,24 +149,25 @@ integrator_options = _integrator(Options.rtol, Options.atol)
 orbit_integrator_options = _integrator(1e-11, 1e-13)
 
 guess_options = combined(
-    state_options,
-    click.option(
-        "--transient", type=float, default=300.0,
-        help="Forcing periods to run before the orbit is looked for.  [300]",
-    ),
-    click.option(
-        "--periods", type=int, default=1,
-        help="Forcing periods after which the orbit closes.  [1]",
-    ),
-)  # fmt: skip
-
-directory_option = click.option(
-    "--output",
-    type=click.Path(),
-    default="out",
-    metavar="DIR",
-    help="Where tables and figure go; created if need be.  [./out]",
+    initial_option,
+    transient_option("Forcing periods to run before the orbit is looked for.", 300, float),
+    periods_option("Forcing periods after which the orbit closes.", 1),
 )
+
+
+def directory_options(default: str, text: str) -> Decorator:
+    """Return the option of the directory that a command writes to."""
+    return click.option(
+        "--output",
+        type=click.Path(),
+        default=default,
+        show_default=True,
+        metavar="DIR",
+        help=f"{text}; created if need be.",
+    )
+
+
+directory_option = directory_options("out", "Where tables and figure go")
 
 
 def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
@@ -124,7 +184,8 @@ progress_option = click.option(
     "--progress/--no-progress",
     default=None,
     callback=_wanted,
-    help="Say how far the work is.  [if standard error is a terminal]",
+    show_default="if standard error is a terminal",
+    help="Say how far the work is.",
 )
 
 output_options = combined(
@@ -133,7 +194,8 @@ output_options = combined(
         "--figure",
         type=click.Path(dir_okay=False),
         metavar="FILE",
-        help="Where the figure goes: .png, .pdf or .svg.  [a PNG in DIR]",
+        show_default="a PNG in DIR",
+        help="Where the figure goes: .png, .pdf or .svg.",
     ),
     click.option("--no-figure", is_flag=True, help="Draw no figure."),
 )
@@ -145,3 +207,15 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
 
     actuator = load_actuator(device)
     return actuator.replace(**changes) if changes else actuator
+
+
+def state_from(initial: dict[str, float]) -> State:
+    """Return the state that ``--initial`` describes."""
+    from mems_impact.actuator.modes import STATES
+    from mems_impact.analysis.state import state_from as state_of
+
+    for name in initial:
+        if name not in (*STATES, "time"):
+            raise click.UsageError(f"--initial {name}: must be one of {', '.join(STATES)}, time")
+    components = {name: value for name, value in initial.items() if name != "time"}
+    return state_of(components, time=initial.get("time", 0.0))

@@ -14,10 +14,12 @@ from mems_impact.cli.options import (
     guess_options,
     orbit_integrator_options,
     output_options,
+    state_from,
 )
+from mems_impact.cli.showing import show_lines, text_of
 
 if TYPE_CHECKING:
-    import mems_impact as mi
+    from mems_impact.actuator.results import ActuatorOrbit
 
 
 @click.command(short_help="Find a periodic orbit and its stability.")
@@ -30,9 +32,7 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    x2: float,
-    v2: float,
-    v1: float,
+    initial: dict[str, float],
     transient: float,
     periods: int,
     method: str,
@@ -58,7 +58,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    guess = mi.State(x2=x2, v1=v1, v2=v2)
+    guess = state_from(initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "orbit") as files:
         orbit = mi.find_orbit(
@@ -71,24 +71,27 @@ def command(
         click.echo(files.said())
 
 
-def _show(orbit: mi.Orbit) -> None:
+def _show(orbit: ActuatorOrbit) -> None:
     state = orbit.state
     multipliers = ", ".join(f"{m:.9g}" if m.imag else f"{m.real:.9g}" for m in orbit.multipliers)
+    label = orbit.system.scales.label
     lines = {
         "orbit": f"{'stable' if orbit.stable else 'unstable'}, closes after {orbit.periods} "
-        f"forcing period{'s' if orbit.periods > 1 else ''} of {orbit.period:.9g}",
-        "state": f"x2 = {state.x2:.12g}, v2 = {state.v2:.12g}, v1 = {state.v1:.12g}",
+        f"forcing period{'s' if orbit.periods > 1 else ''}",
+        label("forcing period", "s"): f"{orbit.period:.9g}",
+        label("x2", "m"): f"{state.x2:.12g}",
+        label("v2", "m/s"): f"{state.v2:.12g}",
+        label("v1", "m/s"): f"{state.v1:.12g}",
         "multipliers": multipliers,
-        "step": f"{orbit.step:.9g}",
-        "residual": f"{orbit.residual:.2g}",
+        label("step", "m"): f"{orbit.step:.9g}",
+        "residual, dimensionless": f"{orbit.residual:.2g}",
     }
-    for name, text in lines.items():
-        click.echo(f"  {name:<12}{text}")
+    show_lines(lines)
     for defect in orbit.defects:
         click.echo(f"  inadmissible: {defect}")
-    click.echo("\n" + orbit.segments.to_string(index=False, float_format="{:.9g}".format))
+    click.echo("\n" + text_of(orbit.segments, 9))
     if orbit.impacts.empty:
         click.echo("\nNo impact.\n")
     else:
         shown = orbit.impacts.drop(columns=["phase"])
-        click.echo("\n" + shown.to_string(index=False, float_format="{:.6g}".format) + "\n")
+        click.echo("\n" + text_of(shown, 6) + "\n")

@@ -80,10 +80,12 @@ class Output:
 
     def tables(self, tables: Mapping[str, Any]) -> None:
         """Write pandas tables as CSV, by the last part of their names: all of them, or none."""
+        from mems_impact.tables.common import with_units  # pandas is slow to import
+
         paths = [self.directory / f"{self.name}-{what}.csv" for what in tables]
         with ExitStack() as stack:
             for path, table in zip(paths, tables.values(), strict=True):
-                table.to_csv(stack.enter_context(replacing(path)), index=False)
+                with_units(table).to_csv(stack.enter_context(replacing(path)), index=False)
         self.written += paths
 
     def draw(self, draw: Callable[[], Any]) -> None:

@@ -6,6 +6,7 @@ import click
 
 from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options
+from mems_impact.cli.showing import show_lines
 
 
 @click.command("pull-in", short_help="Show the voltages at which a device pulls in and lets go.")
@@ -25,6 +26,4 @@ def command(*, device: str, changes: dict[str, float]) -> None:
 
     show_warnings_briefly()
     quantities = of_device(actuator_from(device, changes))
-    width = max(map(len, quantities))
-    for name, value in quantities.items():
-        click.echo(f"  {name:<{width}}  {value:.9g}")
+    show_lines({name: f"{value:.9g}" for name, value in quantities.items()})

@@ -11,16 +11,19 @@ from mems_impact.cli.failures import FAILED, show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
+    initial_option,
     integrator_options,
     output_options,
+    periods_option,
     progress_option,
-    state_options,
+    state_from,
 )
+from mems_impact.cli.showing import show_lines, text_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    import mems_impact as mi
+    from mems_impact.actuator.results import ActuatorRun
 
 FIRST_ROWS = 6
 
@@ -28,13 +31,14 @@ FIRST_ROWS = 6
 @click.command(short_help="Run a device under a voltage.")
 @device_options
 @drive_options
-@click.option("--periods", type=float, default=300.0, help="Forcing periods to simulate.  [300]")
-@state_options
+@periods_option("Forcing periods to simulate.", 300, float)
+@initial_option
 @click.option(
     "--window",
     type=(float, float),
     metavar="FIRST LAST",
-    help="Forcing periods that the statistics are taken over.  [the last part of the run]",
+    show_default="second half of the run",
+    help="Forcing periods that the statistics are taken over.",
 )
 @integrator_options
 @click.option(
@@ -51,9 +55,7 @@ def command(
     device: str,
     changes: dict[str, float],
     periods: float,
-    x2: float,
-    v2: float,
-    v1: float,
+    initial: dict[str, float],
     window: tuple[float, float] | None,
     method: str,
     rtol: float,
@@ -77,12 +79,13 @@ def command(
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.results import ActuatorRun
     from mems_impact.cli.output import Output
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    initial = mi.State(x2=x2, v1=v1, v2=v2)
+    state = state_from(initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         try:
@@ -90,13 +93,13 @@ def command(
                 actuator,
                 drive,
                 periods,
-                initial=initial,
+                initial=state,
                 window=window,
                 options=options,
                 progress=progress,
             )
         except (mi.RunError, mi.RunInterrupted) as error:
-            if isinstance(error.trajectory, mi.Run):
+            if isinstance(error.trajectory, ActuatorRun):
                 files.tables(_tables(error.trajectory))
             raise
         files.tables(_tables(run))
@@ -112,14 +115,18 @@ def command(
         ctx.exit(FAILED)
 
 
-def _show(run: mi.Run) -> None:
+def _show(run: ActuatorRun) -> None:
     first, last = run.window
     click.echo(f"Statistics over forcing periods {first:g} to {last:g}:")
     # Without an impact there is no impact speed: what is not defined is not shown.
     defined = run.statistics.drop(["window first", "window last"]).dropna()
-    width = max(map(len, defined.index))
-    for name, value in defined.items():
-        click.echo(f"  {name:<{width}}  {value:.9g}")
+    units = run.statistics.attrs["units"]
+    show_lines(
+        {
+            f"{name} [{units[name]}]" if name in units else str(name): f"{value:.9g}"
+            for name, value in defined.items()
+        }
+    )
     impacts = run.impacts
     if impacts.empty:
         click.echo("\nNo impact.")
@@ -135,11 +142,13 @@ def _show(run: mi.Run) -> None:
 
 
 def _first_rows(table: pd.DataFrame) -> str:
-    return table.head(FIRST_ROWS).to_string(index=False, float_format="{:.6g}".format)
+    return text_of(table.head(FIRST_ROWS), 6)
 
 
-def _tables(run: mi.Run) -> dict[str, pd.DataFrame]:
+def _tables(run: ActuatorRun) -> dict[str, pd.DataFrame]:
+    units = run.statistics.attrs["units"]
     statistics = run.statistics.rename_axis("quantity").reset_index(name="value")
+    statistics["unit"] = statistics["quantity"].map(units).fillna("")
     return {
         "impacts": run.impacts,
         "blows": run.blows,

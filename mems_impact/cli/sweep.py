@@ -14,8 +14,14 @@ from mems_impact.cli.options import (
     device_options,
     integrator_options,
     output_options,
+    parameter_option,
+    periods_option,
     progress_option,
+    range_options,
+    transient_option,
+    workers_option,
 )
+from mems_impact.cli.showing import text_of, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,19 +33,27 @@ SHOWN_FAILURES = 3
 
 @click.command(short_help="Vary a parameter slowly, up and down.")
 @device_options
-@click.option("--parameter", required=True, help="What to vary: a parameter of drive or device.")
-@click.option("--from", "low", type=float, required=True, help="First value.")
-@click.option("--to", "high", type=float, required=True, help="Last value.")
-@click.option("--points", type=click.IntRange(2, 1_000_000), default=101, help="Values.  [101]")
+@parameter_option
+@range_options("First value upwards.", "Last value upwards.")
+@click.option(
+    "--points",
+    type=click.IntRange(2, 1_000_000),
+    default=101,
+    show_default=True,
+    help="Number of values.",
+)
 @drive_options
 @click.option(
-    "--direction", type=click.Choice(DIRECTIONS), default="both", help="Way to go.  [both]"
+    "--direction",
+    type=click.Choice(DIRECTIONS),
+    default="both",
+    show_default=True,
+    help="Way to go.",
 )
-@click.option(
-    "--transient", type=int, default=300, help="Forcing periods to wait at a value.  [300]"
-)
-@click.option("--periods", type=int, default=60, help="Forcing periods to measure then.  [60]")
+@transient_option("Forcing periods to wait at a value.", 300)
+@periods_option("Forcing periods to measure then.", 60)
 @integrator_options
+@workers_option("Threads.", show_default="one for each direction")
 @progress_option
 @output_options
 def command(
@@ -47,8 +61,8 @@ def command(
     device: str,
     changes: dict[str, float],
     parameter: str,
-    low: float,
-    high: float,
+    start: float,
+    stop: float,
     points: int,
     direction: Literal["up", "down", "both"],
     transient: int,
@@ -57,6 +71,7 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    workers: int | None,
     progress: bool,
     output: str,
     figure: str | None,
@@ -70,7 +85,7 @@ def command(
 
     \b
     Example:
-      mems-impact sweep zhao2004 --parameter amplitude --from 0.16 --to 0.24 --omega 0.5
+      mems-impact sweep zhao2004 --parameter amplitude --start 0.16 --stop 0.24 --omega 0.5
     """  # noqa: D301 - click looks for the backspace itself
     import numpy as np
 
@@ -79,7 +94,7 @@ def command(
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
-    drive = drive_from({parameter: low})
+    drive = drive_from({parameter: start})
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "sweep") as files:
         try:
@@ -87,16 +102,17 @@ def command(
                 actuator,
                 drive,
                 parameter,
-                np.linspace(low, high, points),
+                np.linspace(start, stop, points),
                 direction=direction,
                 transient=transient,
                 periods=periods,
                 options=options,
                 progress=progress,
+                workers=workers,
             )
-        except mi.SweepInterrupted as stop:
-            if stop.done > 0:
-                files.tables(_tables(stop.table))
+        except mi.SweepInterrupted as interruption:
+            if interruption.done > 0:
+                files.tables(_tables(interruption.table))
             raise
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
@@ -115,20 +131,21 @@ def _show(table: pd.DataFrame) -> None:
     from mems_impact.tables.sweep import sweep_summary
 
     summary = sweep_summary(table)
-    click.echo(summary.to_string(index=False, float_format="{:.6g}".format) + "\n")
+    click.echo(text_of(summary, 6) + "\n")
     parameter = summary.columns[0]
+    unit = unit_of(summary, parameter)
     turns = {direction: (value, begins) for direction, value, begins in switches(table)}
     for direction, chain in summary.groupby("direction", sort=False):
         failed = chain[chain["status"] != "ok"]
-        line = f"{parameter} {WORDS[str(direction)]}, {len(chain)} values: "
+        line = f"{parameter.partition(' [')[0]} {WORDS[str(direction)]}, {len(chain)} values: "
         line += f"{int(chain['impacting'].sum())} with impacts"
         if direction in turns:
             value, begins = turns[direction]
-            line += f", which {'begin' if begins else 'cease'} at {value:.9g}"
+            line += f", which {'begin' if begins else 'cease'} at {value:.9g}{unit}"
         if len(failed):
             line += f"; {len(failed)} failed"
         click.echo(line)
         reasons = zip(failed[parameter], failed["status"], strict=True)
         for value, reason in islice(reasons, SHOWN_FAILURES):
-            click.echo(f"  failed at {value:.9g}: {reason}")
+            click.echo(f"  failed at {value:.9g}{unit}: {reason}")
     click.echo("")

@@ -7,32 +7,20 @@ from pathlib import Path
 import click
 
 from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
-from mems_impact.cli.options import progress_option
+from mems_impact.cli.options import directory_options, progress_option, workers_option
 
 
 @click.command(short_help="Reproduce the paper, figure by figure, with verdicts.")
-@click.option(
-    "--figure",
-    "figures",
-    type=int,
-    multiple=True,
-    help="Number of a figure of the paper, 2 to 7. May be repeated.  [all]",
-)
+@click.argument("figures", type=int, nargs=-1, metavar="[FIGURE]...")
 @click.option("--quick", is_flag=True, help="Coarse: under a minute for all.")
-@click.option(
-    "--output",
-    type=click.Path(),
-    default="out/validation",
-    metavar="DIR",
-    help="Where figures, tables and the report go; created if need be.  [./out/validation]",
-)
+@directory_options("out/validation", "Where figures, tables and the report go")
 @click.option(
     "--expect",
     type=click.Path(dir_okay=False),
     metavar="FILE",
     help="Fail if a verdict is not the one in this table (verdicts.csv of an earlier run).",
 )
-@click.option("--workers", type=click.IntRange(1, 64), default=2, help="Processes.  [2]")
+@workers_option("Processes.", default=2)
 @progress_option
 @click.pass_context
 def command(
@@ -47,13 +35,15 @@ def command(
 ) -> None:
     """Compute the figures of Zhao et al. (2004) and judge what the paper states about them.
 
+    FIGURE is the number of a figure of the paper, 2 to 7; without one, all are computed.
+
     Writes the figures (PNG and SVG), tables (CSV) and one report (HTML and Markdown) in which each
     statement of the paper stands beside the computed value and a verdict, by rules that were
     written before the run. Differences are no failure: they are what the report is for.
 
     \b
     Example:
-      mems-impact validate --figure 4 --quick
+      mems-impact validate 4 --quick
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.cli.output import Output
     from mems_impact.paper.outcome import Effort

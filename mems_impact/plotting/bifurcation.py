@@ -85,7 +85,8 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
     parameter = bare(table).columns[0]
     name = symbol(parameter)
     panels[-1].set_xlabel(
-        (name if name == parameter else f"{parameter} {name}") + _unit(table.columns[0])
+        (name if name == parameter else f"{parameter} {name}")
+        + _unit(heading(bare(table), parameter))
     )
     return first
 
@@ -93,7 +94,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
 def _draw_dots(ax: Any, table: pd.DataFrame, quantity: str) -> float:
     """Draw one quantity, and below v2 the values that have none; return the size of its dots."""
     column, words = QUANTITIES[quantity]
-    ax.set_ylabel(words + _unit(heading(table, column)))
+    ax.set_ylabel(words + _unit(heading(bare(table), column)))
     rows = bare(table if quantity == "v2" else sweep_summary(table))
     parameter = rows.columns[0]
     # Many dots are drawn small, or the rings run into a band; those that coincide count once.

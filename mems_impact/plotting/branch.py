@@ -60,7 +60,7 @@ def plot_branch(
             allowed = "a Branch, as mems_impact.continue_orbit returns it"
             raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
-    label, ordinate = first.columns[0], heading(first, "v2")
+    label, ordinate = heading(first, first.columns[0]), heading(first, "v2")
     if sweep is not None:
         dots = bare(sweep)
         ax.plot(

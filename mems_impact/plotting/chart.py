@@ -50,7 +50,7 @@ def plot_chart(chart: Boundaries, ax: Any = None) -> Any:
     if ax is None:
         ax = new_figure(7.0, 4.4).subplots()
     table = chart.table
-    omega, amplitude = heading(table, "omega"), heading(table, "amplitude")
+    omega, amplitude = "omega", "amplitude"
     styles: dict[str, dict[str, Any]] = {
         "on": {"color": BLUE, "linewidth": 1.8, "label": "on", "zorder": 3},
         "off": {
@@ -94,9 +94,9 @@ def plot_chart(chart: Boundaries, ax: Any = None) -> Any:
         )  # fmt: skip
     ax.set_xlim(first, last)
     ax.margins(y=0.14)
-    unit = omega.partition("omega")[2]
-    ax.set_xlabel(f"omega {symbol('omega')}{unit}")
-    ax.set_ylabel(f"amplitude {symbol('amplitude')}{amplitude.partition('amplitude')[2]}")
+    units = {name: heading(table, name).removeprefix(name) for name in (omega, amplitude)}
+    ax.set_xlabel(f"omega {symbol(omega)}{units[omega]}")
+    ax.set_ylabel(f"amplitude {symbol(amplitude)}{units[amplitude]}")
     ax.legend(frameon=False, loc="lower left")
     tidy(ax)
     return ax

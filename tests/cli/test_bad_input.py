@@ -7,7 +7,7 @@ import sys
 import pytest
 
 SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "3"]
-SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.2", "--to", "0.24"]
+SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
 SWEEP += ["--omega", "0.5", "--points", "2", "--transient", "1", "--periods", "1"]
 
 # What is typed, and what the line must name: the culprit and the remedy.
@@ -32,8 +32,10 @@ WRONG = [
     ([*SIMULATE, "--set", "e"], ["NAME=NUMBER"]),
     ([*SIMULATE, "--set", "e=x"], ["NAME=NUMBER"]),
     ([*SIMULATE, "--set", "=1"], ["NAME=NUMBER"]),
-    ([*SIMULATE, "--x2", "0.7"], ["x2 = 0.7", "0.5"]),
-    ([*SIMULATE, "--v1", "inf"], ["v1 = inf", "finite"]),
+    ([*SIMULATE, "--initial", "x2=0.7"], ["x2 = 0.7", "0.5"]),
+    ([*SIMULATE, "--initial", "v1=inf"], ["v1 = inf", "finite"]),
+    ([*SIMULATE, "--initial", "x3=1"], ["--initial x3", "x1, v1, x2, v2, time"]),
+    ([*SIMULATE, "--initial", "x2"], ["--initial", "'x2'", "NAME=NUMBER"]),
     ([*SIMULATE, "--rtol", "0"], ["rtol = 0", "between"]),
     ([*SIMULATE, "--atol", "-1"], ["atol = -1"]),
     ([*SIMULATE, "--method", "rk4"], ["rk4", "adams"]),
@@ -50,16 +52,17 @@ WRONG = [
     ([*SWEEP, "--parameter", "amp", "--amplitude", "0.2"], ["amp", "amplitude, omega"]),
     ([*SWEEP, "--amplitude", "0.2"], ["--amplitude", "leave it out"]),
     ([*SWEEP, "--parameter", "omega", "--amplitude", "0.2"], ["--omega", "leave it out"]),
-    (["sweep", "zhao2004", "--parameter", "omega", "--from", "0.4", "--to", "0.5", "--amplitude",
+    (["sweep", "zhao2004", "--parameter", "omega", "--start", "0.4", "--stop", "0.5", "--amplitude",
       "0.2", "--frequency", "0.1"], ["--frequency", "leave it out"]),
     ([*SWEEP, "--parameter", "e"], ["--amplitude"]),
-    ([*SWEEP, "--parameter", "e", "--amplitude", "0.2", "--to", "2"], ["e = 2", "<= 1"]),
-    ([*SWEEP, "--to", "nan"], ["nan", "finite"]),
-    ([*SWEEP, "--from", "-0.1"], ["amplitude = -0.1", ">= 0"]),
+    ([*SWEEP, "--parameter", "e", "--amplitude", "0.2", "--stop", "2"], ["e = 2", "<= 1"]),
+    ([*SWEEP, "--stop", "nan"], ["nan", "finite"]),
+    ([*SWEEP, "--start", "-0.1"], ["amplitude = -0.1", ">= 0"]),
     ([*SWEEP, "--points", "1"], ["--points", "2"]),
     ([*SWEEP, "--transient", "-1"], ["transient = -1", ">= 0"]),
     ([*SWEEP, "--transient", "1.5"], ["--transient", "1.5"]),
     ([*SWEEP, "--periods", "0"], ["periods = 0", ">= 1"]),
+    ([*SWEEP, "--workers", "0"], ["--workers", "1"]),
     ([*SWEEP, "--direction", "left"], ["left", "both"]),
 ]  # fmt: skip
 

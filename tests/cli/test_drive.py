@@ -44,7 +44,7 @@ def test_a_new_waveform_is_one_file_and_one_line(cli, tmp_path, monkeypatch):
 def test_show_a_drive(cli, tmp_path):
     done = cli("drive", "zhao2004", *SQUARE)
     assert done.status == 0
-    assert "forcing period    12.5663706" in done.out
+    assert "forcing period     12.5663706" in done.out
     assert "3.76991118, 12.5663706" in done.out
     assert "0 to 0.09" in done.out
     assert (tmp_path / "out" / "drive.png").exists()
@@ -58,7 +58,7 @@ def test_simulate_under_a_square(cli, tmp_path):
 
 
 def test_sweep_over_the_duty(cli, tmp_path):
-    sweep = ["sweep", "zhao2004", *SQUARE[:-2], "--parameter", "duty", "--from", "0.2", "--to"]
+    sweep = ["sweep", "zhao2004", *SQUARE[:-2], "--parameter", "duty", "--start", "0.2", "--stop"]
     sweep += ["0.3", "--points", "2", "--transient", "1", "--periods", "1", "--no-figure"]
     assert cli(*sweep).status == 0
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
@@ -71,12 +71,12 @@ def test_files(cli, tmp_path):
     (tmp_path / "wave.csv").write_text("0 0\n1 1\n2 0.5\n")
     done = cli("drive", "zhao2004", "--drive", "burst.toml", "--no-figure")
     assert "Burst" in done.out
-    done = cli("drive", "zhao2004", "--drive", "wave.csv", "--period", "4", "--no-figure")
-    assert "forcing period    4" in done.out
+    done = cli("drive", "zhao2004", "--drive", "wave.csv", "--drive-period", "4", "--no-figure")
+    assert "forcing period     4" in done.out
 
 
 def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):
-    period = "forcing period    0.5\n"  # half of that of the voltage
+    period = "forcing period [s]         0.5\n"  # half of that of the voltage
     sine = ["drive", "mita2003", "--amplitude", "100", "--no-figure"]
     assert period in cli(*sine, "--frequency", "1").out
     (tmp_path / "sine.toml").write_text('[drive]\nkind = "sine"\namplitude = 9\nomega = 5\n')
@@ -132,7 +132,8 @@ WRONG = [
     (["--amplitude", "1", "--frequency", "0"], ["frequency = 0", "> 0"]),
     (["--amplitude", "1", "--frequency", "nan"], ["frequency = nan", "finite"]),
     (["--amplitude", "1"], ["'--omega' or '--frequency'"]),
-    (["--drive", "pulse", "--amplitude", "1", "--period", "5", "--width", "1", "--frequency", "1"],
+    (["--drive", "pulse", "--amplitude", "1", "--drive-period", "5", "--width", "1",
+      "--frequency", "1"],
      ["--frequency does not belong to a pulse"]),
     (["--drive", "burst.toml", "--frequency", "1"], ["--frequency is no parameter"]),
     (["--drive", "burst.toml", "--duty", "0.3"], ["--duty", "wave.amplitude"]),

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and lim
 
 PROGRAM = [sys.executable, "-m", "mems_impact"]
 SIMULATE = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "200"]
-SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.16", "--to", "0.24"]
+SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.16", "--stop", "0.24"]
 SWEEP += ["--points", "3", "--omega", "0.5", "--transient", "20", "--periods", "5"]
 CHART = ["chart", "zhao2004"]
 TABLES = [f"simulate-{what}.csv" for what in ("blows", "events", "impacts", "statistics")]
@@ -150,7 +150,7 @@ def read_until(stream, words):
 
 
 def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
-    arguments = ["--quick", "--figure", "3", "--figure", "7", "--progress"]
+    arguments = ["3", "7", "--quick", "--progress"]
     command = started("validate", *arguments, "--output", str(tmp_path))
     read_until(command.stderr, "figure 3 done")
     seconds, errors = stopped(command, signal.SIGINT)
@@ -166,7 +166,7 @@ def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
 
 def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
-    arguments = ["--from", "0.46", "--to", "0.47", "--periods", "1000000", "--progress"]
+    arguments = ["--start", "0.46", "--stop", "0.47", "--periods", "1000000", "--progress"]
     command = started("chart", "zhao2004", *arguments, "--output", str(tmp_path))
     read_until(command.stderr, "the crisis, simulated")
     time.sleep(0.5)

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 ORBIT = ["orbit", "zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
-CONTINUE = ["continue", "zhao2004", "--parameter", "amplitude", "--from", "0.24"]
+CONTINUE = ["continue", "zhao2004", "--parameter", "amplitude", "--start", "0.24"]
 CONTINUE += ["--stop", "0.16", "--omega", "0.5"]
 CHART = ["chart", "zhao2004"]
 
@@ -30,7 +30,7 @@ def test_continue(cli, tmp_path):
 
 @pytest.mark.slow
 def test_chart(cli, tmp_path):
-    done = cli(*CHART, "--from", "0.486", "--to", "0.49", "--no-figure")
+    done = cli(*CHART, "--start", "0.486", "--stop", "0.49", "--no-figure")
     assert done.status == 0
     assert "degenerate grazing" in done.out
     types = pd.read_csv(tmp_path / "out" / "chart-types.csv")
@@ -41,15 +41,15 @@ def test_chart(cli, tmp_path):
     ("arguments", "named"),
     [
         (["orbit", "zhao2004", "--omega", "0.5"], ["--amplitude"]),
-        ([*ORBIT, "--x2", "0.7"], ["x2 = 0.7", "0.5"]),
+        ([*ORBIT, "--initial", "x2=0.7"], ["x2 = 0.7", "0.5"]),
         ([*ORBIT, "--periods", "0"], ["periods = 0"]),
         ([*ORBIT, "--transient", "-1"], ["transient = -1"]),
         ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "leave it out"]),
         ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
         ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
-        (["continue", "zhao2004", "--parameter", "bias", "--from", "0", "--stop", "0.1",
+        (["continue", "zhao2004", "--parameter", "bias", "--start", "0", "--stop", "0.1",
           "--amplitude", "0.2", "--omega", "0.5"], ["bias"]),
-        ([*CHART, "--from", "0.6"], ["omega", "lowest"]),
+        ([*CHART, "--start", "0.6"], ["omega", "lowest"]),
         ([*CHART, "--crises", "-1"], ["crises = -1"]),
     ],
 )  # fmt: skip

@@ -21,7 +21,7 @@ def test_tables_and_figure_are_written_and_said(cli, tmp_path):
 
 
 def test_tables_hold_what_python_gives(cli, tmp_path):
-    cli(*ARGUMENTS, "--no-figure", "--set", "e=0.7", "--x2", "0.1", "--bias", "0.05")
+    cli(*ARGUMENTS, "--no-figure", "--set", "e=0.7", "--initial", "x2=0.1", "--bias", "0.05")
     run = mi.simulate(
         mi.load_actuator("zhao2004").replace(e=0.7),
         mi.Sine(amplitude=0.24, omega=0.5, bias=0.05),

@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 
-ARGUMENTS = ["sweep", "zhao2004", "--parameter", "amplitude", "--from", "0.16", "--to", "0.24"]
+ARGUMENTS = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.16", "--stop", "0.24"]
 ARGUMENTS += ["--points", "3", "--omega", "0.5", "--transient", "100", "--periods", "10"]
 
 
@@ -38,7 +38,7 @@ def test_the_screen_shows_one_row_a_value(cli):
 
 def test_a_parameter_of_the_device(cli, tmp_path):
     done = cli(
-        *ARGUMENTS, "--parameter", "e", "--from", "0.7", "--to", "0.8", "--amplitude", "0.24",
+        *ARGUMENTS, "--parameter", "e", "--start", "0.7", "--stop", "0.8", "--amplitude", "0.24",
         "--direction", "up", "--no-figure",
     )  # fmt: skip
     assert done.status == 0

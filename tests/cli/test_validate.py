@@ -2,12 +2,12 @@
 
 
 def test_one_figure(cli, tmp_path):
-    done = cli("validate", "--figure", "3", "--quick", "--output", str(tmp_path / "out"))
+    done = cli("validate", "3", "--quick", "--output", str(tmp_path / "out"))
     assert done.status == 0
     assert "2 statements: 2 agrees" in done.out
     assert (tmp_path / "out" / "report.html").exists()
     again = [
-        "validate", "--figure", "3", "--quick", "--output", str(tmp_path / "again"), "--expect",
+        "validate", "3", "--quick", "--output", str(tmp_path / "again"), "--expect",
     ]  # fmt: skip
     same = cli(*again, str(tmp_path / "out" / "verdicts.csv"))
     assert same.status == 0
@@ -20,7 +20,7 @@ def test_one_figure(cli, tmp_path):
 
 
 def test_bad_input(cli, tmp_path):
-    assert cli("validate", "--figure", "1", "--output", str(tmp_path)).status == 2
-    wrong = cli("validate", "--figure", "3", "--expect", str(tmp_path / "none.csv"))
+    assert cli("validate", "1", "--output", str(tmp_path)).status == 2
+    wrong = cli("validate", "3", "--expect", str(tmp_path / "none.csv"))
     assert wrong.status == 2
     assert "none.csv" in wrong.err

@@ -1,0 +1,1 @@
+"""Systems, and the verbs that users type on any of them."""
