@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -26,10 +27,9 @@ from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Window
 from mems_impact.analysis.system import System
-from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.units import DIMENSIONLESS, Scales
 
@@ -180,7 +180,8 @@ class ActuatorSystem(System):
 
     def _sorted(self, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
         """Return the values of the drive and those of the actuator."""
-        of_drive = {name: value for name, value in values.items() if name in self.drive.names}
+        names = self.drive.names
+        of_drive = {name: value for name, value in values.items() if name in names}
         rest = {name: value for name, value in values.items() if name not in of_drive}
         for name in rest:
             if name not in PARAMETER_NAMES:
@@ -195,20 +196,28 @@ class ActuatorSystem(System):
         values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
         return self.actuator.replace_unchecked(**values, units="dimensionless")
 
-    def problem(self, options: Options) -> Problem:
-        """Return what the event loop integrates, dimensionless."""
-        drive = self.drive
+    def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
+        """Return what of the problem depends on the parameters, dimensionless.
+
+        Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
+        `numbers` does without.
+        """
+        changes = changes or {}
+        of_drive, of_actuator = self._sorted(changes) if changes else ({}, {})
+        device = [of_actuator.get(name, value) for name, value in self._device]
         if self._scales is not DIMENSIONLESS:
-            drive = drive.scaled(self._scales.unit("V"), self._scales.unit("s"))
-        return Problem(
-            automaton=self.automaton,
-            parameters=np.concatenate([self.inner_actuator.to_array(), drive.parameters()]),
-            period=drive.period,
-            switches=drive.switches,
-            time_scale=drive.time_scale,
-            section=self.section,
-            options=options,
-        )
+            units = map(PARAMETER_UNITS.get, PARAMETER_NAMES)
+            device = [
+                self._scales.into(value, unit) if unit else value
+                for value, unit in zip(device, units, strict=True)
+            ]
+        drive = self.drive.numbers(of_drive, self._scales)
+        return drive._replace(parameters=np.concatenate([device, drive.parameters]))
+
+    @cached_property
+    def _device(self) -> list[tuple[str, float]]:
+        """Names and values of the actuator, in its own units."""
+        return [(name, getattr(self.actuator, name)) for name in PARAMETER_NAMES]
 
     def ending(self, until: Callable[..., float]) -> System:
         """Refuse: the functions of an actuator are not written by name."""

@@ -17,7 +17,7 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.portable import portable
-from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.hybrid.written import (
     RATE_STEP,
@@ -232,21 +232,25 @@ class System:
         other._parameters = {**self._parameters, **_numbers(values)}
         return other
 
-    def problem(self, options: Options) -> Problem:
-        """Return what the event loop integrates, in the units of the numerics."""
-        p = self._named(self._parameters.values())
-        period = self.forcing_period
+    def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
+        """Return what of the problem depends on the parameters, in the units of the numerics.
+
+        Parameters
+        ----------
+        changes : mapping of str to float, optional
+            Other values of some parameters, in the system's units, allowed or not: differences by
+            a parameter at the end of its range look beyond it, as do trial steps.
+        """
+        p = self._named({**self._parameters, **(changes or {})}.values())
+        period = self._value_of(self._period, p)
         scale = self._value_of(self._time_scale, p)
         tail = np.zeros(hidden_parameters(self._definition))
         tail[0] = RATE_STEP * (scale or period or 1.0)
         switches = self._switches(p) if callable(self._switches) else self._switches
-        return Problem(
-            automaton=self.automaton,
+        return Numbers(
             parameters=np.concatenate([np.array(p, dtype=float), tail]),
             period=period or scale or 1.0,
             switches=tuple(float(time) for time in switches),
-            section=self.section,
-            options=options,
             time_scale=scale,
         )
 
@@ -359,15 +363,24 @@ class System:
 
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in the units of the numerics."""
-        return Family(_Build(self, options), self.inner_parameters)
+        here = self.inner_parameters
+        return Family(_Build(self, options), here, _Count(self, here))
 
     def at(self, inner: Mapping[str, float]) -> System:
         """Return the system at values in the units of the numerics, allowed or not."""
-        here = self.inner_parameters
-        changes = {
-            name: self.out(name, value) for name, value in inner.items() if value != here[name]
-        }
+        changes = self.changes_to(inner, self.inner_parameters)
         return self.shifted(changes) if changes else self
+
+    def changes_to(self, inner: Mapping[str, float], here: Mapping[str, float]) -> dict[str, float]:
+        """Return what differs between two sets of inner values, in the system's units."""
+        return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
+
+    def problem(self, options: Options) -> Problem:
+        """Return what the event loop integrates, in the units of the numerics."""
+        numbers = self.numbers()
+        return Problem(
+            automaton=self.automaton, section=self.section, options=options, **numbers._asdict()
+        )
 
     def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
         """Return where a run from `state` starts, in the units of the numerics.
@@ -454,6 +467,16 @@ class _Build:
 
     def __call__(self, values: Mapping[str, float]) -> Problem:
         return self.system.at(values).problem(self.options)
+
+
+class _Count:
+    """The numbers of a system's problem at any values of its parameters, as `_Build` has them."""
+
+    def __init__(self, system: System, here: Mapping[str, float]) -> None:
+        self.system, self.here = system, here
+
+    def __call__(self, values: Mapping[str, float]) -> Numbers:
+        return self.system.numbers(self.system.changes_to(values, self.here))
 
 
 R = TypeVar("R")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from importlib import import_module
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,23 @@ from mems_impact.hybrid.automaton import Automaton
 STEPS_PER_PERIOD = 16.0
 
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
+
+
+class Numbers(NamedTuple):
+    """What of a problem depends on the values of its parameters.
+
+    Attributes
+    ----------
+    parameters : float array
+    period : float
+    switches : tuple of float
+    time_scale : float or None
+    """
+
+    parameters: Any
+    period: float
+    switches: tuple[float, ...]
+    time_scale: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +84,11 @@ class Problem:
             raise InvalidParameter(field="switches", value=self.switches, allowed=allowed)
         if self.time_scale is not None and not self.time_scale > 0.0:
             raise InvalidParameter(field="time_scale", value=self.time_scale, allowed="above 0")
+
+    @property
+    def numbers(self) -> Numbers:
+        """What depends on the values of the parameters."""
+        return Numbers(self.parameters, self.period, self.switches, self.time_scale)
 
 
 @dataclass(frozen=True)

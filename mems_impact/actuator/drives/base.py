@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from mems_impact.actuator.checked import Checked
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.problem import Numbers
+from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["Drive", "Waveform"]
 
@@ -195,6 +197,21 @@ class Drive(Checked, ABC):
         frequency or a pure number.
         """
         return self.replace(**scaled_fields(self, self.units, DeviceScales.of_drive(voltage, time)))
+
+    def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
+        """Return q, period, switches and time scale in `scales`, at other values of some `names`.
+
+        The values are in the drive's own units and need not be allowed.
+
+        Notes
+        -----
+        Makes a drive of them. Override it where these are simple functions of a few numbers, with
+        the same arithmetic: continuation asks thousands of times.
+        """
+        drive = self.varied(changes, checked=False) if changes else self
+        if scales is not DIMENSIONLESS:
+            drive = drive.scaled(scales.unit("V"), scales.unit("s"))
+        return Numbers(drive.parameters(), drive.period, drive.switches, drive.time_scale)
 
     def value(self, t: ArrayLike, *, left: bool = False) -> NDArray[np.float64]:
         """Return the voltage at many times, for plots.

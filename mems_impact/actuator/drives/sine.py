@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Self
 
 import numpy as np
@@ -12,6 +13,8 @@ from pydantic import model_validator
 from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.problem import Numbers
+from mems_impact.units import Scales
 
 __all__ = ["Sine"]
 
@@ -22,6 +25,11 @@ def _sine_voltage(t: float, q: NDArray[np.float64]) -> float:
 
 def _sine_voltage_rate(t: float, q: NDArray[np.float64]) -> float:
     return -q[0] * q[1] * math.sin(q[1] * t + q[3])
+
+
+def _period(omega: float, bias: float) -> float:
+    # cos^2 has half the period of cos; with a bias, v^2 keeps the term in cos.
+    return (math.pi if bias == 0.0 else 2.0 * math.pi) / omega
 
 
 class Sine(Drive):
@@ -64,8 +72,7 @@ class Sine(Drive):
     @property
     def period(self) -> float:
         """Forcing period: pi/omega without bias, 2 pi/omega with."""
-        # cos^2 has half the period of cos; with a bias, v^2 keeps the term in cos.
-        return (math.pi if self.bias == 0.0 else 2.0 * math.pi) / self.omega
+        return _period(self.omega, self.bias)
 
     @property
     def switches(self) -> tuple[float, ...]:
@@ -75,3 +82,12 @@ class Sine(Drive):
     def parameters(self) -> NDArray[np.float64]:
         """Return the array (amplitude, omega, bias, phase)."""
         return np.array([self.amplitude, self.omega, self.bias, self.phase], dtype=np.float64)
+
+    def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
+        """Return q, period and time scale in `scales`, at other values; there is no switch."""
+        q = {"amplitude": self.amplitude, "omega": self.omega, "bias": self.bias,
+             "phase": self.phase, **changes}  # fmt: skip
+        for name, unit in self.units.items():
+            q[name] = scales.into(q[name], unit)
+        period = _period(q["omega"], q["bias"])
+        return Numbers(np.array(list(q.values())), period, (), period)
