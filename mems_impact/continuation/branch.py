@@ -4,29 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
-from scipy.optimize import brentq
 
-from mems_impact.continuation.corrector import correct, step, tangent
+from mems_impact.continuation.corrector import Step, correct, tangent
+from mems_impact.continuation.locating import SpecialPoint, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
-    LABELS,
-    NEAR,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
-    closest,
     monitors,
 )
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit, reduced
+from mems_impact.orbits.newton import solve
+from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
-SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
@@ -50,34 +48,6 @@ class Steps:
     smallest: float = 1e-7
     largest: float = 0.05
     most: int = 2000
-
-
-@dataclass(frozen=True)
-class SpecialPoint:
-    """A point of a branch at which something happens, located on it.
-
-    Attributes
-    ----------
-    kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", or the name of the guard whose
-        margin is touched.
-    label : str
-        As in the paper: G, CF, PD; else the kind.
-    value : float
-        Of the parameter.
-    orbit : PeriodicOrbit
-    direction : float array
-        Tangent of the branch.
-    monitor : Monitor
-        The test function that is zero.
-    """
-
-    kind: str
-    label: str
-    value: float
-    orbit: PeriodicOrbit = field(repr=False)
-    direction: Floats = field(repr=False)
-    monitor: Monitor = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -158,11 +128,10 @@ def follow(
         value = orbit.family.value(parameter)
         raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
     branch = OrbitBranch(parameter)
-    shooting = Shooting(orbit.family, orbit.segments, (parameter,))
-    shooting.pinned = orbit.shooting.pinned
+    shooting = Shooting(orbit.family, orbit.segments, (parameter,), orbit.shooting.pinned)
     value = orbit.family.value(parameter)
     try:
-        point = shooting.solve(orbit.point.unknowns, np.array([value]))
+        point = solve(shooting, orbit.point.unknowns, np.array([value]))
     except OrbitError as error:
         branch.ended = f"the first orbit could not be corrected: {error}"
         return branch
@@ -207,21 +176,23 @@ class _Walker:
         length = self.steps.initial
         budget = self.steps.most  # of events that move into another period, or past another one
         before = monitors(shooting, point, along)
+        bend: Floats | None = None
         while len(self.branch.points) < self.steps.most:
             try:
                 if budget == 0:
                     raise OrbitError("events go to and fro", "take shorter steps")
                 length = self._within_bounds(point, along, length)
-                following, iterations = step(shooting, point, along, length)
+                step = Step(partial(correct, shooting), point, along, bend)
+                following, iterations = step.at(length).point, step.at(length).iterations
                 ahead = tangent(following, along)
                 after = monitors(shooting, following, ahead)
-                found = self._locate(shooting, point, along, length, before, after)
+                found = self._locate(shooting, step, length, before, after)
                 # Where an event meets a switch the branch has a corner, and ends.
                 at_corner = found.lost is not None and found.lost.monitor.role == "length"
                 if ahead @ along < STRAIGHT and not at_corner:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
                 self._check_kept(shooting, following, found)
-                closed = found.lost is None and self._closed(shooting, point, along, length)
+                closed = found.lost is None and self._closed(shooting, step, length)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
@@ -258,6 +229,7 @@ class _Walker:
                     self.branch.ended = f"{lost.kind}: {reason}"
                     return
                 shooting, point, along = joined
+                bend = None
                 earlier, before = before, monitors(shooting, point, along)
                 if passing:
                     self._rename(lost, found.special_points, earlier, before)
@@ -272,6 +244,7 @@ class _Walker:
             if closed:
                 self.branch.ended = "the branch closed upon itself"
                 return
+            bend = (ahead - along) / (2.0 * length)
             point, along, before = following, ahead, after
             self._append(shooting, point, along, piece)
             yield self.branch.points[-1]
@@ -346,35 +319,31 @@ class _Walker:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
         self.branch.points.append(found)
 
-    def _closed(self, shooting: Shooting, point: Point, along: Floats, length: float) -> bool:
-        """Return whether the first point of the branch lies within the step from `point`."""
+    def _closed(self, shooting: Shooting, step: Step, length: float) -> bool:
+        """Return whether the first point of the branch lies within a step."""
         first = self.branch.points[0]
         if len(self.branch.points) < 5 or first.orbit.segments != shooting.segments:
             return False
-        here = np.append(point.unknowns, point.values[0])
         there = np.append(first.orbit.point.unknowns, first.value)
-        position = float((there - here) @ along)
-        if not 0.0 < position <= length or along @ first.direction < 0.5:
+        position = float((there - step.start) @ step.along)
+        if not 0.0 < position <= length or step.along @ first.direction < 0.5:
             return False
         # The branch is curved: what lies across the step counts, once it is corrected.
-        again, _ = correct(shooting, here + position * along, along)
-        passed = np.append(again.unknowns, again.values[0])
-        return bool(np.abs(passed - there).max() < SAME)
+        return bool(np.abs(step.at(position).unknowns - there).max() < SAME)
 
     def _finish(self, shooting: Shooting, point: Point, beyond: Point, piece: int) -> None:
         """Put the last orbit at the bound, which lies between `point` and `beyond`."""
         bound = self.low if beyond.values[0] < self.low else self.high
         share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
         unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
-        last = shooting.solve(unknowns, np.array([bound]))
+        last = solve(shooting, unknowns, np.array([bound]))
         onward = np.append(last.unknowns - point.unknowns, bound - point.values[0])
         self._append(shooting, last, tangent(last, onward), piece)
 
     def _locate(
         self,
         shooting: Shooting,
-        point: Point,
-        along: Floats,
+        step: Step,
         length: float,
         before: dict[Monitor, float],
         after: dict[Monitor, float],
@@ -383,7 +352,7 @@ class _Walker:
 
         def crossed(after: dict[Monitor, float], reach: float) -> list[tuple[float, SpecialPoint]]:
             found = [
-                locate(shooting, point, along, reach, monitor)
+                locate(shooting, step, reach, monitor)
                 for monitor, value in before.items()
                 if monitor in after and value * after[monitor] < 0.0
             ]
@@ -398,13 +367,12 @@ class _Walker:
         if lost:
             first = min(
                 (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
-                key=lambda item: _rank(item[1]),
+                key=lambda item: rank(item[1]),
             )
             # Beyond, the test functions may jump, and what they say is of no interest.
             reach = max(lost[0][0] - COINCIDENT, 0.0)
-            start = np.append(point.unknowns, point.values[0])
-            here, _ = correct(shooting, start + reach * along, along)
-            after = monitors(shooting, here, tangent(here, along))
+            here = step.at(reach).point
+            after = monitors(shooting, here, tangent(here, step.along))
         # Multipliers may stay on the unit circle.
         smooth = {
             m: v
@@ -415,89 +383,6 @@ class _Walker:
         if first is None:
             return _Found(special_points, None)
         return _Found([*special_points, first[1]], first[1])
-
-
-def locate(
-    shooting: Shooting, point: Point, along: Floats, length: float, monitor: Monitor
-) -> tuple[float, SpecialPoint] | None:
-    """Locate the zero of `monitor` within the step of `length` from `point` along `along`.
-
-    Returns the position in the step with the point, or None if the sign change is no zero.
-
-    Raises
-    ------
-    OrbitError
-        If the step is too long for the zero to be found within it.
-    """
-    start = np.append(point.unknowns, point.values[0])
-    last: list[tuple[Point, Floats]] = []
-
-    def test(s: float) -> float:
-        here, _ = correct(shooting, start + s * along, along)
-        direction = tangent(here, along)
-        last.append((here, direction))
-        return monitors(shooting, here, direction)[monitor]
-
-    try:
-        position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
-        test(position)
-    except (KeyError, ValueError) as error:
-        raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
-    special = special_at(monitor, shooting, *last[-1])
-    return None if special is None else (position, special)
-
-
-def special_at(
-    monitor: Monitor, shooting: Shooting, here: Point, direction: Floats
-) -> SpecialPoint | None:
-    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
-
-    A test function may change its sign through infinity (an impact at zero speed), and the product
-    of two real multipliers may pass one.
-    """
-    orbit = make_orbit(shooting, here)
-    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
-        return None
-    off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
-    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
-        return None
-    kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
-    label, value = LABELS.get(kind, kind), float(here.values[0])
-    return SpecialPoint(kind, label, value, orbit, direction, monitor)
-
-
-def _rank(special: SpecialPoint) -> int:
-    """Return which of several losses in one point to name and to act upon, the lowest first.
-
-    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
-    same point. Where an event meets another one, its margin is zero at an end of a segment.
-    """
-    monitor = special.monitor
-    if monitor.role == "approach":
-        touch = closest(special.orbit.shooting, special.orbit.point, monitor.guard)
-        return 1 if touch is not None and touch.inside else 3
-    return 0 if monitor.role == "rate" else 2
-
-
-def halves(orbit: PeriodicOrbit) -> bool:
-    """Return whether an orbit is one of half the period, at its period doubling.
-
-    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
-    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
-    fold, of an orbit that is traversed twice.
-    """
-    half, odd = divmod(len(orbit.segments), 2)
-    if odd or orbit.periods % 2:
-        return False
-    codes = [segment.code for segment in orbit.segments]
-    if codes[:half] != codes[half:]:
-        return False
-    states, _ = orbit.shooting.unpack(orbit.point.unknowns)
-    apart = float(np.abs(states[:half] - states[half:]).max())
-    if apart >= SAME_HALVES * float(np.abs(states).max()):
-        return False
-    multipliers = np.linalg.eigvals(reduced(orbit.shooting, orbit.point, half))
-    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
 
 
 __all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
+from mems_impact.orbits.newton import Solution, newton
+from mems_impact.orbits.shooting import Point, Shooting
 
 ITERATIONS = 8
+NODES = 3  # corrections from which another one is guessed
+APART = 0.01  # least distance between them, as a part of the longest
 
 
 def tangent(point: Point, along: Floats | None = None) -> Floats:
@@ -21,52 +25,104 @@ def tangent(point: Point, along: Floats | None = None) -> Floats:
     along : float array, optional
         The direction in which to look; without it, the parameter grows.
     """
-    wide = np.hstack([point.jacobian, point.by_parameter[:, :1]])
     # The vector to which all rows are orthogonal: the last right singular vector.
-    direction = np.linalg.svd(wide)[2][-1]
+    direction = np.linalg.svd(np.hstack([point.jacobian, point.by_parameter]))[2][-1]
     forward = direction[-1] if along is None else direction @ along
     return np.asarray(direction if forward >= 0.0 else -direction)
 
 
-def step(shooting: Shooting, point: Point, direction: Floats, length: float) -> tuple[Point, int]:
-    """Go `length` along `direction` from `point` and correct at right angles to it.
+def correct(
+    shooting: Shooting, plane: Floats, direction: Floats, guess: Floats | None = None
+) -> Solution:
+    """Return the orbit in the plane through `plane` (unknowns and parameter) across `direction`.
 
-    Returns
-    -------
-    point : Point
-    iterations : int
-        Newton steps that it took until the next one was as small as the error of the integration.
+    Parameters
+    ----------
+    shooting : Shooting
+        With one active parameter.
+    plane, direction : float array, shape (unknowns + 1,)
+    guess : float array, optional
+        A point near the orbit; `plane` itself by default.
 
     Raises
     ------
     OrbitError
         If the correction does not converge.
     """
-    start = np.append(point.unknowns, point.values[0])
-    return correct(shooting, start + length * direction, direction)
+
+    def equations(u: Floats) -> tuple[Point, Floats, Floats]:
+        point = shooting.evaluate(u[:-1], u[-1:])
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
+        return point, np.append(point.residual, direction @ (u - plane)), matrix
+
+    return newton(
+        equations,
+        plane if guess is None else guess,
+        reason="the correction of a step did not converge",
+        remedy="take a shorter step",
+        iterations=ITERATIONS,
+    )
 
 
-def correct(shooting: Shooting, guess: Floats, direction: Floats) -> tuple[Point, int]:
-    """Correct `guess` (unknowns and parameter) in the plane through it across `direction`."""
-    unknowns = guess.copy()
-    previous, needed = np.inf, ITERATIONS
-    for iteration in range(ITERATIONS):
-        point = shooting.evaluate(unknowns[:-1], unknowns[-1:])
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), direction])
-        residual = np.append(point.residual, direction @ (unknowns - guess))
-        try:
-            change = np.linalg.solve(matrix, -residual)
-        except np.linalg.LinAlgError as error:
-            raise OrbitError(
-                "the branch has no single tangent here", "take another step"
-            ) from error
-        size = float(np.abs(change).max())
-        if size < ACCEPTED:
-            needed = min(needed, iteration)
-        if size < TOLERANCE or (size >= previous and float(np.abs(residual).max()) < ACCEPTED):
-            return point, min(needed, iteration)
-        if not np.isfinite(size) or size > 1e3 or (iteration > 2 and size > 10.0 * previous):
-            break
-        previous = size
-        unknowns = unknowns + change
-    raise OrbitError("the correction of a step did not converge", "take a shorter step")
+class Step:
+    """The points of a branch or curve across one direction, each corrected once.
+
+    Parameters
+    ----------
+    correct : callable
+        ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` across
+        `along`.
+    point : Point
+        Where the step begins.
+    along : float array
+        The unit tangent there.
+    bend : float array, optional
+        Half the curvature, as far as it is known.
+    """
+
+    def __init__(
+        self,
+        correct: Callable[[Floats, Floats, Floats], Solution],
+        point: Point,
+        along: Floats,
+        bend: Floats | None = None,
+    ) -> None:
+        self.start, self.along = np.concatenate([point.unknowns, point.values]), along
+        self._correct = correct
+        self._found = {0.0: Solution(self.start, point, 0)}
+        self._bends: dict[float, Floats] = {}
+        bend = np.zeros(along.size) if bend is None else bend
+        self._bend = bend - (bend @ along) * along
+
+    def at(self, s: float) -> Solution:
+        """Return the point at the distance `s` along the tangent.
+
+        Raises
+        ------
+        OrbitError
+            If the correction does not converge.
+        """
+        if s not in self._found:
+            plane = self.start + s * self.along
+            found = self._correct(plane, self.along, plane + s * s * self._bend_at(s))
+            self._found[s] = found
+            self._bends[s] = (found.unknowns - plane) / (s * s)
+        return self._found[s]
+
+    def _bend_at(self, s: float) -> Floats:
+        """Return how far the branch lies from the tangent over s^2, from what is known of it."""
+        if not self._bends:
+            return self._bend
+        least = APART * max(self._bends)
+        nodes: list[float] = []
+        for node in sorted(self._bends, key=lambda node: abs(node - s)):
+            if all(abs(node - other) >= least for other in nodes) and len(nodes) < NODES:
+                nodes.append(node)
+        bend = np.zeros_like(self._bend)
+        for node in nodes:
+            weight = 1.0
+            for other in nodes:
+                if other != node:
+                    weight *= (s - other) / (node - other)
+            bend += weight * self._bends[node]
+        return bend

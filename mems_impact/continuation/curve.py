@@ -9,6 +9,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mems_impact.continuation.branch import SpecialPoint, Steps
+from mems_impact.continuation.conditions import Singular, condition_of
+from mems_impact.continuation.corrector import Step
 from mems_impact.continuation.grazing import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -21,10 +23,10 @@ from mems_impact.continuation.monitors import (
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.newton import Solution, newton
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
-from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
+from mems_impact.orbits.shooting import Point, Shooting
 
-DIFFERENCE = 1e-6  # step of the differences that give the gradient of the test function
 ITERATIONS = 10
 
 COINCIDENT = 1e-7  # distance on the curve below which two losses are one
@@ -143,12 +145,13 @@ class _Curve:
     ) -> None:
         orbit = special.orbit
         self.monitor, self.bounds, self.steps = special.monitor, bounds, steps
-        self.shooting = Shooting(orbit.family, orbit.segments, (parameter, second))
-        self.shooting.pinned = orbit.shooting.pinned
+        active, pinned = (parameter, second), orbit.shooting.pinned
+        self.shooting = Shooting(orbit.family, orbit.segments, active, pinned)
+        self.condition = condition_of(self.shooting, self.monitor)
         values = [orbit.family.values[parameter], orbit.family.values[second]]
         self.start = np.concatenate([orbit.point.unknowns, values])
         self.curve = OrbitCurve(special.kind, (parameter, second))
-        self.border: tuple[Floats, Floats] | None = None
+        self.gradient = np.zeros(self.start.size)  # of the condition, where a step begins
         self.zero: set[Monitor] = set()
         # The guard of the impacts that the orbit has, or of the one that it comes closest to.
         self.guard = self._main_guard(orbit)
@@ -165,31 +168,34 @@ class _Curve:
 
     def go(self, direction: float, progress: Callable[[float], None] | None) -> OrbitCurve:
         curve, steps = self.curve, self.steps
-        u = self.start
         try:
-            point, gradient = self._linearize(u)
-            along = self._tangent(point, gradient, None)
+            point = self._evaluate(self.start)
+            self.gradient = self.condition.gradient(point)
+            along = self._tangent(point)
             along = along if along[-1] * direction >= 0.0 else -along
-            u, point = self._correct(u, along, gradient)
+            point = self._correct(self.start, along, self.start).point
         except OrbitError as error:
             curve.ended = f"the first point could not be corrected: {error.reason}"
             return curve
-        length = steps.initial
+        length, bend = steps.initial, None
         self._append(point)
         # What a touched guard takes with it is zero all along, and no point of codimension two.
         touched = monitors(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         before = self._tests(point)
         while len(curve.points) < steps.most:
+            gradient = self.gradient
             try:
-                ahead_u, ahead_point = self._correct(u + length * along, along, gradient)
-                ahead_point, ahead_gradient = self._linearize(ahead_u)
-                ahead = self._tangent(ahead_point, ahead_gradient, along)
+                step = Step(self._correct, point, along, bend)
+                following = step.at(length).point
+                after = self._tests(following)
+                special, lost = self._special(step, length, before, after)
+                self.gradient = self.condition.gradient(following)
+                ahead = self._tangent(following, along)
                 if ahead @ along < 0.95:
                     raise OrbitError("the curve turns too sharply", "take a shorter step")
-                after = self._tests(ahead_point)
-                special, lost = self._special(u, along, length, gradient, before, after)
             except OrbitError as error:
+                self.gradient = gradient
                 length /= 2.0
                 if length < steps.smallest:
                     curve.ended = f"no further step possible: {error.reason}"
@@ -200,14 +206,15 @@ class _Curve:
                 curve.points.append(CurvePoint(lost.orbit, lost.values))
                 curve.ended = f"{lost.kind}: beyond, the automaton has no such orbit"
                 return curve
-            if not self._inside(float(ahead_u[-1])):
-                self._finish(u, ahead_u, gradient)
+            if not self._inside(float(following.values[1])):
+                self._finish(step, length)
                 curve.ended = f"{curve.parameters[1]} reached its bound"
                 return curve
-            u, point, gradient, along, before = ahead_u, ahead_point, ahead_gradient, ahead, after
+            bend = (ahead - along) / (2.0 * length)
+            point, along, before = following, ahead, after
             self._append(point)
             if progress is not None:
-                progress(float(u[-1]))
+                progress(float(point.values[1]))
             length = min(1.5 * length, steps.largest)
         curve.ended = f"the budget of {steps.most} points is used up"
         return curve
@@ -219,84 +226,54 @@ class _Curve:
     def _evaluate(self, u: Floats) -> Point:
         return self.shooting.evaluate(u[:-2], u[-2:])
 
-    def _condition(self, point: Point) -> float:
-        """Return what is zero on the curve."""
-        if self.monitor.kind == FOLD and not self.monitor.role:
-            # Zero where the equations are singular, and smooth: the last unknown of the system
-            # bordered by the null vectors.
-            if self.border is None:
-                left, _, right = np.linalg.svd(point.jacobian)
-                self.border = left[:, -1], right[-1]
-            b, c = self.border
-            size = point.jacobian.shape[0]
-            matrix = np.zeros((size + 1, size + 1))
-            matrix[:size, :size] = point.jacobian
-            matrix[:size, size], matrix[size, :size] = b, c
-            unit = np.zeros(size + 1)
-            unit[size] = 1.0
-            return float(np.linalg.solve(matrix, unit)[size])
-        value = monitors(self.shooting, point, np.zeros(1)).get(self.monitor)
-        if value is None:
-            raise OrbitError("the closest approach is gone", "take a shorter step")
-        if self.monitor.kind == PERIOD_DOUBLING:
-            # Multipliers grow as one over an impact speed; their size is no matter here.
-            matrix = reduced(self.shooting, point)
-            value /= max(1.0, float(np.abs(matrix).max()))
-        return value
-
-    def _linearize(self, u: Floats) -> tuple[Point, Floats]:
-        """Return the point and the gradient of the condition, by differences."""
-        self.border = None
-        point = self._evaluate(u)
-        here = self._condition(point)
-        gradient = np.zeros(u.size)
-        for c in range(u.size):
-            shift = np.zeros(u.size)
-            shift[c] = DIFFERENCE
-            there = self._condition(self._evaluate(u + shift))
-            gradient[c] = (there - here) / DIFFERENCE
-        return point, gradient
-
-    def _tangent(self, point: Point, gradient: Floats, along: Floats | None) -> Floats:
-        wide = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient])
+    def _tangent(self, point: Point, along: Floats | None = None) -> Floats:
+        wide = np.vstack([np.hstack([point.jacobian, point.by_parameter]), self.gradient])
         direction = np.linalg.svd(wide)[2][-1]
         if along is not None and direction @ along < 0.0:
             direction = -direction
         return np.asarray(direction)
 
-    def _correct(self, guess: Floats, along: Floats, gradient: Floats) -> tuple[Floats, Point]:
-        """Correct across `along`, with a gradient of the condition from nearby."""
-        u, previous = guess.copy(), np.inf
-        for _ in range(ITERATIONS):
-            point = self._evaluate(u)
-            residual = np.concatenate(
-                [point.residual, [self._condition(point), along @ (u - guess)]]
-            )
-            matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
-            try:
-                change = np.linalg.solve(matrix, -residual)
-            except np.linalg.LinAlgError as error:
-                raise OrbitError("the curve has no tangent here", "step over it") from error
-            size = float(np.abs(change).max())
-            small = float(np.abs(residual).max()) < ACCEPTED
-            if size < TOLERANCE or (small and size >= 0.5 * previous):
-                return u, point
-            if not np.isfinite(size) or size > 1e3:
-                break
-            previous = size
-            u = u + change
-        raise OrbitError("the correction of a step did not converge", "take a shorter step")
+    def _correct(self, plane: Floats, along: Floats, guess: Floats) -> Solution:
+        """Correct `guess` in the plane through `plane` across `along`.
 
-    def _finish(self, u: Floats, beyond: Floats, gradient: Floats) -> None:
-        """Put the last point at the bound."""
+        A gradient that costs too much to be taken anew is the one from where the step began,
+        brought up to date by what the condition turns out to be (Broyden 1965).
+        """
+        gradient, last = self.gradient, None
+
+        def equations(u: Floats) -> tuple[Point, Floats, Floats]:
+            nonlocal gradient, last
+            point = self._evaluate(u)
+            here = self.condition.value(point)
+            if self.condition.derived:
+                gradient = self.condition.gradient(point)
+            elif last is not None:
+                moved = u - last[0]
+                missed = here - last[1] - gradient @ moved
+                gradient = gradient + missed * moved / (moved @ moved)
+            last = u, here
+            residual = np.concatenate([point.residual, [here, along @ (u - plane)]])
+            matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
+            return point, residual, matrix
+
+        return newton(
+            equations,
+            guess,
+            reason="the correction of a step did not converge",
+            remedy="take a shorter step",
+            iterations=ITERATIONS,
+        )
+
+    def _finish(self, step: Step, length: float) -> None:
+        """Put the last point at the bound, which lies within a step."""
+        u, beyond = step.start, step.at(length).unknowns
         bound = self.bounds[0] if beyond[-1] < self.bounds[0] else self.bounds[1]
         share = (bound - u[-1]) / (beyond[-1] - u[-1])
+        guess = u + share * (beyond - u)
         fixed = np.zeros(u.size)
         fixed[-1] = 1.0
-        guess = u + share * (beyond - u)
         try:
-            gradient = self._linearize(guess)[1]  # the one from the last point may be too old
-            self._append(self._correct(guess, fixed, gradient)[1])
+            self._append(self._correct(guess, fixed, guess).point)
         except OrbitError:
             return
 
@@ -309,7 +286,8 @@ class _Curve:
         if self.monitor.kind != FOLD:
             tests["multiplier +1"] = float(np.linalg.det(matrix - identity)) / scale
         else:
-            tests["cusp"] = self._second_derivative(point)
+            assert isinstance(self.condition, Singular)
+            tests["cusp"] = self.condition.curvature(point)
         if self.monitor.kind != PERIOD_DOUBLING:
             tests["multiplier -1"] = float(np.linalg.det(matrix + identity)) / scale
         if self.monitor.role == "approach":
@@ -334,32 +312,14 @@ class _Curve:
         where = "" if test.segment < 0 else f" of segment {test.segment}"
         return f"{name} ({test.role}{where})"
 
-    def _second_derivative(self, point: Point) -> float:
-        """Return the quadratic coefficient of a fold, zero at a cusp."""
-        left, _, right = np.linalg.svd(point.jacobian)
-        null, h = right[-1], 1e-4
-        u = np.concatenate([point.unknowns, point.values])
-        shift = np.concatenate([h * null, np.zeros(2)])
-        up, down = self._evaluate(u + shift), self._evaluate(u - shift)
-        second = (up.residual - 2.0 * point.residual + down.residual) / h**2
-        # The sign of the singular vectors is arbitrary; the one of their product with the
-        # parameter's derivative is not.
-        return float(left[:, -1] @ second) * float(np.sign(left[:, -1] @ point.by_parameter[:, 0]))
-
     def _special(
-        self,
-        u: Floats,
-        along: Floats,
-        length: float,
-        gradient: Floats,
-        before: Tests,
-        after: Tests,
+        self, step: Step, length: float, before: Tests, after: Tests
     ) -> tuple[list[CodimensionTwo], CodimensionTwo | None]:
         """Return the points of codimension two within a step, and the one that ends the curve."""
         found: list[tuple[float, str | Monitor, CodimensionTwo]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
-                located = self._locate(test, u, along, length, gradient)
+                located = self._locate(test, step, length)
                 if located is not None and self._inside(located[1].values[1]):
                     found.append((located[0], test, located[1]))
         found.sort(key=lambda item: item[0])
@@ -378,17 +338,17 @@ class _Curve:
         return bool(self.bounds[0] <= value <= self.bounds[1])
 
     def _locate(
-        self, test: str | Monitor, u: Floats, along: Floats, length: float, gradient: Floats
+        self, test: str | Monitor, step: Step, length: float
     ) -> tuple[float, CodimensionTwo] | None:
         """Locate a zero of `test` within a step: where in it, and the point."""
 
         def value(s: float) -> float:
-            return self._tests(self._correct(u + s * along, along, gradient)[1])[test]
+            return self._tests(step.at(s).point)[test]
 
         kind = self._kind(test)
         try:
             position = brentq(value, 0.0, length, xtol=1e-13, rtol=1e-13)
-            point = self._correct(u + position * along, along, gradient)[1]
+            point = step.at(position).point
         except (KeyError, ValueError) as error:
             raise OrbitError(f"{kind} could not be located", "take a shorter step") from error
         orbit = make_orbit(self.shooting, point)

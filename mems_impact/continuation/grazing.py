@@ -16,6 +16,7 @@ from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.loop import TRANSITION
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.hybrid.variational import Variational
 from mems_impact.orbits.orbit import PeriodicOrbit, reduced_components
 from mems_impact.orbits.shooting import Point, Shooting
 
@@ -47,14 +48,15 @@ def contact_sequence(
     segment = shooting.segments[i]
     states, _ = shooting.unpack(point.unknowns)
     free = shooting.free
-    to_touch = shooting.variational.arc(segment.mode, states[i], point.starts[i], time)
-    from_touch = shooting.variational.arc(segment.mode, to_touch.end, time, point.ends[i])
+    variational = shooting.variational(point.setting)
+    to_touch = variational.arc(segment.mode, states[i], point.starts[i], time)
+    from_touch = variational.arc(segment.mode, to_touch.end, time, point.ends[i])
     total = from_touch.by_state[free]
     others = len(shooting.segments)
     for j in range(1, others):
         total = point.arcs[(i + j) % others].by_state[free] @ total
     total = to_touch.by_state[free] @ total
-    event = shooting.variational.event(segment.mode, monitor.guard, time, to_touch.end)
+    event = variational.event(segment.mode, monitor.guard, time, to_touch.end)
     # A component that the mode holds fixed has no part in it, but for rounding, which would grow.
     keep = reduced_components(shooting, point)
     total = total[np.ix_(keep, keep)]
@@ -87,10 +89,10 @@ def kick(
     """
     family = shooting.family.at(**dict(zip(shooting.active, values.tolist(), strict=True)))
     problem = family.problem()
-    free = shooting.free
+    free, variational = shooting.free, shooting.variational(shooting.setting(values))
 
     def left_behind(speed: float) -> Floats:
-        before = weak_contact(shooting, mode, guard, time, y, speed)
+        before = weak_contact(variational, mode, guard, time, y, speed)
         events = run(problem, Instant(0, time, mode, before), 0.02).events
         back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
         if not back.size:
@@ -100,7 +102,7 @@ def kick(
             )
         last = back[0]
         elapsed = float(events.time[last]) + problem.period * int(events.cycle[last])
-        undisturbed = shooting.variational.arc(mode, before, time, elapsed)
+        undisturbed = variational.arc(mode, before, time, elapsed)
         difference = events.after[last][free] - undisturbed.end[free]
         return np.asarray(np.linalg.lstsq(undisturbed.by_state[free], difference)[0]) / speed
 
@@ -109,17 +111,17 @@ def kick(
 
 
 def weak_contact(
-    shooting: Shooting, mode: int, guard: int, time: float, y: Floats, speed: float
+    variational: Variational, mode: int, guard: int, time: float, y: Floats, speed: float
 ) -> Floats:
     """Return the state nearest to `y` on the guard, with its margin falling at `speed`."""
-    h, free = 1e-5, shooting.free
-    margin, rate = shooting.variational.margins(mode, time, y)
+    h, free = 1e-5, list(variational.free)
+    margin, rate = variational.margins(mode, time, y)
     rows = np.zeros((2, len(free)))
     for c, i in enumerate(free):
         shift = np.zeros(y.size)
         shift[i] = h
-        up = shooting.variational.margins(mode, time, y + shift)
-        down = shooting.variational.margins(mode, time, y - shift)
+        up = variational.margins(mode, time, y + shift)
+        down = variational.margins(mode, time, y - shift)
         rows[0, c] = (up[0][guard] - down[0][guard]) / (2.0 * h)
         rows[1, c] = (up[1][guard] - down[1][guard]) / (2.0 * h)
     wanted = np.array([-margin[guard], -speed - rate[guard]])

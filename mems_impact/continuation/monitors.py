@@ -9,7 +9,7 @@ import numpy as np
 
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import margins_at_end, reduced
+from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY
 
@@ -74,9 +74,7 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
     may, and then its values at the ends of the segments count too, but for the one that ends a
     segment and the one that starts at zero and rises.
     """
-    shooting.move_to(point.values)
     m = shooting.m
-    states, _ = shooting.unpack(point.unknowns)
     found: list[Closest] = []
     for i, segment in enumerate(shooting.segments):
         arc = point.arcs[i]
@@ -88,13 +86,12 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
             continue
         own = segment.code % m if segment.code not in (BOUNDARY, 2 * m) else -1
         if own != guard:
-            margin, _ = margins_at_end(shooting, point, i)
-            found.append(Closest(float(margin[guard]), i, end, False))
+            found.append(Closest(float(arc.margins[1, guard]), i, end, False))
         elif end - start < VANISHING:
             continue  # the event meets another, or the start of a period: see "length"
-        margin, rate = shooting.variational.margins(segment.mode, start, states[i])
-        if not (abs(margin[guard]) < 1e-9 and rate[guard] > 0.0):
-            found.append(Closest(float(margin[guard]), i, start, False))
+        margin, rate = float(arc.margins[0, guard]), float(arc.rates[0, guard])
+        if not (abs(margin) < 1e-9 and rate > 0.0):
+            found.append(Closest(margin, i, start, False))
     return min(found, key=lambda c: c.value, default=None)
 
 

@@ -12,8 +12,9 @@ from mems_impact.continuation.monitors import Closest, Monitor, closest, monitor
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.orbits.newton import newton
 from mems_impact.orbits.orbit import PeriodicOrbit
-from mems_impact.orbits.shooting import ACCEPTED, TOLERANCE, Point, Shooting
+from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
 
 SPEED = 1e-4  # rate at the guard with which the other signature is entered
@@ -23,7 +24,6 @@ DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 # they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
 APART = 1e-5
 GRADIENT_STEP = 1e-6  # of the differences that give the gradient of a test function
-ITERATIONS = 20
 
 
 def reconnect(
@@ -106,9 +106,9 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
         event, mode = segments[i].code, segments[after].mode
         cycle = segments[before].cycle
         segments[before] = Segment(segments[before].mode, cycle, event)
-        times[before] = orbit.shooting.period
+        times[before] = point.period
         segments[i], states[i] = Segment(mode, cycle, BOUNDARY), states[after].copy()
-        times[i] = orbit.shooting.period
+        times[i] = point.period
         if i == 0:
             segments, states, times = _rotated(segments, 1), _rotated(states, 1), _rotated(times, 1)
             return Guess(tuple(segments), np.array(states), np.array(times)), count - 1
@@ -117,7 +117,7 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
         # The event at the end of a period moves to the start of the next.
         event, mode = segments[before].code, segments[before].mode
         segments[before] = Segment(mode, segments[before].cycle, BOUNDARY)
-        times[before] = orbit.shooting.period
+        times[before] = point.period
         segments[i] = Segment(mode, segments[after].cycle, event)
         states[i] = np.array(point.arcs[before].end)
         states[i][list(orbit.shooting.automaton.cyclic)] = 0.0
@@ -203,8 +203,9 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess:
     i, time = touch.segment, touch.time
     segment = orbit.segments[i]
     states, _ = shooting.unpack(point.unknowns)
-    contact = shooting.variational.arc(segment.mode, states[i], point.starts[i], time).end
-    weak = weak_contact(shooting, segment.mode, guard, time, contact, SPEED)
+    variational = shooting.variational(point.setting)
+    contact = variational.arc(segment.mode, states[i], point.starts[i], time).end
+    weak = weak_contact(variational, segment.mode, guard, time, contact, SPEED)
     problem = orbit.family.problem()
     share = 0.02
     trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
@@ -271,34 +272,27 @@ def _at_level(
     OrbitError
         If the iteration does not converge.
     """
-    u = np.append(unknowns, value)
+    start = np.append(unknowns, value)
 
-    def observed(x: Floats) -> tuple[Point, float]:
-        point = shooting.evaluate(x[:-1], x[-1:])
-        return point, monitors(shooting, point, np.zeros(x.size)).get(monitor, np.nan)
+    def observed(u: Floats) -> tuple[Point, float]:
+        point = shooting.evaluate(u[:-1], u[-1:])
+        return point, monitors(shooting, point, np.zeros(u.size)).get(monitor, np.nan)
 
     # The way is short, so that the gradient at its start will do.
     gradient = np.array(
         [
-            (observed(u + shift)[1] - observed(u - shift)[1]) / (2.0 * GRADIENT_STEP)
-            for shift in GRADIENT_STEP * np.eye(u.size)
+            (observed(start + shift)[1] - observed(start - shift)[1]) / (2.0 * GRADIENT_STEP)
+            for shift in GRADIENT_STEP * np.eye(start.size)
         ]
     )
-    previous = np.inf
-    for _ in range(ITERATIONS):
+
+    def equations(u: Floats) -> tuple[Point, Floats, Floats]:
         point, here = observed(u)
-        residual = np.append(point.residual, here - level)
-        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter[:, :1]]), gradient])
-        if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
-            break
-        change = np.linalg.lstsq(matrix, -residual)[0]
-        size = float(np.abs(change).max())
-        small = float(np.abs(residual).max()) < ACCEPTED
-        if small and (size < TOLERANCE or size >= previous):
-            return point
-        previous = size
-        u = u + change
-    raise OrbitError("the orbits of the other signature could not be corrected", "find one beyond")
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient])
+        return point, np.append(point.residual, here - level), matrix
+
+    reason = "the orbits of the other signature could not be corrected"
+    return newton(equations, start, reason=reason, remedy="find one beyond").point
 
 
 def _derivative(shooting: Shooting, point: Point, monitor: Monitor, direction: Floats) -> float:

@@ -38,8 +38,8 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
         If the orbit does not double its period.
     """
     later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in orbit.segments)
-    shooting = Shooting(orbit.family, orbit.segments + later, (parameter,))
-    shooting.pinned = orbit.shooting.pinned
+    segments, pinned = orbit.segments + later, orbit.shooting.pinned
+    shooting = Shooting(orbit.family, segments, (parameter,), pinned)
     states, times = orbit.shooting.unpack(orbit.point.unknowns)
     free = shooting.free
     unknowns = np.concatenate([np.tile(states[:, free].ravel(), 2), np.tile(times, 2)])
@@ -54,7 +54,7 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
     for distance in DISTANCES:
         try:
             start = np.append(unknowns, value) + distance * away
-            first, _ = correct(shooting, start, away)
+            first = correct(shooting, start, away).point
         except OrbitError:
             if found is orbit:
                 raise

@@ -12,6 +12,7 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.newton import solve
 from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 
@@ -144,13 +145,18 @@ def reduced(shooting: Shooting, point: Point, first: int | None = None) -> Float
 
     Or that over the `first` segments alone.
     """
-    keep = reduced_components(shooting, point)
-    return shooting.monodromy(point, first)[np.ix_(keep, keep)]
+    whole = shooting.monodromy(point)
+    keep = reduced_components(shooting, point, whole)
+    matrix = whole if first is None else shooting.monodromy(point, first)
+    return matrix[np.ix_(keep, keep)]
 
 
-def reduced_components(shooting: Shooting, point: Point) -> list[int]:
+def reduced_components(
+    shooting: Shooting, point: Point, monodromy: Floats | None = None
+) -> list[int]:
     """Return which of the free components the first mode does not hold fixed."""
-    arc, monodromy = point.arcs[0], shooting.monodromy(point)
+    arc = point.arcs[0]
+    monodromy = shooting.monodromy(point) if monodromy is None else monodromy
     still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
     # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
     forgotten = [np.abs(row).max() < SLACK for row in monodromy]
@@ -180,19 +186,16 @@ def make_orbit(shooting: Shooting, point: Point) -> PeriodicOrbit:
 
 def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
     """Return all ways in which `point` is no orbit of the automaton."""
-    shooting.move_to(point.values)
     found: list[Defect] = []
     automaton: Automaton = shooting.automaton
     m, segments = len(automaton.guards), shooting.segments
-    states, _ = shooting.unpack(point.unknowns)
     for i, segment in enumerate(segments):
         arc, event = point.arcs[i], point.events[i]
         if point.ends[i] < point.starts[i] - SLACK:
             length = float(point.ends[i] - point.starts[i])
             found.append(Defect(i, "", "order", length))
             continue
-        at_start, rising = shooting.variational.margins(segment.mode, point.starts[i], states[i])
-        at_end, _ = margins_at_end(shooting, point, i)
+        (at_start, at_end), (rising, _) = arc.margins, arc.rates
         own = segment.code % m if event is not None and segment.code != 2 * m else -1
         for j, guard in enumerate(automaton.guards):
             worst = float(arc.minima[j])
@@ -211,14 +214,6 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
             name = automaton.guards[own].name if own >= 0 else "switch"
             found.append(Defect(i, name, "mode", float(event.mode)))
     return tuple(found)
-
-
-def margins_at_end(shooting: Shooting, point: Point, i: int) -> tuple[Floats, Floats]:
-    """Return margins and rates at the end of segment `i`, before the drive switches there."""
-    segment, end = shooting.segments[i], float(point.ends[i])
-    if segment.code == 2 * shooting.m:
-        end = float(np.nextafter(end, 0.0))
-    return shooting.variational.margins(segment.mode, end, point.arcs[i].end)
 
 
 def find_orbit(
@@ -261,7 +256,7 @@ def find_orbit(
     shooting = Shooting(family, start.segments, active)
     unknowns, values = shooting.pack(start), np.array([family.value(a) for a in active])
     shooting.pin(shooting.evaluate(unknowns, values))
-    return make_orbit(shooting, shooting.solve(unknowns, values))
+    return make_orbit(shooting, solve(shooting, unknowns, values))
 
 
 def check_closed(orbit: PeriodicOrbit) -> float:

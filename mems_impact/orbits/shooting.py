@@ -9,6 +9,7 @@ penetrates the guard. Whether an orbit is one of the automaton is a question apa
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,26 +17,26 @@ from typing import Any
 import numpy as np
 
 from mems_impact.errors import OrbitError, RunError
+from mems_impact.hybrid.passage import NO_EVENT
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.hybrid.variational import Arc, Event, Variational, free_components
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.setting import Setting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
 
-TOLERANCE = 1e-11  # of a Newton step
-ACCEPTED = 1e-8  # residual at which a Newton iteration that no longer shrinks is taken as done
-ITERATIONS = 20
+ACCEPTED = 1e-8  # residual that the error of an integration may leave
 NOTHING = 1e-14  # a component of a state smaller than this is zero
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Point:
     """One evaluation of the equations.
 
     Attributes
     ----------
     unknowns : float array, shape (N f + events,)
-    values : float array, shape (k,)
-        Values of the active parameters.
+    setting : Setting
+        The problem's numbers at the values of the active parameters.
     residual : float array, shape of `unknowns`
     jacobian : float array
         By the unknowns; square.
@@ -45,12 +46,10 @@ class Point:
         One for each segment; None where it ends with the period.
     starts, ends : float array, shape (N,)
         Times of the segments, each since the start of its period.
-    period : float
-        Of the problem at these values.
     """
 
     unknowns: Floats
-    values: Floats
+    setting: Setting
     residual: Floats
     jacobian: Floats
     by_parameter: Floats
@@ -58,7 +57,16 @@ class Point:
     events: tuple[Event | None, ...]
     starts: Floats
     ends: Floats
-    period: float
+
+    @property
+    def values(self) -> Floats:
+        """Of the active parameters, shape (k,)."""
+        return self.setting.values
+
+    @property
+    def period(self) -> float:
+        """Of the problem at these values."""
+        return self.setting.period
 
 
 class Shooting:
@@ -70,31 +78,36 @@ class Shooting:
     segments : tuple of Segment
     active : tuple of str
         Names of the parameters by which to differentiate.
+    pinned : sequence of int, optional
+        Free components of the first state that keep their values (see `pin`).
     """
 
     def __init__(
-        self, family: Family, segments: tuple[Segment, ...], active: tuple[str, ...]
+        self,
+        family: Family,
+        segments: tuple[Segment, ...],
+        active: tuple[str, ...],
+        pinned: Sequence[int] = (),
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
-        problem = family.problem()
-        self.automaton = problem.automaton
+        self.automaton = family.problem().automaton
         self.free = list(free_components(self.automaton))
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
-        self.events = [
-            i for i, s in enumerate(segments) if s.code != BOUNDARY and s.code != 2 * self.m
-        ]
-        self.pinned: list[int] = []
-        self._at: tuple[float, ...] | None = None
+        switch = self.automaton.switch_code
+        self.events = [i for i, s in enumerate(segments) if s.code not in (BOUNDARY, switch)]
+        self.pinned = list(pinned)
+        self._layout = _Layout(self)
+        self._last: Setting | None = None
 
     @cached_property
-    def variational(self) -> Variational:
+    def _variational(self) -> Variational:
         """The engine of arcs and their sensitivities, made when it is first needed."""
         problem = self.family.problem()
         count = np.asarray(problem.parameters).size
         return Variational(problem, np.zeros((max(1, len(self.active)), count)))
 
     def __reduce__(self) -> Any:
-        return _shooting, (self.family, self.segments, self.active, self.pinned)
+        return Shooting, (self.family, self.segments, self.active, self.pinned)
 
     def pack(self, guess: Guess) -> Floats:
         """Return the unknowns of a guess.
@@ -114,32 +127,22 @@ class Shooting:
         states[np.abs(states) < NOTHING] = 0.0
         return states, unknowns[f * count :]
 
-    def move_to(self, values: Floats) -> None:
-        """Take over values of the active parameters, whichever were looked at last."""
-        if self._at == tuple(values):
-            return
-        self._at = None  # until all of it has been taken over
-        family = self.family.at(**dict(zip(self.active, values.tolist(), strict=True)))
-        problem = family.problem()
-        count = np.asarray(problem.parameters).size
-        if not 0.5 < problem.period / self.family.problem().period < 2.0:
-            raise OrbitError(
-                reason=f"the period jumps to {problem.period:.6g} here",
-                remedy="stay on this side (a sine without bias has half the period)",
-            )
-        self.period, self.switches = problem.period, np.array(problem.switches)
-        directions = np.zeros((max(1, len(self.active)), count))
-        self.scales = np.ones(len(self.active))
-        self.period_rates = np.zeros(len(self.active))
-        self.switch_rates = np.zeros((len(self.active), self.switches.size))
-        for j, name in enumerate(self.active):
-            p_rate, self.period_rates[j], rates = family.derivative(name)
-            self.switch_rates[j] = rates[: self.switches.size]
-            # The differences want a direction of length one.
-            self.scales[j] = float(np.abs(p_rate).max()) or 1.0
-            directions[j] = p_rate / self.scales[j]
-        self.variational.set_parameters(np.asarray(problem.parameters), directions)
-        self._at = tuple(values)
+    def setting(self, values: Floats) -> Setting:
+        """Return the problem's numbers at values of the active parameters.
+
+        Raises
+        ------
+        OrbitError
+            If the period is another one altogether.
+        """
+        # Corrections at fixed values ask again and again.
+        if self._last is None or not np.array_equal(self._last.values, values):
+            self._last = Setting.of(self.family, self.active, values)
+        return self._last
+
+    def variational(self, setting: Setting) -> Variational:
+        """Return arcs and events at a setting."""
+        return self._variational.at(setting.parameters, setting.directions)
 
     def evaluate(self, unknowns: Floats, values: Floats) -> Point:
         """Evaluate residual and derivatives.
@@ -149,134 +152,90 @@ class Shooting:
         OrbitError
             If an arc cannot be integrated.
         """
-        self.move_to(values)
-        segments, free, f = self.segments, self.free, len(self.free)
-        count, k = len(segments), len(self.active)
+        setting, layout, free = self.setting(values), self._layout, self.free
+        k, scales = len(self.active), setting.scales
         states, times = self.unpack(unknowns)
-        size = unknowns.size
-        residual, jacobian = np.zeros(size), np.zeros((size, size))
-        by_parameter = np.zeros((size, k))
-        event_column = {segment: f * count + i for i, segment in enumerate(self.events)}
-        starts, ends = np.zeros(count), np.zeros(count)
-        end_rates = np.zeros((count, k))  # of ends that are no unknowns
-        for i, segment in enumerate(segments):
-            if i in event_column:
-                ends[i] = times[event_column[i] - f * count]
-            elif segment.code == BOUNDARY:
-                ends[i], end_rates[i] = self.period, self.period_rates
-            else:
-                ends[i] = self.switches[segment.switch]
-                end_rates[i] = self.switch_rates[:, segment.switch]
-            if i > 0 and segments[i - 1].cycle == segment.cycle:
-                starts[i] = ends[i - 1]
-        arcs: list[Arc] = []
-        events: list[Event | None] = []
+        starts, ends, start_rates, end_rates = layout.instants(setting, times)
         try:
-            for i, segment in enumerate(segments):
-                motion = self._motion(starts[i], ends[i])
-                arc = self.variational.arc(segment.mode, states[i], starts[i], ends[i], motion)
-                event = None
-                if segment.code != BOUNDARY:
-                    room = self._room(ends[i]) if i in event_column else math.inf
-                    event = self.variational.event(
-                        segment.mode, segment.code, ends[i], arc.end, room
-                    )
-                arcs.append(arc)
-                events.append(event)
+            arcs, events = self.variational(setting).traverse(
+                layout.codes, states, *layout.passage(setting, starts, ends)
+            )
         except RunError as error:
             raise OrbitError(error.reason, error.remedy) from error
 
-        row = 0
-        for i, segment in enumerate(segments):
-            arc, event = arcs[i], events[i]
-            # What the end state owes to the unknowns, as rows over all of them.
-            end = np.zeros((self.n, size))
-            end[:, f * i : f * (i + 1)] = arc.by_state
-            end_by_parameter = arc.by_parameter[:, :k] * self.scales
-            if i > 0 and segments[i - 1].cycle == segment.cycle:
-                by_start = -(arc.by_state @ arc.slope_start[free])
-                if i - 1 in event_column:
-                    end[:, event_column[i - 1]] += by_start
-                else:
-                    end_by_parameter = end_by_parameter + np.outer(by_start, end_rates[i - 1])
-            if i in event_column:
-                end[:, event_column[i]] += arc.slope_end
-            else:
-                end_by_parameter = end_by_parameter + np.outer(arc.slope_end, end_rates[i])
+        # Derivatives of the states at the ends, then of those after the events, by all unknowns
+        # and by the parameters. A start that moves cuts off what the flow had done before.
+        by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])
+        by_end = arcs.slope_end[:, :, None]
+        end = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
+        end[layout.own_state] += arcs.by_state
+        end_by_parameter = (
+            arcs.by_parameter[:, :, :k] * scales
+            + by_start * start_rates[:, None]
+            + by_end * end_rates[:, None]
+        )
+        jump, by_time = events.jump_by_state, events.jump_by_time[:, :, None]
+        after = jump @ end + by_time * layout.by_end[:, None]
+        after_by_parameter = (
+            jump @ end_by_parameter
+            + events.jump_by_parameter[:, :, :k] * scales
+            + by_time * end_rates[:, None]
+        )
 
-            after, after_by_parameter, arrived = end, end_by_parameter, arc.end
-            if event is not None:
-                after = event.jump_by_state @ end
-                after_by_parameter = (
-                    event.jump_by_state @ end_by_parameter
-                    + event.jump_by_parameter[:, :k] * self.scales
-                )
-                arrived = event.after
-                if i in event_column:
-                    after[:, event_column[i]] += event.jump_by_time
-                    guard = segment.code % self.m
-                    residual[row] = event.margins[guard]
-                    jacobian[row] = event.margin_by_state[guard] @ end
-                    jacobian[row, event_column[i]] += event.margin_by_time[guard]
-                    by_parameter[row] = (
-                        event.margin_by_state[guard] @ end_by_parameter
-                        + event.margin_by_parameter[guard, :k] * self.scales
-                    )
-                    row += 1
-                else:
-                    after_by_parameter = after_by_parameter + np.outer(
-                        event.jump_by_time, end_rates[i]
-                    )
-            following = (i + 1) % count
-            rows = slice(row, row + f)
-            residual[rows] = states[following][free] - arrived[free]
-            jacobian[rows] = -after[free]
-            jacobian[rows, f * following : f * (following + 1)] += np.eye(f)
-            by_parameter[rows] = -after_by_parameter[free]
-            if following == 0:
-                for c in self.pinned:
-                    residual[row + c] = 0.0
-                    jacobian[row + c] = 0.0
-                    jacobian[row + c, c] = 1.0
-                    by_parameter[row + c] = 0.0
-            row += f
+        residual, by_parameter = np.zeros(unknowns.size), np.zeros((unknowns.size, k))
+        jacobian = layout.identity.copy()
+        rows = layout.state_rows
+        residual[rows] = np.roll(states, -1, axis=0)[:, free] - events.after[:, free]
+        jacobian[rows] -= after[:, free]
+        by_parameter[rows] = -after_by_parameter[:, free]
+        rows, of, guards = layout.guard_rows, self.events, layout.guards
+        gradient = events.margin_by_state[of, guards][:, None]
+        residual[rows] = events.margins[of, guards]
+        jacobian[rows] = (gradient @ end[of])[:, 0]
+        jacobian[rows] += events.margin_by_time[of, guards][:, None] * layout.by_end[of]
+        by_parameter[rows] = (gradient @ end_by_parameter[of])[:, 0]
+        by_parameter[rows] += events.margin_by_parameter[of, guards, :k] * scales
+        for c in self.pinned:
+            row = layout.state_rows[-1, c]
+            residual[row], jacobian[row], by_parameter[row] = 0.0, 0.0, 0.0
+            jacobian[row, c] = 1.0
+        happened = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
         return Point(
             unknowns=unknowns,
-            values=values,
+            setting=setting,
             residual=residual,
             jacobian=jacobian,
             by_parameter=by_parameter,
-            arcs=tuple(arcs),
-            events=tuple(events),
+            arcs=tuple(map(Arc._make, zip(*arcs, strict=True))),
+            events=tuple(
+                Event._make(parts) if event else None
+                for event, parts in zip(happened, zip(*events, strict=True), strict=True)
+            ),
             starts=starts,
             ends=ends,
-            period=self.period,
         )
 
-    def _room(self, time: float) -> float:
-        """Return the time from an event to the nearest switch of the drive."""
-        if not self.switches.size:
-            return math.inf
-        since = np.abs(time - self.switches) % self.period
-        return float(max(np.minimum(since, self.period - since).min(), 1e-9))
+    def gradient_inside(self, point: Point, i: int, guard: int) -> Floats:
+        """Return the derivatives of a closest approach inside segment `i`, by unknowns and values.
 
-    def _motion(self, start: float, end: float) -> Floats | None:
-        """Return how instants between the switches around an arc move with the parameters.
-
-        Linear in time from switch to switch (or the ends of the period); None if there are none.
+        When it is closest the margin stands still, so that the instant's own motion is no matter.
         """
-        if not self.switches.size or not self.active:
-            return None
-        times = np.array([0.0, *self.switches, self.period])
-        rates = np.column_stack([np.zeros(len(self.active)), self.switch_rates, self.period_rates])
-        first = int(np.flatnonzero(times[:-1] <= max(start, 0.0))[-1])
-        later = np.flatnonzero((times >= end) & (times > times[first]))
-        last = int(later[0]) if later.size else times.size - 1
-        if times[last] <= times[first]:
-            return None
-        slope = (rates[:, last] - rates[:, first]) / (times[last] - times[first])
-        offset = rates[:, first] - slope * times[first]
-        return np.column_stack([offset, slope]) / self.scales[:, None]
+        layout, setting, k = self._layout, point.setting, len(self.active)
+        arc, segment = point.arcs[i], self.segments[i]
+        y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
+        time = float(arc.minima_time[guard])
+        event = self.variational(setting).event(segment.mode, guard, time, y, setting.room(time))
+        by_column = columns @ event.margin_by_state[guard]
+        f = len(self.free)
+        by_state, by_parameter = by_column[:f], by_column[f : f + k]
+        moved = setting.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
+        by_parameter = by_parameter + event.margin_by_parameter[guard, :k]
+        by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
+        by_start = -float(by_state @ arc.slope_start[self.free])
+        _, _, start_rates, _ = layout.instants(setting, point.unknowns[f * len(self.segments) :])
+        by_unknown = by_start * layout.by_start[i]
+        by_unknown[f * i : f * (i + 1)] += by_state
+        return np.append(by_unknown, by_parameter * setting.scales + by_start * start_rates[i])
 
     def monodromy(self, point: Point, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
@@ -340,45 +299,65 @@ class Shooting:
                         remedy="declare it cyclic if nothing depends on it",
                     )
 
-    def solve(self, unknowns: Floats, values: Floats) -> Point:
-        """Correct `unknowns` at fixed parameters by Newton's method.
 
-        Raises
-        ------
-        OrbitError
-            If the iteration does not converge; the last `Point` is in it.
-        """
-        point = self.evaluate(unknowns, values)
-        previous = np.inf
-        for _ in range(ITERATIONS):
-            try:
-                step = np.linalg.solve(point.jacobian, -point.residual)
-            except np.linalg.LinAlgError:
-                step = np.linalg.lstsq(point.jacobian, -point.residual)[0]
-            size = float(np.abs(step).max())
-            if size < TOLERANCE:
-                return point
-            if size >= previous and float(np.abs(point.residual).max()) < ACCEPTED:
-                return point  # at the level of the integration error
-            if not np.isfinite(size) or size > 1e6:
-                break
-            previous = size
-            try:
-                point = self.evaluate(point.unknowns + step, values)
-            except OrbitError:
-                break  # the iteration has left what can be integrated
-        raise OrbitError(
-            reason=f"no orbit with this signature near the guess (the "
-            f"residual stays at {np.abs(point.residual).max():.2g})",
-            remedy="take a guess nearer to an orbit: let transients die out (transient=300), or "
-            "change periods",
-            partial=point,
+class _Layout:
+    """Which rows and columns of the equations belong to what; the signature says it all."""
+
+    def __init__(self, shooting: Shooting) -> None:
+        segments, events, f = shooting.segments, shooting.events, len(shooting.free)
+        count = len(segments)
+        size = f * count + len(events)
+        self.codes = np.array(
+            [(s.mode, NO_EVENT if s.code == BOUNDARY else s.code) for s in segments],
+            dtype=np.int64,
         )
+        self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
+        self.events = np.array(events, dtype=np.int64)
+        # Segments that begin where the one before ends, not with a period.
+        self.follows = np.array(
+            [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
+        )
+        self.by_end, self.by_start = np.zeros((count, size)), np.zeros((count, size))
+        self.by_end[self.events, f * count + np.arange(len(events))] = 1.0
+        self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
+        # An event's margin stands before the states that follow on it.
+        first = np.cumsum([i in events for i in range(count)]) + f * np.arange(count)
+        self.state_rows = first[:, None] + np.arange(f)
+        self.guard_rows = first[self.events] - 1
+        columns = f * np.arange(count)[:, None] + np.arange(f)
+        self.identity = np.zeros((size, size))
+        self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
+        self.own_state = (*np.ix_(range(count), range(shooting.n), range(f))[:2], columns[:, None])
+        self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
+        self.period_ends = self.codes[:, 1] == NO_EVENT
+        self.switch = np.array([s.switch for s in segments], dtype=np.int64)
 
+    def instants(self, setting: Setting, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return starts and ends of the segments, and their derivatives by the parameters.
 
-def _shooting(
-    family: Family, segments: tuple[Segment, ...], active: tuple[str, ...], pinned: list[int]
-) -> Shooting:
-    shooting = Shooting(family, segments, active)
-    shooting.pinned = pinned
-    return shooting
+        These are of ends that are no unknowns.
+        """
+        count = len(self.codes)
+        ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
+        ends[self.events] = times
+        ends[self.period_ends], end_rates[self.period_ends] = setting.period, setting.period_rates
+        if self.at_switch.any():
+            switch = self.switch[self.at_switch]
+            ends[self.at_switch] = setting.switches[switch]
+            end_rates[self.at_switch] = setting.switch_rates[:, switch].T
+        starts, start_rates = np.zeros(count), np.zeros_like(end_rates)
+        starts[self.follows] = ends[:-1][self.follows[1:]]
+        start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
+        return starts, ends, start_rates, end_rates
+
+    def passage(
+        self, setting: Setting, starts: Floats, ends: Floats
+    ) -> tuple[Floats, Floats | None]:
+        """Return times and motions for `Variational.traverse`."""
+        rooms, looked = np.full(ends.size, math.inf), ends
+        if not setting.switches.size:
+            return np.stack([starts, ends, rooms, looked], axis=1), None
+        rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
+        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # before it switches
+        motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
+        return np.stack([starts, ends, rooms, looked], axis=1), np.array(motions)

@@ -81,9 +81,8 @@ def test_trace_grows_as_one_over_the_impact_speed():
 
 def grazing_instant(orbit):
     shooting, point = orbit.shooting, orbit.point
-    shooting.move_to(point.values)
     time = float(point.arcs[0].minima_time[0])
-    return time, shooting.variational.arc(0, orbit.state, 0.0, time).end[2:]
+    return time, shooting.variational(point.setting).arc(0, orbit.state, 0.0, time).end[2:]
 
 
 def test_chatter_and_rest_forget_the_state():

@@ -188,8 +188,8 @@ def test_a_period_that_jumps_is_refused(share, allowed):
     """A sine with a bias has twice the period of one without: that is no small change."""
     orbit = find_orbit(oscillator(amplitude=0.1), at((0.0, 0.0)), transient=100, active=("omega",))
     if allowed:
-        orbit.shooting.move_to(np.array([1.0 / share]))
-        assert orbit.shooting.period == pytest.approx(share * 2.0 * math.pi)
+        setting = orbit.shooting.setting(np.array([1.0 / share]))
+        assert setting.period == pytest.approx(share * 2.0 * math.pi)
         return
     with pytest.raises(OrbitError, match="period jumps"):
-        orbit.shooting.move_to(np.array([1.0 / share]))
+        orbit.shooting.setting(np.array([1.0 / share]))

@@ -76,7 +76,7 @@ def test_orbit_with_signature_stuck_stuck_slip():
     assert rest - collision == pytest.approx(to_rest, abs=1e-9)
     assert before[3] == pytest.approx(speed, abs=1e-9)
     assert orbit.advance[0] == pytest.approx(step, abs=1e-10)
-    assert orbit.shooting.period == pytest.approx(math.pi / W, abs=1e-14)
+    assert orbit.point.period == pytest.approx(math.pi / W, abs=1e-14)
 
 
 def test_voltage_at_which_the_sticking_orbit_grazes():

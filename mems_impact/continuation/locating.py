@@ -1,0 +1,133 @@
+"""Special points of a branch: where in a step they lie, and what they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mems_impact.continuation.corrector import Step, tangent
+from mems_impact.continuation.monitors import (
+    FOLD,
+    LABELS,
+    NEAR,
+    NEIMARK_SACKER,
+    PERIOD_DOUBLING,
+    Monitor,
+    closest,
+    monitors,
+)
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
+from mems_impact.orbits.shooting import Point, Shooting
+
+SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A point of a branch at which something happens, located on it.
+
+    Attributes
+    ----------
+    kind : str
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", or the name of the guard whose
+        margin is touched.
+    label : str
+        As in the paper: G, CF, PD; else the kind.
+    value : float
+        Of the parameter.
+    orbit : PeriodicOrbit
+    direction : float array
+        Tangent of the branch.
+    monitor : Monitor
+        The test function that is zero.
+    """
+
+    kind: str
+    label: str
+    value: float
+    orbit: PeriodicOrbit = field(repr=False)
+    direction: Floats = field(repr=False)
+    monitor: Monitor = field(repr=False)
+
+
+def locate(
+    shooting: Shooting, step: Step, length: float, monitor: Monitor
+) -> tuple[float, SpecialPoint] | None:
+    """Locate the zero of `monitor` within the first `length` of a step.
+
+    Returns the position in the step with the point, or None if the sign change is no zero.
+
+    Raises
+    ------
+    OrbitError
+        If the step is too long for the zero to be found within it.
+    """
+
+    def test(s: float) -> float:
+        here = step.at(s).point
+        return monitors(shooting, here, tangent(here, step.along))[monitor]
+
+    try:
+        position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
+        here = step.at(position).point
+    except (KeyError, ValueError) as error:
+        raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
+    special = special_at(monitor, shooting, here, tangent(here, step.along))
+    return None if special is None else (position, special)
+
+
+def special_at(
+    monitor: Monitor, shooting: Shooting, here: Point, direction: Floats
+) -> SpecialPoint | None:
+    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
+
+    A test function may change its sign through infinity (an impact at zero speed), and the product
+    of two real multipliers may pass one.
+    """
+    orbit = make_orbit(shooting, here)
+    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
+        return None
+    off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
+    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
+        return None
+    kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
+    label, value = LABELS.get(kind, kind), float(here.values[0])
+    return SpecialPoint(kind, label, value, orbit, direction, monitor)
+
+
+def rank(special: SpecialPoint) -> int:
+    """Return which of several losses in one point to name and to act upon, the lowest first.
+
+    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
+    same point. Where an event meets another one, its margin is zero at an end of a segment.
+    """
+    monitor = special.monitor
+    if monitor.role == "approach":
+        touch = closest(special.orbit.shooting, special.orbit.point, monitor.guard)
+        return 1 if touch is not None and touch.inside else 3
+    return 0 if monitor.role == "rate" else 2
+
+
+def halves(orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is one of half the period, at its period doubling.
+
+    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
+    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
+    fold, of an orbit that is traversed twice.
+    """
+    half, odd = divmod(len(orbit.segments), 2)
+    if odd or orbit.periods % 2:
+        return False
+    codes = [segment.code for segment in orbit.segments]
+    if codes[:half] != codes[half:]:
+        return False
+    states, _ = orbit.shooting.unpack(orbit.point.unknowns)
+    apart = float(np.abs(states[:half] - states[half:]).max())
+    if apart >= SAME_HALVES * float(np.abs(states).max()):
+        return False
+    multipliers = np.linalg.eigvals(reduced(orbit.shooting, orbit.point, half))
+    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())

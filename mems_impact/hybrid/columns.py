@@ -1,0 +1,84 @@
+"""Perturbations carried along an arc, as columns of an extended flow.
+
+All derivatives of an automaton's functions are taken along directions, by central differences of
+sixth order with a step of 1e-3 along a direction of length one. For states and parameters of order
+one, truncation and rounding are both near 1e-13, so that no automaton has to bring a Jacobian.
+
+A *column* is a perturbation: one for each component of the initial state that is not cyclic, then
+one for each direction in the space of parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+STEP = 1e-3  # of the differences, along a direction of length one
+
+
+def weight_of(s: int) -> float:
+    """Return the weight of the value at `s` steps in a central difference of sixth order."""
+    weight = 45.0 if abs(s) == 1 else (-9.0 if abs(s) == 2 else 1.0)
+    return weight / 60.0 if s > 0 else -weight / 60.0
+
+
+@cache
+def extended_flow(
+    flow: Callable[..., Any], n: int, free: int, directions: int, count: int
+) -> Callable[..., Any]:
+    """Return the flow of the state and its columns.
+
+    The extended state is y (n), then `free` + `directions` columns of length n. The extended
+    parameters are p (count), the `directions` in the space of p, for each of them the motion of
+    time (two numbers, see `mems_impact.hybrid.variational`), and scratch of 2 n + count.
+    """
+    columns = free + directions
+
+    def extended(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        motion = count * (1 + directions)
+        scratch = motion + 2 * directions
+        shifted = p[scratch : scratch + n]
+        slope = p[scratch + n : scratch + 2 * n]
+        shifted_p = p[scratch + 2 * n : scratch + 2 * n + count]
+        for c in range(columns):
+            column = n * (1 + c)
+            length = 0.0
+            for i in range(n):
+                length = max(length, abs(y[column + i]))
+            direction = count * (1 + c - free)
+            moving, stretching = 0.0, 0.0
+            if c >= free:
+                stretching = p[motion + 2 * (c - free) + 1]
+                moving = p[motion + 2 * (c - free)] + stretching * t
+                for i in range(count):
+                    length = max(length, abs(p[direction + i]))
+            for i in range(n):
+                dy[column + i] = 0.0
+            for i in range(count):
+                shifted_p[i] = p[i]
+            if length > 0.0:
+                for s in range(-3, 4):
+                    if s != 0:
+                        h = s * STEP / length
+                        weight = length * weight_of(s) / STEP
+                        for i in range(n):
+                            shifted[i] = y[i] + h * y[column + i]
+                        if c >= free:
+                            for i in range(count):
+                                shifted_p[i] = p[i] + h * p[direction + i]
+                        flow(mode, t + h * moving, shifted, shifted_p, slope)
+                        for i in range(n):
+                            dy[column + i] += weight * slope[i]
+        for i in range(count):
+            shifted_p[i] = p[i]
+        for i in range(n):
+            shifted[i] = y[i]
+        flow(mode, t, shifted, shifted_p, slope)
+        for i in range(n):
+            dy[i] = slope[i]
+        for c in range(free, columns):
+            for i in range(n):
+                dy[n * (1 + c) + i] += p[motion + 2 * (c - free) + 1] * slope[i]
+
+    return extended

@@ -1,0 +1,262 @@
+"""The way of an orbit through its segments, written over the engine's contract, for both forms.
+
+One call takes all arcs and events of an orbit, with what they do to perturbations.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mems_impact.engines import contract
+from mems_impact.hybrid.columns import STEP, weight_of
+
+FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
+NO_EVENT = -1  # as the code of what ends a segment
+SCRATCH = 8  # rows of `work`
+
+
+def traverse(
+    engine: Any,
+    parameters: Any,
+    n: int,
+    m: int,
+    directions: int,
+    max_steps: int,
+    segments: Any,
+    times: Any,
+    motions: Any,
+    states: Any,
+    slopes: Any,
+    minima: Any,
+    touches: Any,
+    margins: Any,
+    by_margin: Any,
+    by_jump: Any,
+    after: Any,
+    work: Any,
+) -> int:
+    """Go through N segments, each from a state of its own, whatever the guards say.
+
+    Parameters
+    ----------
+    engine
+        Of the extended flow (see `mems_impact.hybrid.columns`).
+    parameters : float array, shape (count * (1 + directions),)
+        p and the directions in its space.
+    n, m, directions, max_steps : int
+        Components of the state, guards, directions, steps that an arc may take.
+    segments : int array, shape (N, 3)
+        Mode and code of what ends the segment (or NO_EVENT); gets the mode that this leads to.
+    times : float array, shape (N, 4)
+        Start, end, how far differences in time may go from the end, and when the margins at the
+        end are looked at.
+    motions : float array, shape (N, 2 directions)
+        How instants move with each parameter: at the rate a + b t.
+    states : float array, shape (N, n (1 + columns))
+        State and columns at the start; gets those at the end.
+    slopes : float array, shape (N, 2, n)
+        Gets the flow at start and end.
+    minima : float array, shape (N, 3, 2 m)
+        Gets the smallest value that each margin has at a closest approach inside the arc (inf if it
+        has none), and when; row 2 is scratch.
+    touches : float array, shape (N, m, n (1 + columns))
+        Gets state and columns there.
+    margins : float array, shape (N, 2, 2 m)
+        Gets margins and rates at start and end.
+    by_margin, by_jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
+        Get margins and rates before the event, and the state after it, with their derivatives: the
+        value, then by each component of the state, by time, by each direction.
+    after : float array, shape (N, n)
+        Gets the state after the event.
+    work : float array, shape (SCRATCH, ...)
+
+    Returns
+    -------
+    int
+        Number of the segment that cannot be integrated, or -1.
+    """
+    count = parameters.size // (1 + directions)
+    place = parameters.size
+    free = states.shape[1] // n - 1 - directions
+    slope = work[5]
+    for i in range(place):
+        contract.set_parameter(engine, i, parameters[i])
+    for i in range(segments.shape[0]):
+        mode, code = segments[i, 0], segments[i, 1]
+        start, end = times[i, 0], times[i, 1]
+        y = states[i]
+        for j in range(2 * directions):
+            contract.set_parameter(engine, place + j, motions[i, j])
+        contract.margins(engine, mode, start, y, margins[i, 0])
+        contract.flow(engine, mode, start, y, slope)
+        for c in range(n):
+            slopes[i, 0, c] = slope[c]
+        for j in range(directions):
+            moved = motions[i, 2 * j] + motions[i, 2 * j + 1] * start
+            for c in range(n):
+                y[n * (1 + free + j) + c] = slope[c] * moved
+        if not integrate(engine, mode, y, start, end, m, max_steps, minima[i], touches[i], work):
+            return i
+        # From the left, where a drive that switches at the end has not done so yet.
+        contract.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
+        for c in range(n):
+            slopes[i, 1, c] = slope[c]
+        for j in range(directions):
+            moved = motions[i, 2 * j] + motions[i, 2 * j + 1] * end
+            for c in range(n):
+                y[n * (1 + free + j) + c] -= slope[c] * moved
+        contract.margins(engine, mode, times[i, 3], y, margins[i, 1])
+        if code != NO_EVENT:
+            differentiate_event(
+                engine,
+                mode,
+                code,
+                end,
+                y,
+                n,
+                m,
+                count,
+                directions,
+                times[i, 2],
+                by_margin[i],
+                by_jump[i],
+                work,
+            )
+            for c in range(n):
+                after[i, c] = y[c]
+            segments[i, 2] = contract.transition(engine, mode, code, end, after[i])
+    return -1
+
+
+def integrate(
+    engine: Any,
+    mode: int,
+    y: Any,
+    start: float,
+    end: float,
+    m: int,
+    max_steps: int,
+    minima: Any,
+    touches: Any,
+    work: Any,
+) -> bool:
+    """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well."""
+    for i in range(m):
+        minima[0, i] = math.inf
+        minima[1, i] = math.nan
+        # Only closest approaches are wanted. A margin and its rate that are zero together would
+        # stop CVODE ("root found very near t").
+        contract.set_bias(engine, i, 1e6)
+    if start - end > FARTHEST_BACK:
+        return False
+    if end <= start:
+        go_back(engine, mode, y, start, end, work)
+        return True
+    contract.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
+    for _ in range(max_steps):
+        status = contract.step(engine)
+        if status < 0:
+            return False
+        t = contract.time(engine)
+        if t >= end:
+            contract.interpolate(engine, end, y)
+            return True
+        if status == contract.ROOT:
+            contract.state(engine, y)
+            contract.margins(engine, mode, t, y, minima[2])
+            for i in range(m):
+                if contract.fired(engine, m + i) > 0 and minima[2, i] < minima[0, i]:
+                    minima[0, i] = minima[2, i]
+                    minima[1, i] = t
+                    for j in range(y.size):
+                        touches[i, j] = y[j]
+    return False
+
+
+def go_back(engine: Any, mode: int, y: Any, start: float, end: float, work: Any) -> None:
+    """Integrate from `start` back to an earlier `end`, by the classical Runge-Kutta method.
+
+    An arc of negative length is met only where a guard is touched at zero speed and the equations
+    are looked at from the other side; it is short, and at steps of 1e-3 the method is exact to
+    rounding.
+    """
+    n = y.size
+    steps = math.ceil((start - end) / 1e-3)
+    k1, k2, k3, k4, x = work[0], work[1], work[2], work[3], work[4]
+    for k in range(steps):
+        h = (end - start) / steps
+        t = start + k * h
+        contract.flow(engine, mode, t, y, k1)
+        for i in range(n):
+            x[i] = y[i] + 0.5 * h * k1[i]
+        contract.flow(engine, mode, t + 0.5 * h, x, k2)
+        for i in range(n):
+            x[i] = y[i] + 0.5 * h * k2[i]
+        contract.flow(engine, mode, t + 0.5 * h, x, k3)
+        for i in range(n):
+            x[i] = y[i] + h * k3[i]
+        contract.flow(engine, mode, t + h, x, k4)
+        for i in range(n):
+            y[i] += h * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
+
+
+def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
+    """Set the parameters to `p`, moved by `h` along a direction (kept behind them)."""
+    for i in range(count):
+        moved = h * contract.parameter(engine, count * (1 + direction) + i)
+        contract.set_parameter(engine, i, p[i] + moved)
+
+
+def differentiate_event(
+    engine: Any,
+    mode: int,
+    code: int,
+    t: float,
+    y: Any,
+    n: int,
+    m: int,
+    count: int,
+    directions: int,
+    room: float,
+    margin: Any,
+    jump: Any,
+    work: Any,
+) -> None:
+    """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
+
+    `margin` (2 m, 1 + n + 1 + directions) and `jump` (n, ...) get value and derivatives: column 0
+    the value, then one for each component of the state, for time, for each direction of the
+    parameters. Differences in time stay within `room` of `t`. The engine's parameters
+    are moved and put back.
+    """
+    shifted, g, p = work[0], work[6], work[7]
+    for i in range(count):
+        p[i] = contract.parameter(engine, i)
+    for c in range(1 + n + 1 + directions):
+        for i in range(2 * m):
+            margin[i, c] = 0.0
+        for i in range(n):
+            jump[i, c] = 0.0
+        step = min(STEP, 0.3 * room) if c == n + 1 else STEP
+        for s in range(-3, 4):
+            if (c == 0) == (s == 0):
+                h = s * step
+                weight = weight_of(s) / step if s != 0 else 1.0
+                time = t
+                for i in range(n):
+                    shifted[i] = y[i]
+                if 1 <= c <= n:
+                    shifted[c - 1] += h
+                elif c == n + 1:
+                    time += h
+                elif c > n + 1:
+                    move_parameters(engine, p, count, c - n - 2, h)
+                contract.margins(engine, mode, time, shifted, g)
+                contract.transition(engine, mode, code, time, shifted)
+                if c > n + 1:
+                    move_parameters(engine, p, count, c - n - 2, 0.0)
+                for i in range(2 * m):
+                    margin[i, c] += weight * g[i]
+                for i in range(n):
+                    jump[i, c] += weight * shifted[i]
