@@ -184,7 +184,6 @@ class _Curve:
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         before = self._tests(point)
         while len(curve.points) < steps.most:
-            gradient = self.gradient
             try:
                 step = Step(self._correct, point, along, bend)
                 following = step.at(length).point
@@ -195,7 +194,7 @@ class _Curve:
                 if ahead @ along < 0.95:
                     raise OrbitError("the curve turns too sharply", "take a shorter step")
             except OrbitError as error:
-                self.gradient = gradient
+                self.gradient = self.condition.gradient(point)
                 length /= 2.0
                 if length < steps.smallest:
                     curve.ended = f"no further step possible: {error.reason}"
@@ -279,25 +278,30 @@ class _Curve:
 
     def _tests(self, point: Point) -> Tests:
         """Return the test functions for points of codimension two."""
-        matrix = reduced(self.shooting, point)
-        identity = np.eye(len(matrix))
-        scale = max(1.0, float(np.abs(matrix).max()))
-        tests: Tests = {}
-        if self.monitor.kind != FOLD:
-            tests["multiplier +1"] = float(np.linalg.det(matrix - identity)) / scale
-        else:
-            assert isinstance(self.condition, Singular)
-            tests["cusp"] = self.condition.curvature(point)
-        if self.monitor.kind != PERIOD_DOUBLING:
-            tests["multiplier -1"] = float(np.linalg.det(matrix + identity)) / scale
-        if self.monitor.role == "approach":
-            coefficient = contact_coefficient(self.shooting, point, self.monitor, 1)
-            if coefficient is not None:
-                tests["contact"] = coefficient
+        names = [
+            "cusp" if self.monitor.kind == FOLD else "multiplier +1",
+            *(["multiplier -1"] if self.monitor.kind != PERIOD_DOUBLING else []),
+            *(["contact"] if self.monitor.role == "approach" else []),
+        ]
+        named = {name: self._test(name, point) for name in names}
+        tests: Tests = {name: value for name, value in named.items() if value is not None}
         for other, value in monitors(self.shooting, point, np.zeros(1)).items():
             if other.role in ("approach", "rate") and other not in self.zero:
                 tests[other] = value
         return tests
+
+    def _test(self, test: str | Monitor, point: Point) -> float | None:
+        """Return one of them; None where it has no meaning."""
+        if isinstance(test, Monitor):
+            return monitors(self.shooting, point, np.zeros(1)).get(test)
+        if test == "cusp":
+            assert isinstance(self.condition, Singular)
+            return self.condition.curvature(point)
+        if test == "contact":
+            return contact_coefficient(self.shooting, point, self.monitor, 1)
+        matrix = reduced(self.shooting, point)
+        shifted = matrix + (-1.0 if test == "multiplier +1" else 1.0) * np.eye(len(matrix))
+        return float(np.linalg.det(shifted)) / max(1.0, float(np.abs(matrix).max()))
 
     def _kind(self, test: str | Monitor) -> str:
         """Return what it is called where `test` is zero on this curve."""
@@ -343,7 +347,10 @@ class _Curve:
         """Locate a zero of `test` within a step: where in it, and the point."""
 
         def value(s: float) -> float:
-            return self._tests(step.at(s).point)[test]
+            found = self._test(test, step.at(s).point)
+            if found is None:
+                raise KeyError(test)
+            return found
 
         kind = self._kind(test)
         try:
