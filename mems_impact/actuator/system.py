@@ -180,7 +180,7 @@ class ActuatorSystem(System):
 
     def _sorted(self, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
         """Return the values of the drive and those of the actuator."""
-        names = self.drive.names
+        names = self._drive_names
         of_drive = {name: value for name, value in values.items() if name in names}
         rest = {name: value for name, value in values.items() if name not in of_drive}
         for name in rest:
@@ -202,22 +202,25 @@ class ActuatorSystem(System):
         Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
         `numbers` does without.
         """
-        changes = changes or {}
         of_drive, of_actuator = self._sorted(changes) if changes else ({}, {})
-        device = [of_actuator.get(name, value) for name, value in self._device]
-        if self._scales is not DIMENSIONLESS:
-            units = map(PARAMETER_UNITS.get, PARAMETER_NAMES)
-            device = [
-                self._scales.into(value, unit) if unit else value
-                for value, unit in zip(device, units, strict=True)
-            ]
-        drive = self.drive.numbers(of_drive, self._scales)
-        return drive._replace(parameters=np.concatenate([device, drive.parameters]))
+        device = self._device
+        if of_actuator:
+            device = device.copy()
+            for name, value in of_actuator.items():
+                unit = PARAMETER_UNITS.get(name)
+                inner = self._scales.into(value, unit) if unit else value
+                device[PARAMETER_NAMES.index(name)] = inner
+        q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
+        return Numbers(np.concatenate([device, q]), period, switches, scale)
 
     @cached_property
-    def _device(self) -> list[tuple[str, float]]:
-        """Names and values of the actuator, in its own units."""
-        return [(name, getattr(self.actuator, name)) for name in PARAMETER_NAMES]
+    def _device(self) -> Floats:
+        """The actuator's numbers, in the units of the numerics."""
+        return self.inner_actuator.to_array()
+
+    @cached_property
+    def _drive_names(self) -> tuple[str, ...]:
+        return self.drive.names
 
     def ending(self, until: Callable[..., float]) -> System:
         """Refuse: the functions of an actuator are not written by name."""

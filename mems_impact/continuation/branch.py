@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mems_impact.continuation.corrector import Step, correct, tangent
+from mems_impact.continuation.corrector import NODES, Step, correct, tangent
 from mems_impact.continuation.locating import SpecialPoint, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -176,13 +176,13 @@ class _Walker:
         length = self.steps.initial
         budget = self.steps.most  # of events that move into another period, or past another one
         before = monitors(shooting, point, along)
-        bend: Floats | None = None
+        behind: list[Floats] = []
         while len(self.branch.points) < self.steps.most:
             try:
                 if budget == 0:
                     raise OrbitError("events go to and fro", "take shorter steps")
                 length = self._within_bounds(point, along, length)
-                step = Step(partial(correct, shooting), point, along, bend)
+                step = Step(partial(correct, shooting), point, along, behind[-NODES:])
                 following, iterations = step.at(length).point, step.at(length).iterations
                 ahead = tangent(following, along)
                 after = monitors(shooting, following, ahead)
@@ -229,7 +229,7 @@ class _Walker:
                     self.branch.ended = f"{lost.kind}: {reason}"
                     return
                 shooting, point, along = joined
-                bend = None
+                behind = []
                 earlier, before = before, monitors(shooting, point, along)
                 if passing:
                     self._rename(lost, found.special_points, earlier, before)
@@ -244,7 +244,7 @@ class _Walker:
             if closed:
                 self.branch.ended = "the branch closed upon itself"
                 return
-            bend = (ahead - along) / (2.0 * length)
+            behind.append(step.start)
             point, along, before = following, ahead, after
             self._append(shooting, point, along, piece)
             yield self.branch.points[-1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -76,8 +76,8 @@ class Step:
         Where the step begins.
     along : float array
         The unit tangent there.
-    bend : float array, optional
-        Half the curvature, as far as it is known.
+    behind : sequence of float array, optional
+        Unknowns and parameters of the points before it.
     """
 
     def __init__(
@@ -85,14 +85,17 @@ class Step:
         correct: Callable[[Floats, Floats, Floats], Solution],
         point: Point,
         along: Floats,
-        bend: Floats | None = None,
+        behind: Sequence[Floats] = (),
     ) -> None:
         self.start, self.along = np.concatenate([point.unknowns, point.values]), along
         self._correct = correct
         self._found = {0.0: Solution(self.start, point, 0)}
+        # How far the branch lies from the tangent over s^2, by s.
         self._bends: dict[float, Floats] = {}
-        bend = np.zeros(along.size) if bend is None else bend
-        self._bend = bend - (bend @ along) * along
+        for earlier in behind:
+            s = float((earlier - self.start) @ along)
+            if s < 0.0:
+                self._bends[s] = (earlier - self.start - s * along) / (s * s)
 
     def at(self, s: float) -> Solution:
         """Return the point at the distance `s` along the tangent.
@@ -110,15 +113,15 @@ class Step:
         return self._found[s]
 
     def _bend_at(self, s: float) -> Floats:
-        """Return how far the branch lies from the tangent over s^2, from what is known of it."""
+        """Return the polynomial through what is known nearby."""
+        bend = np.zeros_like(self.along)
         if not self._bends:
-            return self._bend
-        least = APART * max(self._bends)
+            return bend
+        least = APART * max(map(abs, self._bends))
         nodes: list[float] = []
         for node in sorted(self._bends, key=lambda node: abs(node - s)):
             if all(abs(node - other) >= least for other in nodes) and len(nodes) < NODES:
                 nodes.append(node)
-        bend = np.zeros_like(self._bend)
         for node in nodes:
             weight = 1.0
             for other in nodes:

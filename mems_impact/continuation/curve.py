@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from mems_impact.continuation.branch import SpecialPoint, Steps
 from mems_impact.continuation.conditions import Singular, condition_of
-from mems_impact.continuation.corrector import Step
+from mems_impact.continuation.corrector import NODES, Step
 from mems_impact.continuation.grazing import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -177,7 +177,8 @@ class _Curve:
         except OrbitError as error:
             curve.ended = f"the first point could not be corrected: {error.reason}"
             return curve
-        length, bend = steps.initial, None
+        length = steps.initial
+        behind: list[Floats] = []
         self._append(point)
         # What a touched guard takes with it is zero all along, and no point of codimension two.
         touched = monitors(self.shooting, point, np.zeros(1))
@@ -185,7 +186,7 @@ class _Curve:
         before = self._tests(point)
         while len(curve.points) < steps.most:
             try:
-                step = Step(self._correct, point, along, bend)
+                step = Step(self._correct, point, along, behind[-NODES:])
                 following = step.at(length).point
                 after = self._tests(following)
                 special, lost = self._special(step, length, before, after)
@@ -209,7 +210,7 @@ class _Curve:
                 self._finish(step, length)
                 curve.ended = f"{curve.parameters[1]} reached its bound"
                 return curve
-            bend = (ahead - along) / (2.0 * length)
+            behind.append(step.start)
             point, along, before = following, ahead, after
             self._append(point)
             if progress is not None:

@@ -42,8 +42,8 @@ class Setting:
     switch_rates: Floats
 
     @classmethod
-    def of(cls, family: Family, active: tuple[str, ...], values: Floats) -> Setting:
-        """Return the setting at `values` of the parameters `active`.
+    def of(cls, family: Family, active: tuple[str, ...], values: Floats, period: float) -> Setting:
+        """Return the setting at `values` of the parameters `active`; `period` is one near it.
 
         Raises
         ------
@@ -52,7 +52,7 @@ class Setting:
         """
         there = family.at(**dict(zip(active, values.tolist(), strict=True)))
         numbers = there.numbers()
-        if not 0.5 < numbers.period / family.numbers().period < 2.0:
+        if not 0.5 < numbers.period / period < 2.0:
             raise OrbitError(
                 reason=f"the period jumps to {numbers.period:.6g} here",
                 remedy="stay on this side (a sine without bias has half the period)",

@@ -90,7 +90,8 @@ class Shooting:
         pinned: Sequence[int] = (),
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
-        self.automaton = family.problem().automaton
+        problem = family.problem()
+        self.automaton, self._period = problem.automaton, problem.period
         self.free = list(free_components(self.automaton))
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
         switch = self.automaton.switch_code
@@ -137,7 +138,7 @@ class Shooting:
         """
         # Corrections at fixed values ask again and again.
         if self._last is None or not np.array_equal(self._last.values, values):
-            self._last = Setting.of(self.family, self.active, values)
+            self._last = Setting.of(self.family, self.active, values, self._period)
         return self._last
 
     def variational(self, setting: Setting) -> Variational:

@@ -14,7 +14,7 @@ from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import Numbers
-from mems_impact.units import Scales
+from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["Sine"]
 
@@ -85,9 +85,11 @@ class Sine(Drive):
 
     def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
         """Return q, period and time scale in `scales`, at other values; there is no switch."""
-        q = {"amplitude": self.amplitude, "omega": self.omega, "bias": self.bias,
-             "phase": self.phase, **changes}  # fmt: skip
-        for name, unit in self.units.items():
-            q[name] = scales.into(q[name], unit)
-        period = _period(q["omega"], q["bias"])
-        return Numbers(np.array(list(q.values())), period, (), period)
+        amplitude, omega, bias, phase = (
+            changes.get(name, getattr(self, name)) for name in type(self).model_fields
+        )
+        if scales is not DIMENSIONLESS:
+            amplitude, bias = scales.into(amplitude, "V"), scales.into(bias, "V")
+            omega = scales.into(omega, "rad/s")
+        period = _period(omega, bias)
+        return Numbers(np.array([amplitude, omega, bias, phase]), period, (), period)
