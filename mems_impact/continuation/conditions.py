@@ -1,4 +1,4 @@
-"""What is zero along a curve of special points, and its derivatives."""
+"""Test functions as equations: what is zero along a curve, and its derivatives."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from mems_impact.continuation.monitors import FOLD, PERIOD_DOUBLING, Monitor, closest, monitors
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.gradients import length_gradient, rate_gradient, touch_gradient
 from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
@@ -16,9 +17,10 @@ ALONG = 1e-4  # of those of the equations' derivatives along their null vector
 
 def condition_of(shooting: Shooting, monitor: Monitor) -> Condition:
     """Return what is zero where `monitor` is."""
-    if monitor.role == "approach":
-        return Touch(shooting, monitor)
-    if monitor.kind == FOLD and not monitor.role:
+    by_role = {"approach": Touch, "rate": Rate, "length": Length}
+    if monitor.role:
+        return by_role[monitor.role](shooting, monitor)
+    if monitor.kind == FOLD:
         return Singular(shooting, monitor)
     return Condition(shooting, monitor)
 
@@ -79,7 +81,27 @@ class Touch(Condition):
         touch = closest(self.shooting, point, self.monitor.guard)
         if touch is None or not touch.inside:
             return super().gradient(point)
-        return self.shooting.gradient_inside(point, touch.segment, self.monitor.guard)
+        return touch_gradient(self.shooting, point, touch.segment, self.monitor.guard)
+
+
+class Rate(Condition):
+    """The speed at which the guard that ends a segment is reached."""
+
+    derived = True
+
+    def gradient(self, point: Point) -> Floats:
+        """Return its derivatives."""
+        return -rate_gradient(self.shooting, point, self.monitor.segment, self.monitor.guard)
+
+
+class Length(Condition):
+    """The length of a segment."""
+
+    derived = True
+
+    def gradient(self, point: Point) -> Floats:
+        """Return its derivatives."""
+        return length_gradient(self.shooting, point, self.monitor.segment)
 
 
 class Singular(Condition):
@@ -118,7 +140,7 @@ class Singular(Condition):
         return float(left @ by_all[:, : null.size] @ null) * sign
 
     def _along_null(self, point: Point) -> tuple[Floats, Floats, Floats]:
-        """Return the null vectors, left and right, and how all derivatives change along the latter."""
+        """Return the null vectors, left and right, and how all derivatives change along this."""
         if self._second is None or self._second[0] is not point:
             vectors, _, rows = np.linalg.svd(point.jacobian)
             left, null = vectors[:, -1], rows[-1]

@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
-from mems_impact.continuation.monitors import Closest, Monitor, closest, monitors
+from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
@@ -23,7 +24,6 @@ DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 # Time after two events have met at which the other order is entered. The branch has a corner where
 # they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
 APART = 1e-5
-GRADIENT_STEP = 1e-6  # of the differences that give the gradient of a test function
 
 
 def reconnect(
@@ -56,9 +56,10 @@ def reconnect(
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-    point = _at_level(shooting, unknowns, value, wanted, level)
+    condition = condition_of(shooting, wanted)
+    point = _at_level(shooting, unknowns, value, condition, level)
     direction = tangent(point)
-    gain = _derivative(shooting, point, wanted, direction)
+    gain = float(condition.gradient(point) @ direction)
     return shooting, point, direction if gain > 0.0 else -direction
 
 
@@ -261,11 +262,9 @@ def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess:
 
 
 def _at_level(
-    shooting: Shooting, unknowns: Floats, value: float, monitor: Monitor, level: float
+    shooting: Shooting, unknowns: Floats, value: float, condition: Condition, level: float
 ) -> Point:
-    """Solve for the orbit on which `monitor` has the value `level`, by Newton's method.
-
-    The parameter is free. The gradient of the monitor is taken by differences.
+    """Solve for the orbit on which `condition` has the value `level`, the parameter being free.
 
     Raises
     ------
@@ -273,38 +272,13 @@ def _at_level(
         If the iteration does not converge.
     """
     start = np.append(unknowns, value)
-
-    def observed(u: Floats) -> tuple[Point, float]:
-        point = shooting.evaluate(u[:-1], u[-1:])
-        return point, monitors(shooting, point, np.zeros(u.size)).get(monitor, np.nan)
-
     # The way is short, so that the gradient at its start will do.
-    gradient = np.array(
-        [
-            (observed(start + shift)[1] - observed(start - shift)[1]) / (2.0 * GRADIENT_STEP)
-            for shift in GRADIENT_STEP * np.eye(start.size)
-        ]
-    )
+    gradient = condition.gradient(shooting.evaluate(unknowns, start[-1:]))
 
     def equations(u: Floats) -> tuple[Point, Floats, Floats]:
-        point, here = observed(u)
+        point = shooting.evaluate(u[:-1], u[-1:])
         matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient])
-        return point, np.append(point.residual, here - level), matrix
+        return point, np.append(point.residual, condition.value(point) - level), matrix
 
     reason = "the orbits of the other signature could not be corrected"
     return newton(equations, start, reason=reason, remedy="find one beyond").point
-
-
-def _derivative(shooting: Shooting, point: Point, monitor: Monitor, direction: Floats) -> float:
-    """Return how `monitor` changes along `direction`."""
-    h = 1e-6
-    u = np.append(point.unknowns, point.values[0])
-    values = []
-    for sign in (1.0, -1.0):
-        x = u + sign * h * direction
-        there = shooting.evaluate(x[:-1], x[-1:])
-        values.append(monitors(shooting, there, direction).get(monitor, np.nan))
-    change = float(values[0] - values[1])
-    if not np.isfinite(change):
-        raise OrbitError("the closest approach is gone", "take another point")
-    return change

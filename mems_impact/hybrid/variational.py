@@ -58,7 +58,7 @@ class Event(NamedTuple):
     margins, rates : float array, shape (m,)
         Before the transition.
     margin_by_state, margin_by_time, margin_by_parameter
-        Of all margins; shapes (m, n), (m,), (m, directions).
+        Of all margins, then of all rates; shapes (2 m, n), (2 m,), (2 m, directions).
     jump_by_state, jump_by_time, jump_by_parameter
         Of the state after; shapes (n, n), (n,), (n, directions).
     mode : int
@@ -221,9 +221,9 @@ class Variational:
             after=after,
             margins=by_margin[:, :m, 0],
             rates=by_margin[:, m:, 0],
-            margin_by_state=by_margin[:, :m, 1 : n + 1],
-            margin_by_time=by_margin[:, :m, n + 1],
-            margin_by_parameter=by_margin[:, :m, n + 2 :],
+            margin_by_state=by_margin[:, :, 1 : n + 1],
+            margin_by_time=by_margin[:, :, n + 1],
+            margin_by_parameter=by_margin[:, :, n + 2 :],
             jump_by_state=by_jump[:, :, 1 : n + 1],
             jump_by_time=by_jump[:, :, n + 1],
             jump_by_parameter=by_jump[:, :, n + 2 :],

@@ -46,6 +46,8 @@ class Point:
         One for each segment; None where it ends with the period.
     starts, ends : float array, shape (N,)
         Times of the segments, each since the start of its period.
+    end_by_unknown, end_by_parameter : float array, shapes (N, n, unknowns), (N, n, k)
+        Derivatives of the states at the ends, before the events.
     """
 
     unknowns: Floats
@@ -57,6 +59,8 @@ class Point:
     events: tuple[Event | None, ...]
     starts: Floats
     ends: Floats
+    end_by_unknown: Floats
+    end_by_parameter: Floats
 
     @property
     def values(self) -> Floats:
@@ -97,7 +101,7 @@ class Shooting:
         switch = self.automaton.switch_code
         self.events = [i for i, s in enumerate(segments) if s.code not in (BOUNDARY, switch)]
         self.pinned = list(pinned)
-        self._layout = _Layout(self)
+        self.layout = Layout(self)
         self._last: Setting | None = None
 
     @cached_property
@@ -153,7 +157,7 @@ class Shooting:
         OrbitError
             If an arc cannot be integrated.
         """
-        setting, layout, free = self.setting(values), self._layout, self.free
+        setting, layout, free = self.setting(values), self.layout, self.free
         k, scales = len(self.active), setting.scales
         states, times = self.unpack(unknowns)
         starts, ends, start_rates, end_rates = layout.instants(setting, times)
@@ -214,29 +218,9 @@ class Shooting:
             ),
             starts=starts,
             ends=ends,
+            end_by_unknown=end,
+            end_by_parameter=end_by_parameter,
         )
-
-    def gradient_inside(self, point: Point, i: int, guard: int) -> Floats:
-        """Return the derivatives of a closest approach inside segment `i`, by unknowns and values.
-
-        When it is closest the margin stands still, so that the instant's own motion is no matter.
-        """
-        layout, setting, k = self._layout, point.setting, len(self.active)
-        arc, segment = point.arcs[i], self.segments[i]
-        y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
-        time = float(arc.minima_time[guard])
-        event = self.variational(setting).event(segment.mode, guard, time, y, setting.room(time))
-        by_column = columns @ event.margin_by_state[guard]
-        f = len(self.free)
-        by_state, by_parameter = by_column[:f], by_column[f : f + k]
-        moved = setting.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
-        by_parameter = by_parameter + event.margin_by_parameter[guard, :k]
-        by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
-        by_start = -float(by_state @ arc.slope_start[self.free])
-        _, _, start_rates, _ = layout.instants(setting, point.unknowns[f * len(self.segments) :])
-        by_unknown = by_start * layout.by_start[i]
-        by_unknown[f * i : f * (i + 1)] += by_state
-        return np.append(by_unknown, by_parameter * setting.scales + by_start * start_rates[i])
 
     def monodromy(self, point: Point, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
@@ -301,7 +285,7 @@ class Shooting:
                     )
 
 
-class _Layout:
+class Layout:
     """Which rows and columns of the equations belong to what; the signature says it all."""
 
     def __init__(self, shooting: Shooting) -> None:
