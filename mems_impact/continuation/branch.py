@@ -124,28 +124,48 @@ def follow(
     OrbitBranch
         Whatever ends it, what was found is in it, and `ended` says why it ends.
     """
-    if not low <= orbit.family.value(parameter) <= high:
-        value = orbit.family.value(parameter)
-        raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
     branch = OrbitBranch(parameter)
+    points = points_of(
+        branch, orbit, low=low, high=high, direction=direction, steps=steps,
+        reconnecting=reconnecting,
+    )  # fmt: skip
+    for found in points:
+        if progress is not None:
+            progress(found.value)
+    return branch
+
+
+def points_of(
+    branch: OrbitBranch,
+    orbit: PeriodicOrbit,
+    *,
+    low: float,
+    high: float,
+    direction: float = 1.0,
+    steps: Steps | None = None,
+    reconnecting: bool = True,
+) -> Iterator[BranchPoint]:
+    """Follow `orbit` as `follow` does, as far as the caller asks for points.
+
+    `branch`, an empty one in the parameter that is varied, gets all that is found.
+    """
+    parameter, value = branch.parameter, orbit.family.value(branch.parameter)
+    if not low <= value <= high:
+        raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
     shooting = Shooting(orbit.family, orbit.segments, (parameter,), orbit.shooting.pinned)
-    value = orbit.family.value(parameter)
     try:
         point = solve(shooting, orbit.point.unknowns, np.array([value]))
     except OrbitError as error:
         branch.ended = f"the first orbit could not be corrected: {error}"
-        return branch
+        return
     along = tangent(point)
     if direction < 0.0:
         along = -along
     walker = _Walker(branch, low, high, steps or Steps(), reconnecting)
     try:
-        for found in walker.walk(shooting, point, along):
-            if progress is not None:
-                progress(found.value)
+        yield from walker.walk(shooting, point, along)
     except (OrbitError, InvalidParameter) as error:
         branch.ended = str(error)
-    return branch
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
-from mems_impact.continuation.branch import Steps
+from mems_impact.continuation.branch import BranchPoint, OrbitBranch, Steps, points_of
 from mems_impact.continuation.curve import CurvePoint, OrbitCurve
 from mems_impact.engines.options import Options
 from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
@@ -304,7 +304,8 @@ class _Maker:
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
-        self.met: dict[float, list[branches.SpecialPoint]] = {}
+        # By frequency: the branch of the orbit without impacts on the way up, and its points to come.
+        self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
         self.regions: list[tuple[GrazingType, float, float]] = []
@@ -364,10 +365,29 @@ class _Maker:
             pieces=tuple(pieces),
         )
 
-    def _special(self, omega: float, watch: Watch | None = None) -> list[branches.SpecialPoint]:
-        """Return what the orbit without impacts meets on the way up, at one frequency."""
-        if omega in self.met:
-            return self.met[omega]
+    def _special(
+        self,
+        omega: float,
+        wanted: Callable[[branches.SpecialPoint], bool],
+        watch: Watch | None = None,
+    ) -> list[branches.SpecialPoint]:
+        """Return what the orbit without impacts meets on the way up, at one frequency.
+
+        The branch is followed no further than to the first point that is wanted.
+        """
+        if omega not in self.met:
+            self.met[omega] = self._set_out(omega)
+        branch, points = self.met[omega]
+        while not any(map(wanted, branch.special_points)):
+            point = next(points, None)
+            if point is None:
+                break
+            if watch is not None:
+                watch(point.value)
+        return branch.special_points
+
+    def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
+        """Return the branch at one frequency, empty, and its points."""
         amplitude = FIRST * self.pull_in
         family = self.family.at(amplitude=amplitude, omega=omega)
         here = self.system.changed(
@@ -375,17 +395,13 @@ class _Maker:
         )
         rest = here.instant(State(), family.problem())
         orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
-        branch = branches.follow(
-            orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps,
-            progress=watch,
-        )  # fmt: skip
-        self.met[omega] = branch.special_points
-        return branch.special_points
+        branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
+        return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
 
     def _grazings(self, low: float, high: float) -> OrbitCurve:
         """Return the grazing curve of the orbit without impacts."""
         for end, direction in ((high, -1.0), (low, 1.0)):
-            touching = [s for s in self._special(end) if _grazes(s)]
+            touching = [s for s in self._special(end, _grazes) if _grazes(s)]
             if touching:
                 self.tell("the grazing curve of the orbit without impacts")
                 curve = self._curve(touching[0], low, high, direction)
@@ -400,7 +416,7 @@ class _Maker:
 
     def _grazing(self, omega: float) -> branches.SpecialPoint:
         """Return where the orbit without impacts grazes; OrbitError if it does not."""
-        for special in self._special(omega):
+        for special in self._special(omega, _grazes):
             if _grazes(special):
                 return special
         raise OrbitError(self._not_grazing(omega), "take another range of omega")
@@ -408,7 +424,8 @@ class _Maker:
     def _not_grazing(self, omega: float) -> str:
         """Say what the orbit without impacts meets at a frequency at which it does not graze."""
         out, name = self.system.out, self.system.label(AMPLITUDE)
-        met = [f"a {s.kind} at {out(AMPLITUDE, s.value):.6g}" for s in self._special(omega)]
+        all_of_them = self._special(omega, lambda special: False)
+        met = [f"a {s.kind} at {out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
         pull_in = f"{name} = {out(AMPLITUDE, self.pull_in):.6g}"
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
@@ -461,11 +478,11 @@ class _Maker:
         middle = 0.5 * (left + right)
         what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
         self.tell(what)
-        folds = [
-            s
-            for s in self._special(middle)
-            if s.kind == "fold" and (not s.orbit.impacts) == without_impact
-        ]
+
+        def wanted(special: branches.SpecialPoint) -> bool:
+            return special.kind == "fold" and (not special.orbit.impacts) == without_impact
+
+        folds = [special for special in self._special(middle, wanted) if wanted(special)]
         if not folds:
             self.notes.append(f"{what}: none at {self._at(middle)}")
             return ()
@@ -512,7 +529,8 @@ class _Maker:
 
         def one(omega: float) -> Point | str:
             try:
-                met = [s.value for s in self._special(omega, watch) if s.kind == "fold"]
+                specials = self._special(omega, lambda special: special.kind == "fold", watch)
+                met = [s.value for s in specials if s.kind == "fold"]
                 if not met:
                     raise OrbitError("no fold to begin at", "take another range of omega")
                 fold = met[0]

@@ -85,9 +85,10 @@ class Sine(Drive):
 
     def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
         """Return q, period and time scale in `scales`, at other values; there is no switch."""
-        amplitude, omega, bias, phase = (
-            changes.get(name, getattr(self, name)) for name in type(self).model_fields
-        )
+        amplitude = changes.get("amplitude", self.amplitude)
+        omega = changes.get("omega", self.omega)
+        bias = changes.get("bias", self.bias)
+        phase = changes.get("phase", self.phase)
         if scales is not DIMENSIONLESS:
             amplitude, bias = scales.into(amplitude, "V"), scales.into(bias, "V")
             omega = scales.into(omega, "rad/s")
