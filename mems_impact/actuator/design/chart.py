@@ -304,7 +304,7 @@ class _Maker:
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
-        # By frequency: the branch of the orbit without impacts on the way up, and its points to come.
+        # By frequency, the branch of the orbit without impacts on the way up and its points to come.
         self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
