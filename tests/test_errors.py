@@ -17,7 +17,7 @@ from mems_impact.errors import (
     RunInterrupted,
     SweepInterrupted,
 )
-from mems_impact.validation.suite import SuiteInterrupted
+from mems_impact.paper.suite import SuiteInterrupted
 
 RUN_ERROR = RunError(
     reason="too many events",

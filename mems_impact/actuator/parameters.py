@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from mems_impact.actuator.reading import parse_toml, read_bytes
-from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields, unscaled_fields
-from mems_impact.actuator.validation import (
+from mems_impact.actuator.checked import (
+    Checked,
     Fraction,
     NonNegative,
     Positive,
-    ValidatedModel,
 )
+from mems_impact.actuator.reading import parse_toml, read_bytes
+from mems_impact.actuator.units import DIMENSIONLESS, Scales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, UnitsWarning, shown
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
@@ -29,7 +29,7 @@ _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fi
 _LIGHT = 1e-3  # masses below: kilograms of a device in SI; scaled ones are of the order of 1
 
 
-class Actuator(ValidatedModel):
+class Actuator(Checked):
     """The electrostatic impact microactuator: a block in a frame that rests on the ground.
 
     All parameters are keyword-only, in SI or dimensionless as in the paper; `units` says which.
@@ -145,7 +145,7 @@ PARAMETER_NAMES: tuple[str, ...] = tuple(name for name in Actuator.model_fields 
 """The parameters' names, in the order of `Actuator.to_array`."""
 
 
-class _DeviceFile(ValidatedModel):
+class _DeviceFile(Checked):
     """What a device file may hold at its top level."""
 
     name: str = ""

@@ -46,8 +46,8 @@ def command(
       mems-impact validate 4 --quick
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.cli.output import Output
-    from mems_impact.validation.outcome import Effort
-    from mems_impact.validation.suite import (
+    from mems_impact.paper.outcome import Effort
+    from mems_impact.paper.suite import (
         FIGURES,
         SuiteInterrupted,
         changed_verdicts,

@@ -25,7 +25,7 @@ def main() -> int:
         f"({', '.join(families.FAMILIES)}); or one case of it, as cradles:17",
     )
     parser.add_argument("--cases", type=int, help="how many cases of a family, from --first on")
-    parser.add_argument("--out", type=Path, default=Path("campaign"), help="directory")
+    parser.add_argument("--out", type=Path, default=Path("out/campaign"), help="directory")
     options = parser.parse_args()
     if options.only is not None:
         if not options.only.isdecimal() and options.only.partition(":")[0] not in families.FAMILIES:

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mems_impact.actuator.checked import Checked
 from mems_impact.actuator.units import Scales, scaled_fields
-from mems_impact.actuator.validation import ValidatedModel
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Drive", "Waveform"]
@@ -18,11 +18,11 @@ __all__ = ["Drive", "Waveform"]
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
 
-class Drive(ValidatedModel, ABC):
+class Drive(Checked, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
-    types of `mems_impact.actuator.validation`) and gives the five things below. Nothing else in
+    types of `mems_impact.actuator.checked`) and gives the five things below. Nothing else in
     the package needs to know of it.
 
     The waveform itself is a pair of module-level functions of plain Python that the equations

@@ -9,9 +9,9 @@ from annotated_types import Gt, Le
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from mems_impact.actuator.checked import Number, Positive
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.retimed import SILENT, Stretch, array_of, repeated, retimed
-from mems_impact.actuator.validation import Number, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Burst"]

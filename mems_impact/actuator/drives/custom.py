@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from mems_impact.actuator.checked import Positive
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.validation import Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Custom"]

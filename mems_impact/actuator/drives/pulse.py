@@ -7,8 +7,8 @@ from typing import Self
 
 from pydantic import model_validator
 
+from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
-from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter, shown
 
 __all__ = ["Pulse", "pulse"]

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from mems_impact.actuator.checked import Number, Positive
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
 from mems_impact.actuator.reading import read_columns
-from mems_impact.actuator.validation import Number, Positive
 from mems_impact.errors import InvalidParameter, shown
 
 __all__ = ["Sampled"]

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
+from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Sine"]

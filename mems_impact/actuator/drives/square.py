@@ -9,9 +9,9 @@ from typing import Annotated, Self
 from annotated_types import Gt, Lt
 from pydantic import model_validator
 
+from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
 from mems_impact.actuator.drives.pulse import pulse
-from mems_impact.actuator.validation import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter, shown
 
 __all__ = ["Square"]

@@ -10,6 +10,7 @@ import numpy as np
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.errors import MemsImpactError
+from mems_impact.paper.outcome import Effort
 from mems_impact.plotting.bifurcation import plot_sweep
 from mems_impact.plotting.branch import plot_branch
 from mems_impact.plotting.style import new_figure
@@ -26,7 +27,6 @@ from mems_impact.studies.simulate import simulate
 from mems_impact.studies.state import State
 from mems_impact.studies.sweep import kicked, sweep
 from mems_impact.tables import sweep_summary
-from mems_impact.validation.outcome import Effort
 
 if TYPE_CHECKING:
     from typing import Any

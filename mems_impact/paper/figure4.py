@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from mems_impact.paper.outcome import Devices, Effort, Outcome
+from mems_impact.paper.statements import Value
+from mems_impact.paper.switching import JUST_ABOVE, at_rest, diagram, period_one
 from mems_impact.tables import sweep_summary
-from mems_impact.validation.outcome import Devices, Effort, Outcome
-from mems_impact.validation.statements import Value
-from mems_impact.validation.switching import JUST_ABOVE, at_rest, diagram, period_one
 
 __all__ = ["compute"]
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from mems_impact.actuator.drive import Sine
 from mems_impact.errors import MemsImpactError
+from mems_impact.paper.outcome import Devices, Effort, Outcome
+from mems_impact.paper.statements import Value
+from mems_impact.paper.switching import JUST_ABOVE, at_rest, diagram, period_of, period_one
 from mems_impact.studies.chart import crisis
 from mems_impact.studies.state import State
-from mems_impact.validation.outcome import Devices, Effort, Outcome
-from mems_impact.validation.statements import Value
-from mems_impact.validation.switching import JUST_ABOVE, at_rest, diagram, period_of, period_one
 
 __all__ = ["compute"]
 

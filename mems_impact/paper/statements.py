@@ -116,6 +116,6 @@ def judge(statement: Statement, computed: Value | None) -> Judgement:
 
 def load_statements() -> tuple[Statement, ...]:
     """Return all statements, in the order of the figures."""
-    raw = (files("mems_impact.validation") / "statements.toml").read_text("utf-8")
+    raw = (files("mems_impact.paper") / "statements.toml").read_text("utf-8")
     entries: list[Mapping[str, Any]] = tomllib.loads(raw)["statement"]
     return tuple(Statement(**entry) for entry in entries)

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from mems_impact.validation.statements import Statement, Verdict, judge, load_statements
-from mems_impact.validation.suite import FIGURES
+from mems_impact.paper.statements import Statement, Verdict, judge, load_statements
+from mems_impact.paper.suite import FIGURES
 
 STATEMENTS = load_statements()
 

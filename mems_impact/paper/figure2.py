@@ -31,10 +31,10 @@ from mems_impact.actuator.modes import (
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.plotting.automaton import plot_automaton
 from mems_impact.studies.impacts import is_impact
 from mems_impact.studies.simulate import simulate
-from mems_impact.validation.outcome import Devices, Effort, Outcome
 
 __all__ = ["compute", "transitions"]
 

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.validation.figure2 import transitions
-from mems_impact.validation.outcome import Devices, Effort
-from mems_impact.validation.suite import (
+from mems_impact.paper.figure2 import transitions
+from mems_impact.paper.outcome import Devices, Effort
+from mems_impact.paper.suite import (
     changed_verdicts,
     expected_verdicts,
     run_suite,
@@ -68,7 +68,7 @@ def test_a_perturbed_paper_set_changes_verdicts():
 
 
 def test_expected_verdicts_cover_all_statements():
-    from mems_impact.validation.statements import load_statements
+    from mems_impact.paper.statements import load_statements
 
     assert set(expected_verdicts(EXPECTED)) == {s.id for s in load_statements()}
 

@@ -9,13 +9,13 @@ from scipy.interpolate import PchipInterpolator
 
 from mems_impact import tables
 from mems_impact.errors import MemsImpactError
+from mems_impact.paper.outcome import Devices, Effort, Outcome
+from mems_impact.paper.statements import Value
+from mems_impact.paper.switching import JUST_ABOVE, Switching, period_of, switching
 from mems_impact.plotting.chart import plot_chart
 from mems_impact.plotting.style import new_figure
 from mems_impact.studies.chart import Chart, operating_chart
 from mems_impact.studies.state import State
-from mems_impact.validation.outcome import Devices, Effort, Outcome
-from mems_impact.validation.statements import Value
-from mems_impact.validation.switching import JUST_ABOVE, Switching, period_of, switching
 
 __all__ = ["compute"]
 

@@ -9,12 +9,12 @@ import numpy as np
 from mems_impact import tables
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.plotting.displacement import plot_displacement
 from mems_impact.studies.blows import blows
 from mems_impact.studies.design import pull_in_voltage
 from mems_impact.studies.run import Run
 from mems_impact.studies.simulate import simulate
-from mems_impact.validation.outcome import Devices, Effort, Outcome
 
 __all__ = ["compute"]
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
-from mems_impact.validation.outcome import Devices, Effort, Outcome
-from mems_impact.validation.report import summary, to_html, to_markdown
-from mems_impact.validation.statements import Judgement, Value, judge, load_statements
+from mems_impact.paper.outcome import Devices, Effort, Outcome
+from mems_impact.paper.report import summary, to_html, to_markdown
+from mems_impact.paper.statements import Judgement, Value, judge, load_statements
 from mems_impact.writing import replacing, unwritable
 
 __all__ = [
@@ -210,9 +210,7 @@ def _computed(
 
 def _figure(number: int, devices: Devices, effort: Effort, drawn: bool) -> _Done:
     """Compute one figure, and draw it if that is wanted."""
-    outcome: Outcome = import_module(f"mems_impact.validation.figure{number}").compute(
-        devices, effort
-    )
+    outcome: Outcome = import_module(f"mems_impact.paper.figure{number}").compute(devices, effort)
     files: dict[str, bytes] = {}
     if not drawn:
         return _Done(outcome.values, outcome.notes, files)

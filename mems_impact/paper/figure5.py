@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from mems_impact.errors import MemsImpactError
-from mems_impact.studies.state import State
-from mems_impact.validation.outcome import Devices, Effort, Outcome
-from mems_impact.validation.statements import Value
-from mems_impact.validation.switching import (
+from mems_impact.paper.outcome import Devices, Effort, Outcome
+from mems_impact.paper.statements import Value
+from mems_impact.paper.switching import (
     JUST_ABOVE,
     at_rest,
     diagram,
@@ -14,6 +13,7 @@ from mems_impact.validation.switching import (
     period_one,
     switching,
 )
+from mems_impact.studies.state import State
 
 __all__ = ["compute"]
 

@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Fraction", "NonNegative", "Number", "Positive", "ValidatedModel"]
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive"]
 
 _KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
 
@@ -46,7 +46,7 @@ Fraction = Annotated[Number, Field(ge=0, le=1)]
 """A finite number between 0 and 1, both included."""
 
 
-class ValidatedModel(BaseModel):
+class Checked(BaseModel):
     """Base of parameter objects: immutable, keyword-only, every value checked.
 
     Raises

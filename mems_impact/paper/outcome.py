@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.actuator.parameters import Actuator, load_actuator
-from mems_impact.validation.statements import Value
+from mems_impact.paper.statements import Value
 
 if TYPE_CHECKING:
     import pandas as pd
