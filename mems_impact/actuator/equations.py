@@ -26,8 +26,8 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # frame_acceleration  Equations (1) and (3), free block
 # block_acceleration  of the block relative to the frame, Equation (2), free block
 # resting_acceleration  of frame and block together, the block on a stopper
-# contact_force       between stopper and resting block, positive when it presses (FACTS: derived
-#                     from Equations (1) and (2) with x2 held)
+# contact_force       between stopper and resting block, positive when it presses: Equations
+#                     (1) and (2) with x2 held
 # contact_force_rate  its time derivative
 # frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
 

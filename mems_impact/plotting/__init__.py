@@ -1,1 +1,1 @@
-"""To come."""
+"""All of matplotlib: one kind of figure a file."""

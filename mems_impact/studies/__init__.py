@@ -1,1 +1,1 @@
-"""To come."""
+"""What users ask of the actuator: runs, sweeps, orbits, branches, the chart, design, fits."""

@@ -70,7 +70,7 @@ def test_impacts_keep_momentum_and_restitution(v1, v2, e):
 
 @given(volts, directions, st.sampled_from([1, -1]))
 def test_contact_force_holds_the_block_on_the_stopper(v, direction, side):
-    """FACTS, Section 2: with the force on both bodies they share one acceleration."""
+    """With the force on both bodies they share one acceleration."""
     x2 = side * ZHAO.delta
     pressing = side * eq.contact_force(
         side, direction, eq.attraction(x2, v, P), P

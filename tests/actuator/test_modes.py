@@ -137,7 +137,7 @@ def test_resting_while_sliding(side, v1, engine):
 
 
 def test_ratio_of_successive_impacts_of_a_chatter():
-    """FACTS, Section 2, says e - (1 + e) m2/(m1 + m2); the wall moves while the frame slips.
+    """It is not e - (1 + e) m2/(m1 + m2) alone: the wall moves while the frame slips.
 
     With kappa = (1 + e) m2/(m1 + m2), F the friction of the ground and a the closing
     acceleration, the exact ratio for constant forces is its square plus kappa^2 a m1/(F + m2 a),

@@ -1,4 +1,4 @@
-"""Runs against answers in closed form (FACTS, Section 6)."""
+"""Runs against answers in closed form."""
 
 import itertools
 import math
