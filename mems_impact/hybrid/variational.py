@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, bind
@@ -117,26 +117,26 @@ def integrate(
         minima[1, i] = math.nan
         # Only closest approaches are wanted. A margin and its rate that are zero together would
         # stop CVODE ("root found very near t").
-        arc.set_bias(engine, i, 1e6)
+        contract.set_bias(engine, i, 1e6)
     if start - end > FARTHEST_BACK:
         return FAILED
     if end <= start:
         go_back(engine, mode, y, start, end, work)
         return DONE
-    arc.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
+    contract.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
     for _ in range(max_steps):
-        status = arc.step(engine)
+        status = contract.step(engine)
         if status < 0:
             return FAILED
-        t = arc.time(engine)
+        t = contract.time(engine)
         if t >= end:
-            arc.interpolate(engine, end, y)
+            contract.interpolate(engine, end, y)
             return DONE
-        if status == arc.ROOT:
-            arc.state(engine, y)
-            arc.margins(engine, mode, t, y, minima[2])
+        if status == contract.ROOT:
+            contract.state(engine, y)
+            contract.margins(engine, mode, t, y, minima[2])
             for i in range(m):
-                if arc.fired(engine, m + i) > 0 and minima[2, i] < minima[0, i]:
+                if contract.fired(engine, m + i) > 0 and minima[2, i] < minima[0, i]:
                     minima[0, i] = minima[2, i]
                     minima[1, i] = t
     return STEP_BUDGET
@@ -155,16 +155,16 @@ def go_back(engine: Any, mode: int, y: Any, start: float, end: float, work: Any)
     for k in range(steps):
         h = (end - start) / steps
         t = start + k * h
-        arc.flow(engine, mode, t, y, k1)
+        contract.flow(engine, mode, t, y, k1)
         for i in range(n):
             x[i] = y[i] + 0.5 * h * k1[i]
-        arc.flow(engine, mode, t + 0.5 * h, x, k2)
+        contract.flow(engine, mode, t + 0.5 * h, x, k2)
         for i in range(n):
             x[i] = y[i] + 0.5 * h * k2[i]
-        arc.flow(engine, mode, t + 0.5 * h, x, k3)
+        contract.flow(engine, mode, t + 0.5 * h, x, k3)
         for i in range(n):
             x[i] = y[i] + h * k3[i]
-        arc.flow(engine, mode, t + h, x, k4)
+        contract.flow(engine, mode, t + h, x, k4)
         for i in range(n):
             y[i] += h * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0
 
@@ -172,29 +172,29 @@ def go_back(engine: Any, mode: int, y: Any, start: float, end: float, work: Any)
 def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -> None:
     """Set the parameters to `p`, moved by `h` along a direction (kept behind them)."""
     for i in range(count):
-        moved = h * arc.parameter(engine, count * (1 + direction) + i)
-        arc.set_parameter(engine, i, p[i] + moved)
+        moved = h * contract.parameter(engine, count * (1 + direction) + i)
+        contract.set_parameter(engine, i, p[i] + moved)
 
 
 def evaluate_flow(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     """Call the flow, from Python."""
-    arc.flow(engine, mode, t, y, dy)
+    contract.flow(engine, mode, t, y, dy)
 
 
 def evaluate_margins(engine: Any, mode: int, t: float, y: Any, out: Any) -> None:
     """Call the margins, from Python."""
-    arc.margins(engine, mode, t, y, out)
+    contract.margins(engine, mode, t, y, out)
 
 
 def carry_out(engine: Any, mode: int, code: int, t: float, y: Any) -> int:
     """Call the transition, from Python."""
-    return arc.transition(engine, mode, code, t, y)
+    return contract.transition(engine, mode, code, t, y)
 
 
 def put_parameters(engine: Any, place: int, values: Any) -> None:
     """Set the parameters from `place` on."""
     for i in range(values.size):
-        arc.set_parameter(engine, place + i, values[i])
+        contract.set_parameter(engine, place + i, values[i])
 
 
 def differentiate_event(
@@ -221,7 +221,7 @@ def differentiate_event(
     """
     shifted, g, p = work[0], work[1], work[2]
     for i in range(count):
-        p[i] = arc.parameter(engine, i)
+        p[i] = contract.parameter(engine, i)
     for c in range(1 + n + 1 + directions):
         for i in range(2 * m):
             margin[i, c] = 0.0
@@ -241,8 +241,8 @@ def differentiate_event(
                     time += h
                 elif c > n + 1:
                     move_parameters(engine, p, count, c - n - 2, h)
-                arc.margins(engine, mode, time, shifted, g)
-                arc.transition(engine, mode, code, time, shifted)
+                contract.margins(engine, mode, time, shifted, g)
+                contract.transition(engine, mode, code, time, shifted)
                 if c > n + 1:
                     move_parameters(engine, p, count, c - n - 2, 0.0)
                 for i in range(2 * m):

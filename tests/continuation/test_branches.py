@@ -8,7 +8,6 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.drive import Square
-from mems_impact.continuation import branch as branches
 from mems_impact.continuation.branch import Steps, follow
 from mems_impact.continuation.corrector import step
 from mems_impact.continuation.monitors import Monitor, closest
@@ -228,7 +227,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
     def nothing(*_):
         raise OrbitError("there is nothing", "look elsewhere")
 
-    monkeypatch.setattr(branches, "reconnect", nothing)
+    monkeypatch.setattr("mems_impact.continuation.branch.reconnect", nothing)
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25)
     assert branch.ended == "grazing: there is nothing; look elsewhere"
     assert branch.points[-1].value == pytest.approx(GRAZING_5, abs=1e-10)

@@ -1,6 +1,6 @@
 """One step of the method: stages, error estimate, dense output.
 
-Like the loop, this is one text for both engines: `arc.flow` calls the automaton, and `row` and
+Like the loop, this is one text for both engines: `contract.flow` calls the automaton, and `row` and
 `component` lead to lists in Python and to memory in compiled code.
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.engines.onestep.tableau import ERROR_5, WEIGHTS_3, A, C, D
 
 # What is kept of each component of the state, one after another: the slopes at the places C of the
@@ -56,43 +56,43 @@ def stages(engine: Any, t: float, h: float) -> float:
     for j in range(n):
         k = component(engine, j)
         y[j] = start[j] + h * (a0 * k[0])
-    arc.flow(engine, mode, min(t + C[1] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[1] * h, limit), y, slope)
     a0, a1 = A[2]
     for j in range(n):
         k = component(engine, j)
         k[1] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a1 * k[1])
-    arc.flow(engine, mode, min(t + C[2] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[2] * h, limit), y, slope)
     a0, a2 = A[3]
     for j in range(n):
         k = component(engine, j)
         k[2] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a2 * k[2])
-    arc.flow(engine, mode, min(t + C[3] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[3] * h, limit), y, slope)
     a0, a2, a3 = A[4]
     for j in range(n):
         k = component(engine, j)
         k[3] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a2 * k[2] + a3 * k[3])
-    arc.flow(engine, mode, min(t + C[4] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[4] * h, limit), y, slope)
     a0, a3, a4 = A[5]
     for j in range(n):
         k = component(engine, j)
         k[4] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4])
-    arc.flow(engine, mode, min(t + C[5] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[5] * h, limit), y, slope)
     a0, a3, a4, a5 = A[6]
     for j in range(n):
         k = component(engine, j)
         k[5] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5])
-    arc.flow(engine, mode, min(t + C[6] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[6] * h, limit), y, slope)
     a0, a3, a4, a5, a6 = A[7]
     for j in range(n):
         k = component(engine, j)
         k[6] = slope[j]
         y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6])
-    arc.flow(engine, mode, min(t + C[7] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[7] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7 = A[8]
     for j in range(n):
         k = component(engine, j)
@@ -100,7 +100,7 @@ def stages(engine: Any, t: float, h: float) -> float:
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7]
         )
-    arc.flow(engine, mode, min(t + C[8] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[8] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8 = A[9]
     for j in range(n):
         k = component(engine, j)
@@ -108,7 +108,7 @@ def stages(engine: Any, t: float, h: float) -> float:
         y[j] = start[j] + h * (
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
         )
-    arc.flow(engine, mode, min(t + C[9] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[9] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8, a9 = A[10]
     for j in range(n):
         k = component(engine, j)
@@ -117,7 +117,7 @@ def stages(engine: Any, t: float, h: float) -> float:
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
             + a9 * k[9]
         )
-    arc.flow(engine, mode, min(t + C[10] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[10] * h, limit), y, slope)
     a0, a3, a4, a5, a6, a7, a8, a9, a10 = A[11]
     for j in range(n):
         k = component(engine, j)
@@ -126,7 +126,7 @@ def stages(engine: Any, t: float, h: float) -> float:
             a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
             + a9 * k[9] + a10 * k[10]
         )
-    arc.flow(engine, mode, min(t + C[11] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[11] * h, limit), y, slope)
     b0, b5, b6, b7, b8, b9, b10, b11 = A[12]
     e0, e5, e6, e7, e8, e9, e10, e11 = ERROR_5
     w0, w8, w11 = WEIGHTS_3
@@ -170,7 +170,7 @@ def dense(engine: Any) -> None:
             a0 * k[0] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a9 * k[9] + a10 * k[10] + a11 * k[11]
             + a12 * k[12]
         )
-    arc.flow(engine, mode, min(t + C[13] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[13] * h, limit), y, slope)
     a0, a5, a6, a7, a10, a11, a12, a13 = A[14]
     for j in range(n):
         k = component(engine, j)
@@ -179,7 +179,7 @@ def dense(engine: Any) -> None:
             a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a10 * k[10] + a11 * k[11]
             + a12 * k[12] + a13 * k[13]
         )
-    arc.flow(engine, mode, min(t + C[14] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[14] * h, limit), y, slope)
     a0, a5, a6, a7, a8, a12, a13, a14 = A[15]
     for j in range(n):
         k = component(engine, j)
@@ -188,7 +188,7 @@ def dense(engine: Any) -> None:
             a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a12 * k[12] + a13 * k[13]
             + a14 * k[14]
         )
-    arc.flow(engine, mode, min(t + C[15] * h, limit), y, slope)
+    contract.flow(engine, mode, min(t + C[15] * h, limit), y, slope)
     for j in range(n):
         k = component(engine, j)
         k[15] = slope[j]
@@ -240,7 +240,7 @@ def make_dense(engine: Any) -> None:
 def slope_at_end(engine: Any, t: float) -> bool:
     """Evaluate slope 12, that at END and time `t`; return whether it is finite."""
     slope = row(engine, SLOPE)
-    arc.flow(engine, engine.mode, min(t, engine.last_instant), row(engine, END), slope)
+    contract.flow(engine, engine.mode, min(t, engine.last_instant), row(engine, END), slope)
     total = 0.0
     for j in range(engine.n):
         component(engine, j)[12] = slope[j]

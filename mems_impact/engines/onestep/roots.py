@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.engines.onestep.method import (
     ARGUMENT,
     HIGH,
@@ -28,7 +28,7 @@ ULP = 2.0**-52
 def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
     """Write all root functions at (t, y) into `out`; return whether they are numbers."""
     m = engine.m
-    arc.margins(engine, engine.mode, min(t, engine.last_instant), y, out)
+    contract.margins(engine, engine.mode, min(t, engine.last_instant), y, out)
     out[2 * m] = y[engine.section] - engine.level if engine.section >= 0 else 1.0
     for i in range(2 * m):  # noqa: SIM110 - numba compiles no generator, here and below
         if math.isnan(out[i]):
@@ -38,7 +38,7 @@ def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
 
 def value(engine: Any, i: int, values: Any) -> float:
     """Return function `i`, a margin with its bias."""
-    return values[i] + arc.bias(engine, i) if i < engine.m else values[i]
+    return values[i] + contract.bias(engine, i) if i < engine.m else values[i]
 
 
 def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
@@ -48,7 +48,7 @@ def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
     """
     m = engine.m
     if i < m:
-        bias = arc.bias(engine, i)
+        bias = contract.bias(engine, i)
         return -1 if low[i] + bias > 0.0 and high[i] + bias <= 0.0 else 0
     if i < 2 * m:
         return 1 if low[i] < 0.0 and high[i] >= 0.0 else 0

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.engines.onestep.method import (
     ARGUMENT,
     END,
@@ -78,13 +78,13 @@ def begin(engine: Any) -> int:
     """Evaluate slope and root functions at the start of an arc, and choose its first step."""
     t = engine.t
     if not slope_at_end(engine, t):
-        return arc.NON_FINITE
+        return contract.NON_FINITE
     if not root_functions(engine, t, row(engine, END), row(engine, LOW)):
-        return arc.NO_GUARD
+        return contract.NO_GUARD
     leave_section(engine, row(engine, LOW), 0)
     engine.h_next = first_step(engine)
     engine.begun = 1
-    return arc.STEPPED
+    return contract.STEPPED
 
 
 def first_step(engine: Any) -> float:
@@ -106,7 +106,7 @@ def first_step(engine: Any) -> float:
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
     for j in range(n):
         ahead[j] = y[j] + h * component(engine, j)[12]
-    arc.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
+    contract.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
     bend = 0.0
     for j in range(n):
         scale = engine.atol + engine.rtol * abs(y[j])
@@ -146,15 +146,15 @@ def take_step(engine: Any) -> int:
         h = ahead - t  # exactly the time that goes by
         error = try_step(engine, t, h)
         if not math.isfinite(error):
-            failure = arc.NON_FINITE
+            failure = contract.NON_FINITE
             h *= RETREAT
         elif error > 1.0:
             h *= max(SHRINK, SAFETY / eighth_root(error))
         elif not slope_at_end(engine, ahead):
-            failure = arc.NON_FINITE
+            failure = contract.NON_FINITE
             h *= RETREAT
         elif not root_functions(engine, ahead, end, row(engine, HIGH)):
-            failure = arc.NO_GUARD
+            failure = contract.NO_GUARD
             h *= RETREAT
         else:
             break
@@ -170,7 +170,7 @@ def take_step(engine: Any) -> int:
     # A step that was cut at the stop does not say that a longer one would fail.
     engine.h_next = max(longer, planned) if h < planned else longer
     watch_stability(engine, h)
-    return arc.STEPPED
+    return contract.STEPPED
 
 
 def watch_stability(engine: Any, h: float) -> None:
@@ -195,14 +195,14 @@ def look(engine: Any) -> int:
     if any_crossed(engine, low, high):
         t = close_in(engine, engine.t, engine.t_end)
         if math.isnan(t):
-            return arc.NO_GUARD
+            return contract.NO_GUARD
         # A root at the stop is not told: the loop looks at all margins after a switch.
         if t < engine.stop:
-            leave_section(engine, low, arc.fired(engine, count - 1))
+            leave_section(engine, low, contract.fired(engine, count - 1))
             dense_at(engine, t, row(engine, STATE))
             engine.t = t
             engine.rest = 1 if t < engine.t_end else 0
-            return arc.ROOT
+            return contract.ROOT
     leave_section(engine, high, 0)
     for i in range(count):
         low[i] = high[i]
@@ -210,7 +210,7 @@ def look(engine: Any) -> int:
         row(engine, STATE)[j] = row(engine, END)[j]
     engine.t = engine.t_end
     engine.rest = 0
-    return arc.STOPPED if engine.t_end >= engine.stop else arc.STEPPED
+    return contract.STOPPED if engine.t_end >= engine.stop else contract.STEPPED
 
 
 def leave_section(engine: Any, values: Any, side: int) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mems_impact.actuator.drive import Sine
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.engines.options import Options
 from mems_impact.errors import StiffnessWarning
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -23,15 +23,15 @@ ULP = 2.0**-52
 
 def walk(engine, mode, t, y, stop, out, fired):
     """Step until the stop, a failure or the last row; write status, time, state and roots."""
-    arc.restart(engine, mode, t, y, stop)
+    contract.restart(engine, mode, t, y, stop)
     for k in range(out.shape[0]):
-        out[k, 0] = arc.step(engine)
-        out[k, 1] = arc.time(engine)
-        arc.state(engine, out[k, 2:])
-        if out[k, 0] == arc.ROOT:
+        out[k, 0] = contract.step(engine)
+        out[k, 1] = contract.time(engine)
+        contract.state(engine, out[k, 2:])
+        if out[k, 0] == contract.ROOT:
             for i in range(fired.shape[1]):
-                fired[k, i] = arc.fired(engine, i)
-        if out[k, 0] < 0 or out[k, 0] == arc.STOPPED:
+                fired[k, i] = contract.fired(engine, i)
+        if out[k, 0] < 0 or out[k, 0] == contract.STOPPED:
             return k + 1
     return out.shape[0]
 
@@ -39,15 +39,15 @@ def walk(engine, mode, t, y, stop, out, fired):
 def look(engine, times, out):
     """Write the states at `times` within the last step into the rows of `out`."""
     for k in range(times.size):
-        arc.interpolate(engine, times[k], out[k])
+        contract.interpolate(engine, times[k], out[k])
 
 
 def put_bias(engine, i, value):
-    arc.set_bias(engine, i, value)
+    contract.set_bias(engine, i, value)
 
 
 def parameter(engine, i):
-    return arc.parameter(engine, i)
+    return contract.parameter(engine, i)
 
 
 def system(flow, margins, n, m):
@@ -92,7 +92,7 @@ class Arc:
 
     @property
     def roots(self):
-        return np.flatnonzero(self.out[:, STATUS] == arc.ROOT)
+        return np.flatnonzero(self.out[:, STATUS] == contract.ROOT)
 
 
 # A swing, y0 = cos t, with margins that are asked for by p: g = p0 - y0, and p1 - y0.
@@ -135,7 +135,7 @@ WATCHED = system(_watched, _watched_margins, 1, 1)
 @pytest.mark.parametrize("jump", [1.0, 2.7, 0.3, 1e-9, 6.0])
 def test_nothing_is_evaluated_at_or_beyond_the_stop(engine, jump):
     made = Arc(WATCHED, engine, (0.0, jump)).walk([0.0], stop=jump)
-    assert made.out[-1, STATUS] == arc.STOPPED
+    assert made.out[-1, STATUS] == contract.STOPPED
     assert made.out[-1, TIME] == jump
     assert made.out[-1, STATE] == pytest.approx(math.sin(jump), abs=1e-8)
     made.look([0.999 * jump, jump])
@@ -151,7 +151,7 @@ def test_a_root_at_the_stop_is_left_to_the_loop(engine):
     assert made.out[-1, TIME] == math.pi
     made = swing(engine, (-level, 9.0)).walk([-1.0, 0.0], stop=math.pi)
     assert made.out[made.roots, TIME] == pytest.approx([math.pi - 0.05], abs=1e-11)
-    assert made.out[-1, STATUS] == arc.STOPPED
+    assert made.out[-1, STATUS] == contract.STOPPED
 
 
 @both
@@ -221,7 +221,12 @@ def test_after_a_root_the_same_step_is_looked_at_to_its_end(engine):
     made = swing(engine, levels, rtol=1e-4, atol=1e-6, section=(0, 0.51, 1))
     made.walk([-1.0, 0.0], rows=30)
     k = made.roots[0]
-    assert made.out[k : k + 4, STATUS].tolist() == [arc.ROOT, arc.ROOT, arc.ROOT, arc.STEPPED]
+    assert made.out[k : k + 4, STATUS].tolist() == [
+        contract.ROOT,
+        contract.ROOT,
+        contract.ROOT,
+        contract.STEPPED,
+    ]
     assert [np.flatnonzero(row).tolist() for row in made.fired[k : k + 3]] == [[1], [4], [0]]
     times = made.out[k : k + 4, TIME]
     assert np.all(np.diff(times) > 0.0)
@@ -281,7 +286,7 @@ def test_no_step_is_longer_than_it_may_be(stop, engine):
 )
 def test_any_start_has_a_first_step(start, engine):
     made = swing(engine, (INF, INF), rtol=1e-9, atol=1e-11).walk(start, stop=3.0, rows=200)
-    assert made.out[-1, STATUS] == arc.STOPPED
+    assert made.out[-1, STATUS] == contract.STOPPED
     scale = np.hypot(*start)
     exact = [
         start[0] * math.cos(3.0) + start[1] * math.sin(3.0),
@@ -339,15 +344,15 @@ def _root_of(mode, t, y, p, g, r):
     ("flow", "margins", "code", "end"),
     [
         # y' = -sqrt(y) - 0.1 from 1: with s = sqrt(y), 2 (s - 0.1 log(s + 0.1)) falls with t.
-        (_fades, _never, arc.NON_FINITE, 2.0 * (1.0 - 0.1 * math.log(11.0))),
+        (_fades, _never, contract.NON_FINITE, 2.0 * (1.0 - 0.1 * math.log(11.0))),
         (_explodes, _never, -3, 1.0),
-        (_falls, _root_of, arc.NO_GUARD, 1.0),
+        (_falls, _root_of, contract.NO_GUARD, 1.0),
     ],
 )
 def test_failures_have_their_codes_and_keep_what_was_done(flow, margins, code, end, engine):
     made = Arc(system(flow, margins, 1, 1), engine).walk([1.0], rows=2000)
     assert made.out[-1, STATUS] == code
-    assert code in arc.FAILURES
+    assert code in contract.FAILURES
     assert made.out[-1, TIME] == pytest.approx(end, abs=1e-5)
     assert np.array_equal(made.out[-1, TIME:], made.out[-2, TIME:])
     assert len(made.out) < 500
