@@ -1,8 +1,10 @@
 """The package's table of contents."""
 
 import pickle
+import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -38,3 +40,13 @@ def test_sweep_interrupted_survives_pickling():
     stop = pickle.loads(pickle.dumps(mi.SweepInterrupted([1, 2], 2, 5)))
     assert (stop.table, stop.done, stop.total) == ([1, 2], 2, 5)
     assert "2 of 5" in str(stop)
+
+
+@pytest.mark.parametrize(
+    ("room", "above"), [("mems_impact", "tests|validation"), ("validation", "tests")]
+)
+def test_what_is_tested_does_not_import_its_tests(room, above):
+    pattern = re.compile(rf"^\s*(?:from|import) (?:{above})\b", re.MULTILINE)
+    files = list((Path(__file__).parents[1] / room).rglob("*.py"))
+    assert len(files) > 10
+    assert [str(file) for file in files if pattern.search(file.read_text("utf-8"))] == []

@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
-from tests.judges.judge_dop853 import LEFT, RIGHT, Judge
+from validation.judges.dop853_free import LEFT, RIGHT, Judge
 
 ZHAO = mi.load_actuator("zhao2004")
 FINE = mi.Options(rtol=1e-12, atol=1e-13)

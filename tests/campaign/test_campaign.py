@@ -3,7 +3,7 @@
 import pytest
 
 from tests.campaign.waveforms import hang
-from validation.campaign import chatter, fuzz, invariance, pull_in, scans
+from validation.campaign import boundaries, chatter, fuzz, invariance, pull_in, scans
 from validation.campaign.campaign import random_runs
 from validation.campaign.cases import random_case
 from validation.campaign.invariance import CHEAP
@@ -31,6 +31,11 @@ def test_aimed(attack):
     result = attack(seed=SEED, small=True)
     assert result.findings == []
     assert result.tried > 0
+
+
+@pytest.mark.slow
+def test_boundaries_by_simulation():
+    assert boundaries.boundaries(seed=SEED, small=True).findings == []
 
 
 def test_bad_files():

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import RunError
-from mems_impact.hybrid import loop
-from mems_impact.hybrid import run as running
+from mems_impact.hybrid import loop, run
 from mems_impact.hybrid.automaton import Automaton, Guard
-from tests.hybrid.systems import BALL, ENGINES, RESTING, ball, same, simulate, times
+from tests.hybrid.systems import BALL, ENGINES, RESTING, STOP, ball, same, simulate, stop, times
 
 both = pytest.mark.parametrize("engine", ENGINES)
 
@@ -28,6 +27,32 @@ def test_the_end_of_a_sequence_whose_impacts_lose_little(e, rtol):
     (end,) = times(done, loop.ACCUMULATION)
     assert abs(end - expected) < 1e-12 / (1.0 - e) * expected
     assert done.final.mode == RESTING
+
+
+def test_the_end_of_a_sequence_at_every_restitution():
+    """A ball on a floor: to 1e-10 of the time."""
+    for e in np.linspace(0.05, 0.95, 46).tolist():
+        done = simulate(BALL, ball(e), [1.0, 0.0], 20.0, rtol=1e-13, atol=1e-15)
+        assert times(done, loop.ACCUMULATION)[0] == pytest.approx(accumulation(e), rel=1e-10), e
+        assert (done.final.mode, *done.final.y) == (RESTING, 0.0, 0.0), e
+
+
+def test_the_end_of_a_sequence_of_a_spring_pressed_to_a_stop():
+    """From -1.5 at rest the stop at -1 is reached when cos t = 1/1.5, with the speed u.
+
+    Position counts from the middle of the spring: its error of rtol changes the speed of an impact
+    by rtol over it, which is 1e-5 in the last flights, and the end by 2/(1 - e) as much.
+    """
+    rtol = 1e-13
+    first = math.acos(1.0 / 1.5)
+    u = 1.5 * math.sin(first)
+    for e in np.linspace(0.05, 0.95, 46).tolist():
+        p = stop(e=e, d=-1.0)
+        done = simulate(STOP, p, [-1.5, 0.0], 20.0, rtol=rtol, atol=0.01 * rtol)
+        expected = first + math.fsum(2.0 * math.atan(u * e**n) for n in range(1, 3000))
+        allowed = 3.0 * rtol / 2e-5 / (1.0 - e)
+        assert abs(times(done, loop.ACCUMULATION)[0] - expected) < allowed, e
+        assert (done.final.mode, *done.final.y) == (RESTING, -1.0, 0.0), e
 
 
 @pytest.mark.parametrize("period", [0.1, 0.37, 1.0, 50.0])
@@ -227,7 +252,7 @@ def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
 def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
     """Wherever the buffer is full, between transitions of an instant too, the run is the same."""
     whole = cradle(0.9, engine)
-    monkeypatch.setattr(running, "EVENT_ROWS", loop.ROOM + 3)
+    monkeypatch.setattr(run, "EVENT_ROWS", loop.ROOM + 3)
     assert same(cradle(0.9, engine).events, whole.events)
     p = ball(0.6, 0.9, 1.0)
     small = simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine)

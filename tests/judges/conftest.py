@@ -16,8 +16,8 @@ from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant
-from tests.judges.judge_dop853 import Judge
-from tests.judges.judge_heyoka import Heyoka
+from validation.judges.dop853_free import Judge
+from validation.judges.heyoka_free import Heyoka
 
 Start = tuple[float, float, float, float]
 # The package counts guards, the judges kinds: right impact, left impact, slip end, break-away.

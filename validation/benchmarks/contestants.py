@@ -19,7 +19,7 @@ from mems_impact.actuator.parameters import load_actuator
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.run import Problem, run
 from mems_impact.hybrid.trajectory import Instant, Trajectory
-from tests.judges.judge_heyoka import Heyoka
+from validation.judges.heyoka_free import Heyoka
 
 START = (0.0, 0.0, 0.0, 0.3)
 DEVICE = dict(load_actuator("zhao2004"))
@@ -169,7 +169,7 @@ def scikit_sundae(
         model.slip = 0.0
         solver.init_step(t, y)
         while True:
-            # Its log of events grows for ever and slows every step (FACTS): in its favour, cleared.
+            # Its log of events grows for ever and slows every step: in its favour, cleared.
             for log in (events._i, events._t, events._y):  # type: ignore[attr-defined]
                 log.clear()
             result = solver.step(end, method="normal")

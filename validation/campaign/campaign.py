@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 
-from validation.campaign import chatter, fuzz, invariance, pool, pull_in, scans
+from validation.campaign import boundaries, chatter, fuzz, invariance, pool, pull_in, scans
 from validation.campaign.cases import random_case
 from validation.campaign.checks import FEW, SHORT, Outcome, check
 from validation.campaign.result import Result
@@ -51,7 +51,7 @@ def random_runs(
 def aimed(seed: int, small: bool, show: bool = False) -> list[Result]:
     """Run the aimed attacks."""
     attacks = [*scans.ATTACKS, *chatter.ATTACKS, *pull_in.ATTACKS, *invariance.ATTACKS]
-    attacks += fuzz.ATTACKS
+    attacks += [*fuzz.ATTACKS, *boundaries.ATTACKS]
     results = []
     for attack in attacks:
         began = time.monotonic()

@@ -1,8 +1,10 @@
-"""Sequences of impacts: where they end and what follows, against closed forms."""
+"""Sequences of impacts of the actuator: where they end and what follows.
+
+Those whose end is known in closed form are tests (`tests/hybrid/test_sequences.py`).
+"""
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 
@@ -11,50 +13,11 @@ import numpy as np
 import mems_impact as mi
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.run import run
-from tests.hybrid import systems
-from validation.campaign import judge as judges
 from validation.campaign.cases import Case
 from validation.campaign.checks import verdict
 from validation.campaign.result import Result
 from validation.campaign.scans import TIGHT, judged, steady, zhao
-
-
-def _end(trajectory: object) -> float:
-    found = systems.times(trajectory, loop.ACCUMULATION)
-    return float(found[0]) if len(found) else math.nan
-
-
-def accumulation(seed: int, small: bool) -> Result:
-    """A bouncing ball, and a spring that presses on a stop: the end of the sequence."""
-    ball = spring = half = 0.0
-    findings, tried = [], 0
-    for e in np.linspace(0.05, 0.95, 5 if small else 46).tolist():
-        tried += 2
-        options = {"rtol": 1e-13, "atol": 1e-15}
-        fall = systems.simulate(systems.BALL, systems.ball(e), [1.0, 0.0], 20.0, **options)
-        exact = math.sqrt(2.0) * (1.0 + e) / (1.0 - e)
-        ball = max(ball, abs(_end(fall) - exact) / exact)
-        if fall.final.mode != systems.RESTING or np.any(fall.final.y != 0.0):
-            findings.append(f"ball, e = {e:.2f}: rests at {fall.final.y}")
-        p = systems.stop(e=e, d=-1.0)
-        press = systems.simulate(systems.STOP, p, [-1.5, 0.0], 20.0, **options)
-        # From -1.5 at rest: the stop at -1 is reached when cos t = 1/1.5.
-        u = 1.5 * math.sin(math.acos(1.0 / 1.5))
-        exact = math.acos(1.0 / 1.5)
-        exact += math.fsum(2.0 * math.atan(u * e**n) for n in range(1, 3000))
-        # Position counts from the middle of the spring: its error of rtol changes the speed of an
-        # impact u by rtol/u, u down to 1e-5 in the last flights, and the end by 2/(1 - e) as much.
-        allowed = 1e-13 / 2e-5 / (1.0 - e)
-        spring = max(spring, abs(_end(press) - exact) / allowed)
-        if abs(e - 0.5) < 0.02:
-            half = max(half, abs(_end(press) - exact))
-        if press.final.mode != systems.RESTING or press.final.y.tolist() != [-1.0, 0.0]:
-            findings.append(f"spring, e = {e:.2f}: rests at {press.final.y}")
-    if ball > 1e-10 or spring > 3.0:
-        findings.append(f"the end is off by {ball:.1e}, {spring:.1e} of what it may be")
-    figures = f"end of the sequence: ball {ball:.1e} (relative), spring {half:.1e} at e = 1/2, "
-    figures += f"{spring:.2f} of what the tolerance allows"
-    return Result("chatter, closed form", tried, figures, findings)
+from validation.judges import heyoka_full
 
 
 def on_the_actuator(seed: int, small: bool) -> Result:
@@ -70,8 +33,9 @@ def on_the_actuator(seed: int, small: bool) -> Result:
                 done = case.run(rtol=1e-13, atol=1e-15).trajectory
                 truth = verdict(case, 100.0, np.array([]))
                 step = max(step, abs(done.final.y[0] - truth.final[0]))
-                ends = [row.t for row in truth.rows if row.kind == judges.REST]
-                mine = systems.times(done, loop.ACCUMULATION)
+                ends = [row.t for row in truth.rows if row.kind == heyoka_full.REST]
+                rests = done.events[done.events.kind == loop.ACCUMULATION]
+                mine = rests.cycle * done.period + rests.time
                 if len(ends) != len(mine):
                     findings.append(f"e {e} v {level} mu {mu}: {len(mine)} ends, not {len(ends)}")
                 elif ends:
@@ -126,4 +90,4 @@ def judged_spec() -> object:
     return Spec("square", {"amplitude": 0.5, "omega": 0.1, "duty": 0.8})
 
 
-ATTACKS: list[Callable[..., Result]] = [accumulation, on_the_actuator, pressed_for_long]
+ATTACKS: list[Callable[..., Result]] = [on_the_actuator, pressed_for_long]

@@ -13,9 +13,9 @@ from mems_impact.actuator.modes import V1, V2, X2
 from mems_impact.errors import MemsImpactError, RunError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events
-from validation.campaign import judge as judges
 from validation.campaign.balance import imbalance
 from validation.campaign.cases import Case
+from validation.judges import heyoka_full
 
 PENETRATION = 1e-9  # of the gap, at most
 CLOSE = 3e-4  # events nearer than this to another are matched or left out
@@ -56,7 +56,7 @@ class Outcome:
     energy: float = 0.0
     impulse: float = 0.0
     seconds: float = 0.0
-    other: list[judges.Row] = field(default_factory=list, repr=False)
+    other: list[heyoka_full.Row] = field(default_factory=list, repr=False)
 
 
 def check(case: Case, interpreted: int = 0, energy: str = "", budget: float = 20.0) -> Outcome:
@@ -197,26 +197,26 @@ def look_at_balance(case: Case, outcome: Outcome, engine: str) -> None:
 # Before the judge
 
 
-def rows_of(trajectory: Any) -> list[judges.Row]:
+def rows_of(trajectory: Any) -> list[heyoka_full.Row]:
     """The package's events as the judge writes them."""
     rows = []
     events, period = trajectory.events, trajectory.period
     for i in np.flatnonzero(events.kind <= loop.ACCUMULATION):
-        kind = int(events.guard[i]) if events.kind[i] == loop.TRANSITION else judges.REST
+        kind = int(events.guard[i]) if events.kind[i] == loop.TRANSITION else heyoka_full.REST
         t = float(events.cycle[i] * period + events.time[i])
-        rows.append(judges.Row(kind, t, events.before[i], events.after[i]))
+        rows.append(heyoka_full.Row(kind, t, events.before[i], events.after[i]))
     return rows
 
 
 def verdict(
     case: Case, t_end: float, grid: np.ndarray, noise: float = 0.0, seed: int = 0
-) -> judges.Verdict:
-    judge = judges.Judge(case.device, case.drive.pieces())
+) -> heyoka_full.Verdict:
+    judge = heyoka_full.Judge(case.device, case.drive.pieces())
     return judge.run(case.start, case.time, t_end, grid.tolist(), noise, seed)
 
 
 def parting(
-    a: list[judges.Row], b: list[judges.Row], until: float, within: float
+    a: list[heyoka_full.Row], b: list[heyoka_full.Row], until: float, within: float
 ) -> tuple[float, int, str]:
     """When two event sequences part, how many events matched before, and how they part."""
     close_a, close_b = crowded(a), crowded(b)
@@ -239,19 +239,19 @@ def parting(
             return first, matched, f"{named(x)} against {named(y)}"
 
 
-def named(row: judges.Row | None) -> str:
+def named(row: heyoka_full.Row | None) -> str:
     if row is None:
         return "nothing"
-    return f"{judges.KINDS[row.kind]} at {row.t:.9g} with v2 {row.before[V2]:.3g}"
+    return f"{heyoka_full.KINDS[row.kind]} at {row.t:.9g} with v2 {row.before[V2]:.3g}"
 
 
-def crowded(rows: list[judges.Row]) -> np.ndarray:
+def crowded(rows: list[heyoka_full.Row]) -> np.ndarray:
     """Events with a neighbour nearer than CLOSE."""
     t = np.array([-math.inf, *(row.t for row in rows), math.inf])
     return np.minimum(t[1:-1] - t[:-2], t[2:] - t[1:-1]) < CLOSE
 
 
-def away(grid: np.ndarray, rows: list[judges.Row], distance: float) -> np.ndarray:
+def away(grid: np.ndarray, rows: list[heyoka_full.Row], distance: float) -> np.ndarray:
     """Times of the grid with no event near, where a velocity may jump."""
     t = np.array([-math.inf, *(row.t for row in rows), math.inf])
     place = np.searchsorted(t, grid)
@@ -289,7 +289,9 @@ def look_at_judge(case: Case, trajectory: Any, outcome: Outcome) -> None:
     within = 1e-3 / math.sqrt(case.device["k"] / case.device["m2"])
     quiet = away(grid, truth.rows, 2.0 * within)
 
-    def split(rows: list[judges.Row], others: np.ndarray, end: float) -> tuple[float, int, str]:
+    def split(
+        rows: list[heyoka_full.Row], others: np.ndarray, end: float
+    ) -> tuple[float, int, str]:
         when, matched, how = parting(truth.rows, rows, end, within)
         moved = apart(truth.grid, others, grid, quiet, size)
         if moved < when:
@@ -319,7 +321,7 @@ def look_at_judge(case: Case, trajectory: Any, outcome: Outcome) -> None:
     outcome.horizon = max(0.0, min(1.0, share))
 
 
-def scale_of(case: Case, truth: judges.Verdict) -> np.ndarray:
+def scale_of(case: Case, truth: heyoka_full.Verdict) -> np.ndarray:
     p = case.device
     own = math.sqrt(p["k"] / p["m2"])
     size = np.abs(truth.grid.reshape(-1, 4)).max(axis=0, initial=0.0)

@@ -17,8 +17,8 @@ from scipy.interpolate import PchipInterpolator
 
 import mems_impact as mi
 from mems_impact.actuator.drive import Drive
-from validation.campaign.judge import Piece, Source
 from validation.campaign.ladder import Ladder
+from validation.judges.heyoka_full import Piece, Source
 
 Fields = dict[str, Any]
 Wave = Callable[[float], tuple[Source, float]]

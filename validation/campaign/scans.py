@@ -12,11 +12,11 @@ from scipy.optimize import brentq
 
 import mems_impact as mi
 from mems_impact.hybrid import loop
-from validation.campaign import judge as judges
 from validation.campaign.cases import Case, hold_voltage
 from validation.campaign.checks import SHORT, Outcome, check, verdict
 from validation.campaign.drives import Spec
 from validation.campaign.result import Result
+from validation.judges import heyoka_full
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13, "method": "adams", "engine": "compiled"}
 NEAR = [0.0, *(sign * 10.0**-k for k in (16, 15, 14, 13, 12, 10, 8, 6, 4) for sign in (1, -1))]
@@ -106,7 +106,7 @@ def impact_at_slip_end(seed: int, small: bool) -> Result:
         case = Case("", device, drive, start(v1), 0.0, 1.0, TIGHT)
         rows = verdict(case, 5.0, np.array([])).rows
         first = {row.kind: row.t for row in reversed(rows)}
-        return first[judges.SLIP_END] - first[judges.RIGHT]
+        return first[heyoka_full.SLIP_END] - first[heyoka_full.RIGHT]
 
     # Up to the impact of the first slip the two times depend smoothly on v1.
     exact = brentq(lag, 0.2, 3.0, xtol=1e-15) if lag(0.2) * lag(3.0) < 0.0 else 1.0
