@@ -5,19 +5,11 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.actuator.drives import WAVEFORMS
+
 if TYPE_CHECKING:
-    from mems_impact.actuator.drive import (
-        Burst,
-        Custom,
-        Drive,
-        Pulse,
-        Sampled,
-        Sine,
-        Square,
-        Trapezoid,
-        TwoSided,
-        load_drive,
-    )
+    from mems_impact.actuator.drive import *  # noqa: F403
+    from mems_impact.actuator.drive import Drive, load_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.engines.options import Options
     from mems_impact.errors import (
@@ -77,14 +69,13 @@ if TYPE_CHECKING:
     from mems_impact.tables import sweep_summary
 
 __all__ = [
+    *WAVEFORMS.values(),
     "Actuator",
     "Blows",
     "Branch",
-    "Burst",
     "Chart",
     "ChartInterrupted",
     "Curve",
-    "Custom",
     "Drive",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -99,21 +90,15 @@ __all__ = [
     "Options",
     "Orbit",
     "OrbitError",
-    "Pulse",
     "Run",
     "RunError",
     "RunInterrupted",
-    "Sampled",
-    "Sine",
     "SpecialPoint",
-    "Square",
     "State",
     "Steps",
     "StiffnessWarning",
     "SweepInterrupted",
     "Target",
-    "Trapezoid",
-    "TwoSided",
     "UnitsWarning",
     "Verification",
     "Window",
@@ -149,18 +134,7 @@ __all__ = [
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
-    "actuator.drive": (
-        "Burst",
-        "Custom",
-        "Drive",
-        "Pulse",
-        "Sampled",
-        "Sine",
-        "Square",
-        "Trapezoid",
-        "TwoSided",
-        "load_drive",
-    ),
+    "actuator.drive": ("Drive", "load_drive", *WAVEFORMS.values()),
     "plotting.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),

@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from mems_impact.actuator.drives import WAVEFORMS
+
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
@@ -54,3 +56,8 @@ def test_every_block_says_its_language():
         if not match.group(1)
     ]
     assert unnamed == []
+
+
+def test_every_waveform_is_described():
+    page = (ROOT / "docs" / "drives.md").read_text(encoding="utf-8")
+    assert [name for name in WAVEFORMS.values() if f"| `{name}(" not in page] == []

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.options import Decorator, combined
 
 if TYPE_CHECKING:
@@ -19,15 +20,7 @@ if TYPE_CHECKING:
 KEY = "mems_impact.drive"
 PREFIX = "drive_"  # lest an option of the command has the same name
 
-# Waveforms that options describe, and their parameters; a test holds them to the classes, which
-# are slow to import. All other waveforms come from files.
-KINDS = {
-    "sine": ("amplitude", "omega", "bias", "phase"),
-    "square": ("amplitude", "omega", "duty", "rise", "low", "phase"),
-    "pulse": ("amplitude", "period", "width", "rise", "fall", "low", "phase"),
-    "trapezoid": ("amplitude", "omega", "flat", "bias", "phase"),
-}
-
+# A waveform whose parameters are all among these can be described by options; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
     "amplitude": ("Amplitude f of the voltage; top of a square wave or pulse [V].", None),
     "omega": ("Angular frequency of the voltage [rad/s].", None),
@@ -83,8 +76,8 @@ drive_options = combined(
         callback=_collect,
         expose_value=False,
         show_default="sine",
-        help=f"Waveform of the voltage: {', '.join(KINDS)}, or a file: TOML with a table [drive], "
-        "or a measured voltage as CSV.",
+        help=f"Waveform of the voltage: its kind ({', '.join(WAVEFORMS)}) where the numbers below "
+        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV.",
     ),
     click.option(
         "--allow-code",
@@ -116,7 +109,7 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
             raise click.UsageError(f"{option_of(name)} is what is varied; leave it out")
         if name == "omega" and "frequency" in given:
             raise click.UsageError("--frequency sets omega, which is varied; leave it out")
-    if choice in KINDS:
+    if described_by_options(choice):
         return _of_kind(choice, given, varied or {})
     return _of_file(choice, given, varied or {}, allow_code)
 
@@ -136,21 +129,30 @@ def in_fields(given: Mapping[str, float]) -> dict[str, float]:
     return values
 
 
+def described_by_options(kind: str) -> tuple[str, ...]:
+    """Return the parameters of a waveform if each has an option, else none."""
+    from mems_impact.actuator.drives.files import drive_of_kind
+
+    names = tuple(drive_of_kind(kind).model_fields) if kind in WAVEFORMS else ()
+    return names if NUMBERS.keys() >= set(names) else ()
+
+
 def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
     from mems_impact.actuator.drives.files import drive_of_kind
     from mems_impact.errors import InvalidParameter
 
+    known = described_by_options(kind)
     for name in given:
-        if FIELDS.get(name, name) not in KINDS[kind]:
-            takes = ", ".join(map(option_of, KINDS[kind]))
+        if FIELDS.get(name, name) not in known:
+            takes = ", ".join(map(option_of, known))
             raise click.UsageError(
                 f"{option_of(name)} does not belong to a {kind}, which takes {takes}"
             )
-    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in KINDS[kind]}}
+    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in known}}
     try:
         return drive_of_kind(kind)(**values)
     except InvalidParameter as error:
-        if error.field in KINDS[kind] and error.field not in values:
+        if error.field in known and error.field not in values:
             either = " or '--frequency'" if error.field == "omega" else ""
             raise click.UsageError(f"missing option '{option_of(error.field)}'{either}") from None
         raise
@@ -162,13 +164,13 @@ def _of_file(
     from pathlib import Path
 
     from mems_impact.actuator.drive import Sampled, load_drive
-    from mems_impact.actuator.drives.files import KINDS as ALL
     from mems_impact.actuator.drives.files import TABLES
 
-    if path in ALL and not Path(path).exists():
+    if path in WAVEFORMS and not Path(path).exists():
         raise click.UsageError(f"--drive {path}: describe it in a TOML file and give that")
     if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
-        raise click.UsageError(f"--drive {path}: neither a file nor one of {', '.join(KINDS)}")
+        kinds = ", ".join(filter(described_by_options, WAVEFORMS))
+        raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
     if path.lower().endswith(TABLES):
         measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
         drive: Drive = Sampled.from_csv(path, **measured)

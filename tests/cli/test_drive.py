@@ -4,9 +4,10 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.drives import files
+from mems_impact.actuator import drives
+from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli import COMMANDS
-from mems_impact.cli.drives import FIELDS, KINDS, NUMBERS
+from mems_impact.cli.drives import FIELDS, NUMBERS, described_by_options
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -14,9 +15,30 @@ BURST += "amplitude = 0.2\nomega = 1\n"
 
 
 def test_the_options_are_the_fields():
-    for kind, names in KINDS.items():
-        assert names == tuple(files.KINDS[kind].model_fields)
-    assert set(NUMBERS) - set(FIELDS) == {name for names in KINDS.values() for name in names}
+    described = {kind: described_by_options(kind) for kind in WAVEFORMS}
+    assert [kind for kind in described if described[kind]] == list(WAVEFORMS)[:4]
+    assert set(NUMBERS) - set(FIELDS) == {name for names in described.values() for name in names}
+
+
+RAMP = """
+from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.drives.sine import Sine
+
+
+class Ramp(Sine):
+    amplitude: NonNegative
+    omega: Positive
+"""
+
+
+def test_a_new_waveform_is_one_file_and_one_line(cli, tmp_path, monkeypatch):
+    (tmp_path / "ramp.py").write_text(RAMP)
+    monkeypatch.setattr(drives, "__path__", [*drives.__path__, str(tmp_path)])
+    monkeypatch.setitem(WAVEFORMS, "ramp", "Ramp")
+    (tmp_path / "ramp.toml").write_text('[drive]\nkind = "ramp"\namplitude = 1\nomega = 1\n')
+    assert type(mi.load_drive("ramp.toml")).__name__ == "Ramp"
+    for options in (["ramp.toml"], ["ramp", "--amplitude", "1", "--omega", "1"]):
+        assert "Ramp" in cli("drive", "zhao2004", "--drive", *options, "--no-figure").out
 
 
 def test_show_a_drive(cli, tmp_path):

@@ -22,8 +22,8 @@ class Drive(Checked, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
-    types of `mems_impact.actuator.checked`) and gives the five things below. Nothing else in
-    the package needs to know of it.
+    types of `mems_impact.actuator.checked`) and gives the five things below. One line in
+    `mems_impact.actuator.drives.WAVEFORMS` tells files, the command line and the package of it.
 
     The waveform itself is a pair of module-level functions of plain Python that the equations
     call, interpreted or compiled by numba unchanged. They take floats and one float64 array, use

@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
+from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.drives.burst import Burst
 from mems_impact.actuator.drives.custom import Custom
-from mems_impact.actuator.drives.pulse import Pulse
 from mems_impact.actuator.drives.sampled import Sampled
-from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.drives.square import Square
-from mems_impact.actuator.drives.trapezoid import Trapezoid
-from mems_impact.actuator.drives.two_sided import TwoSided
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.errors import InvalidFile, InvalidParameter, shown
 
-__all__ = ["KINDS", "TABLES", "drive_of_kind", "load_drive"]
-
-KINDS: dict[str, type[Drive]] = {
-    "sine": Sine,
-    "square": Square,
-    "pulse": Pulse,
-    "trapezoid": Trapezoid,
-    "sampled": Sampled,
-    "burst": Burst,
-    "two-sided": TwoSided,
-    "custom": Custom,
-}
-"""The waveforms by the name that files and the command line know them by."""
+__all__ = ["TABLES", "drive_of_kind", "load_drive"]
 
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
@@ -101,15 +85,17 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
 
 def drive_of_kind(kind: str) -> type[Drive]:
     """Return the waveform of that name; InvalidParameter if there is none."""
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}")
-    return KINDS[kind]
+    if not isinstance(kind, str) or kind not in WAVEFORMS:
+        raise InvalidParameter("kind", kind, f"one of {', '.join(WAVEFORMS)}")
+    module = import_module(f"{__package__}.{kind.replace('-', '_')}")
+    waveform: type[Drive] = getattr(module, WAVEFORMS[kind])
+    return waveform
 
 
 def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     values = dict(table)
     if "kind" not in values:
-        allowed = f"one of {', '.join(KINDS)}"
+        allowed = f"one of {', '.join(WAVEFORMS)}"
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
     if kind is Sampled and "file" in values:
