@@ -533,9 +533,7 @@ def _guards(guards: Sequence[Guard]) -> tuple[Guard, ...]:
 def _mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
     if given is not None:
         return tuple(mode.name if isinstance(mode, Mode) else str(mode) for mode in given)
-    found = {
-        mode.names for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)
-    }
+    found = {mode.names for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
     if len(found) > 1:
         known = [", ".join(names) for names in found]
         raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
