@@ -161,6 +161,7 @@ class System:
         if isinstance(states, int):
             states = tuple(f"u{i}" for i in range(states))
         states = tuple(states)
+        guards = _guards(guards)
         self.name = name
         self._parameters = _numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
@@ -169,7 +170,7 @@ class System:
             modes=_mode_names(modes, guards),
             parameters=tuple(self._parameters),
             flow=_function("flow", flow),
-            guards=_guards(guards),
+            guards=guards,
             settle=settle,
             jacobian=jacobian,
             cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
