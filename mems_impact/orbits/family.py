@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -45,6 +45,15 @@ class Family:
         for name in changes:
             self.value(name)
         return Family(self.build, {**self.values, **changes})
+
+    def by(self, method: str) -> Family:
+        """Return the family integrated by another method."""
+
+        def build(values: Mapping[str, float]) -> Problem:
+            problem = self.build(values)
+            return replace(problem, options=replace(problem.options, method=method))
+
+        return Family(build, self.values)
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter.

@@ -25,7 +25,7 @@ from mems_impact.orbits import orbit as orbits
 from mems_impact.orbits.family import Family
 from mems_impact.studies.branches import CodimensionTwo, GrazingType, curve_of
 from mems_impact.studies.design import pull_in_voltage
-from mems_impact.studies.orbits import ORBIT_OPTIONS, System, whole
+from mems_impact.studies.orbits import IF_STIFF, ORBIT_OPTIONS, System, whole
 from mems_impact.studies.simulate import instant_of_state, simulate
 from mems_impact.studies.state import State, is_number
 from mems_impact.studies.sweep import kicked
@@ -127,7 +127,7 @@ def operating_chart(
     omega: tuple[float | None, float | None] = (None, None),
     crises: int = 7,
     periods: int = 2000,
-    options: Options = ORBIT_OPTIONS,
+    options: Options | None = None,
     steps: Steps = Steps(),  # noqa: B008 - immutable
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
@@ -154,7 +154,9 @@ def operating_chart(
         Frequencies of type III at which the crisis is simulated, >= 0.
     periods : int, optional
         Forcing periods for which an attractor has to persist in these simulations.
-    options, steps
+    options : Options, optional
+        Of the continuation; by default as in `find_orbit`.
+    steps : Steps, optional
         Of the continuation.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
@@ -177,7 +179,8 @@ def operating_chart(
         On Ctrl-C; its ``chart`` holds what was done.
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
-    system = System.of(actuator, drive, options)
+    system = System.of(actuator, drive, ORBIT_OPTIONS if options is None else options)
+    if_stiff = IF_STIFF if options is None else None
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -186,7 +189,8 @@ def operating_chart(
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     tell = _teller(progress)
-    maker = _Maker(system, steps, tell, (system.into(OMEGA, low), system.into(OMEGA, high)))
+    ends = system.into(OMEGA, low), system.into(OMEGA, high)
+    maker = _Maker(system, steps, tell, ends, if_stiff)
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:
@@ -298,8 +302,10 @@ class _Maker:
         steps: Steps,
         tell: Callable[[str], None],
         omega: tuple[float, float],
+        if_stiff: str | None = None,
     ) -> None:
         self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
+        self.if_stiff = if_stiff
         self.family: Family = system.family()
         self.notes: list[str] = []
         self.met: dict[float, list[branches.SpecialPoint]] = {}
@@ -372,7 +378,7 @@ class _Maker:
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
         rest = instant_of_state(here.actuator, here.drive, State())
-        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
+        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,), if_stiff=self.if_stiff)
         branch = branches.follow(
             orbit, AMPLITUDE, low=0.5 * amplitude, high=self.pull_in, steps=self.steps,
             progress=watch,

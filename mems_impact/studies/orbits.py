@@ -36,10 +36,12 @@ from mems_impact.studies.state import STATE_UNITS, State, is_number
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ORBIT_OPTIONS", "Orbit", "System", "find_orbit", "reporting", "whole"]
+__all__ = ["IF_STIFF", "ORBIT_OPTIONS", "Orbit", "System", "find_orbit", "reporting", "whole"]
 
-ORBIT_OPTIONS = Options(rtol=1e-11, atol=1e-13)
-"""Tighter than for runs: special points are located to ten digits."""
+ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
+"""Tighter than for runs, as special points are located to ten digits; arcs are short."""
+IF_STIFF = "bdf"
+"""The method that takes over from that of `ORBIT_OPTIONS`."""
 
 PERIOD_ENDS = "period ends"
 SWITCH = 2 * len(GUARDS)  # the code of the drive's switch
@@ -137,8 +139,9 @@ class System:
         return Family(build, self._inner)
 
     def at_orbit(self, found: PeriodicOrbit) -> System:
-        """Return the system at the values of an orbit."""
-        return self._at(found.family.values)
+        """Return the system at the values of an orbit, and with the options of it."""
+        options = found.family.problem().options
+        return replace(self._at(found.family.values), options=options)
 
     @cached_property
     def _inner(self) -> dict[str, float]:
@@ -182,6 +185,11 @@ class Orbit:
     def drive(self) -> Drive:
         """The voltage."""
         return self.system.drive
+
+    @property
+    def options(self) -> Options:
+        """How it is integrated."""
+        return self.system.options
 
     @property
     def period(self) -> float:
@@ -398,7 +406,7 @@ def find_orbit(
     guess: State = State(),  # noqa: B008 - immutable
     periods: int = 1,
     transient: float = 0,
-    options: Options = ORBIT_OPTIONS,
+    options: Options | None = None,
 ) -> Orbit:
     """Find a periodic orbit near a state.
 
@@ -416,7 +424,9 @@ def find_orbit(
     transient : float, optional
         Forcing periods to run before that, >= 0: a stable orbit attracts.
     options : Options, optional
-        How it is integrated; 1e-11 relative and 1e-13 absolute by default.
+        How it is integrated; by default with method ``"dop853"``, or ``"bdf"`` if the run from
+        the guess is found stiff, to 1e-11 relative and 1e-13 absolute. `Orbit.options` has what
+        was taken.
 
     Returns
     -------
@@ -431,18 +441,21 @@ def find_orbit(
     RunError
         If the run from the guess fails.
     """
-    system = System.of(actuator, drive, options)
+    system = System.of(actuator, drive, ORBIT_OPTIONS if options is None else options)
+    if_stiff = IF_STIFF if options is None else None
     count = whole("periods", periods, 1)
     if not is_number(transient) or transient < 0.0:
         raise InvalidParameter("transient", transient, "a finite number >= 0")
     start = instant_of_state(actuator, drive, guess)
     try:
-        found = orbits.find_orbit(system.family(), start, periods=count, transient=float(transient))
+        found = orbits.find_orbit(
+            system.family(), start, periods=count, transient=float(transient), if_stiff=if_stiff
+        )
     except OrbitError as error:
         if isinstance(error.partial, Point):
             error.partial = _reached(error.partial, system.scales)
         raise
-    return Orbit(system=system, found=found)
+    return Orbit(system=system.at_orbit(found), found=found)
 
 
 def whole(field: str, value: Any, least: int) -> int:
