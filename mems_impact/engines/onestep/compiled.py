@@ -37,7 +37,7 @@ from mems_impact.engines.snapshot import mark_overloaded, sources, take
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
-_REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next")
+_REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),

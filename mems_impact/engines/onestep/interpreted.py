@@ -43,7 +43,7 @@ class Engine(Functions):
         self.mode = 0
         self.t = self.t_start = self.t_end = 0.0
         self.stop = self.last_instant = math.inf
-        self.h_next = 0.0
+        self.h_next = self.longest = 0.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
         self.steps = 0
