@@ -112,7 +112,7 @@ class _Run:
         per_period: int,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
-        on_stiff: Callable[[], None] | None,
+        on_stiff: Callable[[], None] | None = None,
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
