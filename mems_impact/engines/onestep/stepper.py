@@ -37,9 +37,9 @@ SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
 # The textbook's first step is cautious at order 8: on smooth arcs of this package the error
 # estimate then allows one that is 4 to 28 times as long, mostly 6 to 10.
 BOLD = 6.0
-# Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment what
-# it else does in a period, such as swing from one sign to the other, and margins are looked at only
-# where steps end.
+# Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment
+# what it else does in a period, such as swing from one sign to the other, and margins are looked
+# at only where steps end.
 LOOKS = 4.0
 RETREAT = 0.25  # a step into where the functions are not finite is cut to this
 ULP = 2.0**-52
