@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from mems_impact.engines import contract as arc
-from mems_impact.hybrid.guards import follow, resolution, violated
+from mems_impact.hybrid.guards import follow, violated
 from mems_impact.hybrid.record import (
     ACCUMULATION,
     AHEAD,
@@ -24,6 +24,7 @@ from mems_impact.hybrid.record import (
     HIT_TIME,
     IMPACT,
     LEFT,
+    LOOKED,
     MOVED,
     NONE,
     PAST,
@@ -43,18 +44,19 @@ STEADY = 1e-6  # the end of a sequence is known to about this part of its last f
 BISECTIONS = 60
 
 
-def complete_chatter(engine: Any, s: Any, t: float, y: Any, guard: int) -> float:
-    """Complete a sequence of impacts at `guard` once its flights are weak; return the new time.
+def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
+    """Complete a sequence of impacts at `guard` once its flights are weak.
 
-    `y` is the state after the impact at `t`. It becomes that at the end of the sequence, all that
-    moves having moved on until then; or it stays, and the sequence goes on.
+    After `resolution` of the state after the impact, `y` at ``s.t``. They become those at the end of
+    the sequence, all that moves having moved on until then; or stay, and the sequence goes on.
+    Returns False if that was plain, and nothing has been overwritten but `record`'s HIT rows.
     """
     past, entered, left = row(s, PAST), row(s, ENTERED), row(s, LEFT)
-    mode, code = s.mode, s.m + guard
+    mode, t, code = s.mode, s.t, s.m + guard
     remaining, interval = what_is_left(engine, s, t, y, guard)
     end = min((s.end_cycle - s.cycle) * s.period + s.end_phase, next_switch(s, t))
     if t + remaining >= end:
-        return t
+        return False
     for j in range(s.n):
         past[j] = y[j]
         entered[j] = y[j]
@@ -68,31 +70,32 @@ def complete_chatter(engine: Any, s: Any, t: float, y: Any, guard: int) -> float
         first = acceleration(engine, s, mode, t, entered, guard, h)
         last = acceleration(engine, s, mode, t + remaining, left, guard, -h)
         change = (last - first) / first if first != 0.0 else math.inf
-        if not change * change * remaining <= STEADY * interval:
-            return t
+        if change <= -2.0 or not change * change * remaining <= STEADY * interval:
+            return True
         remaining /= 1.0 + 0.5 * change
         if not carry(engine, s, t, remaining, guard):
             s.mode = mode
-            return t
+            return True
     t += remaining
     s.mode = arc.transition(engine, s.mode, code, t, left)
     row(s, HIT_TIME)[guard] = -math.inf
     note(s, t, ACCUMULATION, guard, mode, past, left)
     for j in range(s.n):
         y[j] = left[j]
-    return t
+    if t > s.t:
+        s.instant = 0
+    s.t = t
+    return True
 
 
 def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[float, float]:
     """Note the impact at `t`; return how long its sequence still lasts, and the last flight.
 
-    Infinity if there is no sequence, or none that may be completed yet.
+    After `resolution`. Infinity if there is no sequence, or none that may be completed yet.
     """
-    m = s.m
-    g, hit_time, hit_speed = row(s, G), row(s, HIT_TIME), row(s, HIT_SPEED)
-    hit_interval, hit_reach = row(s, HIT_INTERVAL), row(s, HIT_REACH)
-    arc.margins(engine, s.mode, t, y, g)
-    speed = g[m + guard]
+    m, speed = s.m, row(s, LOOKED)[s.m + guard]
+    hit_time, hit_interval = row(s, HIT_TIME), row(s, HIT_INTERVAL)
+    hit_speed, hit_reach = row(s, HIT_SPEED), row(s, HIT_REACH)
     since, earlier, before = hit_time[guard], hit_interval[guard], hit_speed[guard]
     hit_time[guard], hit_interval[guard], hit_speed[guard] = t, t - since, speed
     interval = t - since
@@ -102,7 +105,6 @@ def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[flo
     # Three impacts make a sequence, so that a run taken up before them knows as much.
     shrinking = interval < earlier < math.inf and 0.0 <= ratio < 1.0
     height = 0.25 * before * interval
-    resolution(engine, s, s.mode, t, y)
     size, gain = row(s, SIZE)[guard], row(s, GAIN)[guard]
     reach = max(hit_reach[guard], height) if interval < earlier < math.inf else height
     hit_reach[guard] = reach

@@ -309,15 +309,12 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
             if kind == TRANSITION:
                 return CYCLING
             break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
-        if kind == TRANSITION and impact:
-            t = complete_chatter(engine, s, s.t, y, guard)
-            if t > s.t:
-                s.instant = 0
-            s.t = t
         # Impacts of bodies in a row go through it from end to end, again and again: if one end
         # always came first, they would grow beyond all bounds with the length of the row.
-        after = guard if impact else NONE
+        struck, after = guard, guard if impact else NONE
         guard = violated(engine, s, s.mode, s.t, y, NONE, after)
+        if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
+            guard = violated(engine, s, s.mode, s.t, y, NONE, after)
         if not changed and kind != SWITCH:
             # Nothing moved: looking again would find the same.
             if kind == TRANSITION and guard != NONE and row(s, IMPACT)[guard] == 1:
