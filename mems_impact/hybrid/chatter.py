@@ -47,9 +47,9 @@ BISECTIONS = 60
 def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Complete a sequence of impacts at `guard` once its flights are weak.
 
-    After `resolution` of the state after the impact, `y` at ``s.t``. They become those at the end of
-    the sequence, all that moves having moved on until then; or stay, and the sequence goes on.
-    Returns False if that was plain, and nothing has been overwritten but `record`'s HIT rows.
+    After `resolution` of the state after the impact, `y` at ``s.t``. They become those at the end
+    of the sequence, all that moves having moved on until then; or stay, and the sequence goes on.
+    Returns False if it plainly goes on: then what `resolution` left still stands.
     """
     past, entered, left = row(s, PAST), row(s, ENTERED), row(s, LEFT)
     mode, t, code = s.mode, s.t, s.m + guard
