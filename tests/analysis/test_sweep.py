@@ -6,9 +6,9 @@ import threading
 import numpy as np
 import pandas as pd
 import pytest
-from mems_impact.studies import chains
 
 import mems_impact as mi
+from mems_impact.analysis import chains
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
