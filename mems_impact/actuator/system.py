@@ -215,14 +215,11 @@ class ActuatorSystem(System):
         problem = "only systems made by mems_impact.System know it; give periods= or duration="
         raise InvalidParameter("until", None, "", problem=problem)
 
-    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
-        """Return where a run from `state` starts; the block must be between the stoppers."""
-        start = super().instant(state, problem)
-        x2 = self.out("x2", float(start.y[X2]))
-        delta = self.actuator.delta
-        if not abs(x2) <= delta * (1.0 + 1e-15):
+    def _check_state(self, field: str, state: State) -> None:
+        super()._check_state(field, state)
+        x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
+        if not abs(x2) <= delta:
             raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
-        return start
 
     def state_of(self, instant: Instant) -> State:
         """Return an instant as a state in the device's units."""

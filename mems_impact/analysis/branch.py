@@ -166,8 +166,7 @@ class Branch:
         rows = [
             {
                 "value": self.system.out(self.parameter, point.value),
-                "piece": point.piece,
-                **_measures(orbit),
+                **_measures(orbit, piece=point.piece),
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
@@ -527,12 +526,13 @@ def curve_of(system: System, found: curves.OrbitCurve) -> Curve:
     )
 
 
-def _measures(orbit: Orbit) -> dict[str, Any]:
-    """Return what the tables say of an orbit, in the units of the numerics."""
+def _measures(orbit: Orbit, **place: int) -> dict[str, Any]:
+    """Return what the tables say of an orbit, in the units of the numerics; `place`: on what."""
     found, system = orbit.found, orbit.system
     return {
         "stable": found.stable,
         "admissible": found.admissible,
+        **place,
         "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
         "impacts": len(orbit.impact_speeds),
         "impact speed": max(orbit.impact_speeds, default=math.nan),

@@ -395,7 +395,7 @@ def find_orbit(
     if not system.forced:
         problem = "the system has no forcing period, and so no orbit that repeats with it"
         raise InvalidParameter("period", None, "", problem=problem)
-    start = system.instant(guess, system.problem(options))
+    start = system.instant(guess, system.problem(options), field="guess")
     try:
         found = orbits.find_orbit(
             system.family(options), start, periods=count, transient=float(transient)

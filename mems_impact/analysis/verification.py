@@ -124,14 +124,20 @@ class _Log:
         """Return how strong each event is, as a speed; infinity for a switch of the drive.
 
         An impact counts by its speed. A change of mode is as strong as the modes on either side of
-        it last: within a time T, accelerations of order one come to a speed T.
+        it last: within a time T, accelerations of order one come to a speed T. A rest counts by how
+        long it lasts alone: the impacts that lead to it come ever faster.
         """
         events = self.events
         strength = np.where(np.isnan(speed), math.inf, speed)
         changes = np.flatnonzero((events.mode_before != events.mode_after) & np.isnan(speed))
         instants = (events.cycle * self.period + events.time)[changes]
         apart = np.concatenate([[math.inf], np.diff(instants), [math.inf]])
-        strength[changes] = np.minimum(apart[:-1], apart[1:])
+        since, until = apart[:-1], apart[1:]
+        rests = events.kind[changes] == loop.ACCUMULATION
+        rested = np.concatenate([[False], rests])[:-1]
+        strength[changes] = np.minimum(
+            np.where(rests, math.inf, since), np.where(rested, math.inf, until)
+        )
         strength[events.kind == loop.SWITCH] = math.inf
         return strength
 

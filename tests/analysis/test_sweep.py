@@ -131,11 +131,11 @@ def test_initial():
 def test_failed_values_are_rows(monkeypatch):
     simulate, starts = chains.simulate, []
 
-    def failing(actuator, drive, *rest, **more):
+    def failing(system, *rest, **more):
         starts.append(more["initial"])
-        if drive.amplitude == 0.22:
-            return simulate(actuator, drive, *rest, **more | {"options": mi.Options(max_events=1)})
-        return simulate(actuator, drive, *rest, **more)
+        if system.value("amplitude") == 0.22:
+            return simulate(system, *rest, **more | {"options": mi.Options(max_events=1)})
+        return simulate(system, *rest, **more)
 
     monkeypatch.setattr(chains, "simulate", failing)
     table = swept(initial=mi.State(v2=1.0), workers=1)

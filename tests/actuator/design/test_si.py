@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import mems_impact as mi
@@ -63,10 +62,11 @@ def test_section_and_samples(pair):
 
 def test_statistics(pair):
     plain, scaled = pair
-    frame = pd.DataFrame([plain.statistics]), pd.DataFrame([scaled.statistics])
-    for table, run in zip(frame, pair, strict=True):
-        table.attrs = run.statistics.attrs
-    same(frame[0].astype(float), frame[1].astype(float))
+    frames = []
+    for run in pair:
+        frames.append(run.statistics.to_frame().T)
+        frames[-1].attrs = run.statistics.attrs
+    same(*frames)
     assert plain.window == scaled.window
     assert math.isclose(plain.periods, scaled.periods, rel_tol=1e-12)
 
