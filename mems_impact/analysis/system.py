@@ -37,18 +37,23 @@ Number = float | Callable[..., float]
 
 
 class Mode(int):
-    """A mode: its number, which functions compare and return, and its name."""
+    """A mode: its number, which functions compare and return, its name, and those beside it."""
 
-    name: str
+    names: tuple[str, ...]
 
-    def __new__(cls, number: int, name: str) -> Mode:
-        """Return the mode of a number."""
+    def __new__(cls, number: int, names: tuple[str, ...]) -> Mode:
+        """Return one of the modes that are called `names`."""
         mode = super().__new__(cls, number)
-        mode.name = name
+        mode.names = names
         return mode
 
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.names[self]
+
     def __reduce__(self) -> Any:
-        return Mode, (int(self), self.name)
+        return Mode, (int(self), self.names)
 
 
 def modes(*names: str) -> tuple[Mode, ...]:
@@ -61,7 +66,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
     >>> HELD == 1, HELD.name
     (True, 'held')
     """
-    return tuple(Mode(number, name) for number, name in enumerate(names))
+    return tuple(Mode(number, names) for number in range(len(names)))
 
 
 class System:
@@ -81,7 +86,7 @@ class System:
     guards : sequence of Guard, optional
         What ends a mode, or is recorded: `Guard` and `Impact`.
     modes : sequence of Mode or str, optional
-        All modes, from `modes`; those that the guards name by default, or one.
+        All modes, from `modes`; needed where no guard names one and there are several.
     period : float or callable, optional
         The forcing period: a number, or ``period(p)``. None for a system without forcing.
     switches : sequence of float or callable, optional
@@ -156,6 +161,7 @@ class System:
         if isinstance(states, int):
             states = tuple(f"u{i}" for i in range(states))
         states = tuple(states)
+        guards = _guards(guards)
         self.name = name
         self._parameters = _numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
@@ -164,7 +170,7 @@ class System:
             modes=_mode_names(modes, guards),
             parameters=tuple(self._parameters),
             flow=_function("flow", flow),
-            guards=_guards(guards),
+            guards=guards,
             settle=settle,
             jacobian=jacobian,
             cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
@@ -534,14 +540,11 @@ def _guards(guards: Sequence[Guard]) -> tuple[Guard, ...]:
 def _mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
     if given is not None:
         return tuple(mode.name if isinstance(mode, Mode) else str(mode) for mode in given)
-    found = {mode for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
-    if not found:
-        return ("free",)
-    names = {int(mode): mode.name for mode in found}
-    if sorted(names) != list(range(len(names))):
-        known = ", ".join(names.values())
-        raise InvalidParameter("modes", known, "given: the guards do not name all of them")
-    return tuple(names[number] for number in sorted(names))
+    found = {mode.names for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
+    if len(found) > 1:
+        known = [", ".join(names) for names in found]
+        raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
+    return next(iter(found), ("free",))
 
 
 def _place(field: str, state: str, states: tuple[str, ...]) -> int:
