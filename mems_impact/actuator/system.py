@@ -62,7 +62,8 @@ class ActuatorSystem(System):
     Raises
     ------
     InvalidParameter
-        If `drive` is no drive, or cannot be told in floating-point numbers.
+        If `actuator` is no actuator or `drive` no drive, or cannot be told in floating-point
+        numbers.
     """
 
     run_type = ActuatorRun
@@ -73,6 +74,8 @@ class ActuatorSystem(System):
     )
 
     def __init__(self, actuator: Actuator, drive: Drive, scales: Scales | None = None) -> None:
+        if not isinstance(actuator, Actuator):
+            raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
@@ -147,9 +150,9 @@ class ActuatorSystem(System):
         """Return the SI unit of a parameter or a column, empty for a pure number."""
         return self.units.get(name, "")
 
-    def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` can be varied continuously."""
-        super().check_parameter(name, field)
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        super().check_continued(name)
         if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
@@ -184,7 +187,7 @@ class ActuatorSystem(System):
         rest = {name: value for name, value in values.items() if name not in of_drive}
         for name in rest:
             if name not in PARAMETER_NAMES:
-                super().check_parameter(name)
+                self.check_parameter(name)
         return of_drive, rest
 
     @property

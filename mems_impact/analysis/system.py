@@ -332,9 +332,13 @@ class System:
         return self.forcing_period is not None
 
     def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` is a parameter that can be varied continuously."""
+        """Raise InvalidParameter unless `name` is a parameter."""
         if name not in self.parameters:
             raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
+
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        self.check_parameter(name)
 
     def value(self, name: str) -> float:
         """Return a parameter in the system's units."""

@@ -118,6 +118,16 @@ def test_parameter_of_the_actuator():
     assert set(table["e"]) == {0.6, 0.8}
 
 
+def test_bias_from_zero():
+    # The forcing period doubles where the bias sets in; the phase is carried over.
+    table = swept((0.0, 0.1), "bias", initial=mi.State(v2=1.0))
+    assert (table["status"] == "ok").all()
+    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0))
+    more = mi.simulate(ZHAO, DRIVE.replace(bias=0.1), 14, initial=run.final)
+    expected = more.section(1).query("period >= 10")["v2"]
+    assert table.loc[table["bias"] == 0.1, "v2"].tolist() == expected.tolist()
+
+
 def test_initial():
     states = {"up": mi.State(v2=0.5), "down": mi.State(v2=0.9)}
     both = swept(direction="both", initial=states)
