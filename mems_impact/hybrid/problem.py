@@ -79,6 +79,8 @@ class Bound:
         ``call(function, *arguments)`` calls `function`, written over
         `mems_impact.engines.contract`, with the engine as its first argument; compiled, if the
         engine is.
+    is_stiff : callable
+        Returns whether stability, not accuracy, has limited steps; False if the method can't tell.
     close : callable
         Frees the engine's memory.
     record : callable
@@ -88,6 +90,7 @@ class Bound:
     """
 
     call: Callable[..., Any]
+    is_stiff: Callable[[], bool]
     close: Callable[[], None]
     record: Callable[[np.dtype[Any]], Any]
     quota: int
@@ -153,7 +156,7 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
     def record(dtype: np.dtype[Any]) -> Any:
         return np.zeros(1, dtype=dtype).view(np.recarray)[0]
 
-    return Bound(call, engine.close, record, 20_000)
+    return Bound(call, engine.is_stiff, engine.close, record, 20_000)
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
@@ -166,4 +169,4 @@ def _interpreted(arguments: dict[str, Any]) -> Bound:
         # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
         return SimpleNamespace(**dict.fromkeys(dtype.names or (), 0))
 
-    return Bound(call, engine.close, record, 1_000)
+    return Bound(call, engine.is_stiff, engine.close, record, 1_000)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from collections.abc import Callable
 
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted, StiffnessWarning
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.record import buffers_for
@@ -19,6 +20,10 @@ __all__ = ["Problem", "run", "sample"]
 
 EVENT_ROWS = 4096
 MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
+STIFF = (
+    "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
+    "method='bdf' may be faster"
+)
 NAMED = (loop.INADMISSIBLE, loop.WITHOUT_EFFECT, loop.NOT_FINITE)  # failures at a guard
 
 
@@ -29,6 +34,7 @@ def run(
     *,
     consume: Callable[[Events], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    on_stiff: Callable[[], None] | None = None,
 ) -> Trajectory:
     """Integrate `problem` from `start` over `periods`.
 
@@ -43,6 +49,9 @@ def run(
         the run does not grow with its length.
     progress : callable, optional
         Called with the periods done so far, several times a second.
+    on_stiff : callable, optional
+        Called, as often as the loop looks at its caller, once ``dop853`` has found the system
+        stiff; it may raise to end the run. Without it a `StiffnessWarning` tells in the end.
 
     Returns
     -------
@@ -75,12 +84,13 @@ def run(
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
     end = Instant(start.cycle + whole, phase, start.mode, start.y)
-    return _Run(problem, start, end, 0, consume, progress).go()
+    return _Run(problem, start, end, 0, consume, progress, on_stiff).go()
 
 
 def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> Samples:
     """Run again from `start` to `end` and return the state at equal intervals of every period."""
-    run_again = _Run(problem, start, end, per_period, lambda _: None, None)
+    # That the system is stiff, the run itself has said.
+    run_again = _Run(problem, start, end, per_period, lambda _: None, None, lambda: None)
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
@@ -100,11 +110,12 @@ class _Run:
         per_period: int,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
+        on_stiff: Callable[[], None] | None = None,
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
         self.problem, self.start = problem, start
-        self.consume, self.progress = consume, progress
+        self.consume, self.progress, self.on_stiff = consume, progress, on_stiff
         self.kept: list[Floats] = []
         self.bound = bind(problem)
         self.y = np.array(start.y, dtype=float)
@@ -151,6 +162,8 @@ class _Run:
                     self.bound.quota,
                 )
                 self._drain()
+                if self.on_stiff is not None and self.bound.is_stiff():
+                    self.on_stiff()
                 if self.progress is not None:
                     self.progress(self._done())
         except KeyboardInterrupt:
@@ -158,6 +171,8 @@ class _Run:
             self._drain()
             raise RunInterrupted(self._trajectory(), self._done()) from None
         finally:
+            if self.on_stiff is None and self.bound.is_stiff():
+                warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
             self.bound.close()
         if status not in (loop.DONE, loop.ENDED):
             raise self._failure(status)

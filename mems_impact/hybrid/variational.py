@@ -305,7 +305,7 @@ class Event(NamedTuple):
 
 
 class Variational:
-    """Arcs and events of a problem with their derivatives; one CVODE object, used over and over.
+    """Arcs and events of a problem with their derivatives; one engine, used over and over.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ class Variational:
         Raises
         ------
         RunError
-            If CVODE fails or the budget of steps is spent.
+            If the engine fails or the budget of steps is spent.
         """
         n, f = self.n, len(self.free)
         state = np.zeros(n * (1 + f + self.k))

@@ -128,3 +128,27 @@ def test_no_orbit_near_the_guess():
     with pytest.raises(mi.OrbitError, match="no orbit") as caught:
         mi.find_orbit(ZHAO, chaos)
     assert isinstance(caught.value.partial, mi.State | None)
+
+
+OVERDAMPED = ZHAO.replace(c=1e4)
+
+
+@pytest.mark.filterwarnings("error::mems_impact.StiffnessWarning")
+def test_where_the_system_is_stiff_bdf_takes_over_and_says_so(orbit):
+    assert orbit.options.method == "dop853"
+    drive = mi.Sine(amplitude=0.1, omega=0.5)
+    found = mi.find_orbit(OVERDAMPED, drive, guess=mi.State(x2=0.005))
+    assert found.options == mi.Options(method="bdf", rtol=1e-11, atol=1e-13)
+    # Infinitely damped, the block stays where the mean force and the spring balance.
+    x = found.state.x2
+    assert x * (1.0 - x) ** 2 == pytest.approx(0.5 * drive.amplitude**2, rel=1e-5)
+    # The branch goes on as the orbit does.
+    branch = mi.continue_orbit(found, "amplitude", 0.11, steps=mi.Steps(most=2))
+    assert {each.options.method for each in branch.orbits} == {"bdf"}
+
+
+def test_a_method_that_was_chosen_is_kept_and_says_that_the_system_is_stiff():
+    drive, options = mi.Sine(amplitude=0.1, omega=0.5), mi.Options(method="dop853")
+    with pytest.warns(mi.StiffnessWarning, match="method='bdf'"):
+        found = mi.find_orbit(OVERDAMPED, drive, guess=mi.State(x2=0.005), options=options)
+    assert found.options == options

@@ -102,6 +102,10 @@ class Engine(Functions):
             num_events=2 * m + 1,
         )
 
+    def is_stiff(self) -> bool:
+        """Return False: CVODE does not tell."""
+        return False
+
     def close(self) -> None:
         """Do nothing: scikit-sundae frees its memory with the object."""
 
