@@ -233,7 +233,7 @@ class Orbit:
         guards = self.system.automaton.guards
         m = len(guards)
         return [
-            -float(event.rates[segment.code % m])
+            abs(float(event.rates[segment.code % m]))
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
             if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
         ]
@@ -404,13 +404,9 @@ def find_orbit(
     if not system.forced:
         problem = "the system has no forcing period, and so no orbit that repeats with it"
         raise InvalidParameter("period", None, "", problem=problem)
-<<<<<<< HEAD
-    start = system.instant(guess, system.problem(options), field="guess")
-=======
     chosen = ORBIT_OPTIONS if options is None else options
     if_stiff = IF_STIFF if options is None else None
-    start = system.instant(guess, system.problem(chosen))
->>>>>>> house
+    start = system.instant(guess, system.problem(chosen), field="guess")
     try:
         found = orbits.find_orbit(
             system.family(chosen),

@@ -106,11 +106,23 @@ def test_a_device_in_si(orbit):
     assert branch.table.attrs["units"]["amplitude"] == "V"
 
 
+def test_a_branch_over_a_parameter_of_the_scales():
+    """Its orbits are in the scales of the first one, and come out as those of their own device."""
+    mita, drive = mi.load_actuator("mita2003"), mi.Sine(amplitude=20.0, omega=1000.0)
+    branch = mi.continue_orbit(mi.find_orbit(mita, drive), "k", 4.6)
+    row = branch.table.iloc[4]
+    assert abs(row["k"] / mita.k - 1) > 1e-3
+    alone = mi.find_orbit(mita.replace(k=row["k"]), drive)
+    assert row["v2"] == pytest.approx(alone.section(1)["v2"].iloc[0], rel=1e-8)
+    assert row["closest approach"] == pytest.approx(alone.closest_approach, rel=1e-9)
+    assert row["largest multiplier"] == pytest.approx(abs(alone.multipliers[0]), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
         ({"guess": mi.State(x2=0.7)}, "stoppers"),
-        ({"guess": 3}, "State"),
+        ({"guess": 3}, "guess = 3: must be a State"),
         ({"periods": 0}, "periods = 0"),
         ({"periods": 1.5}, "whole number"),
         ({"transient": -1}, "transient"),
