@@ -6,14 +6,14 @@ import contextlib
 import math
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from mems_impact.engines import contract
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted, StiffnessWarning
-from mems_impact.hybrid import loop
+from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Problem, bind
-from mems_impact.hybrid.record import buffers_for
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
 __all__ = ["Problem", "run", "sample"]
@@ -94,7 +94,7 @@ def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> S
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
-    rows = run_again.buffers.samples[: run_again.clock.samples]
+    rows = run_again.samples[: run_again.clock.taken]
     integer = rows[:, :3].astype(np.int64)
     return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
@@ -118,13 +118,6 @@ class _Run:
         self.consume, self.progress, self.on_stiff = consume, progress, on_stiff
         self.kept: list[Floats] = []
         self.bound = bind(problem)
-        self.y = np.array(start.y, dtype=float)
-        self.layout = loop.Layout(
-            order=np.array([guard.order for guard in automaton.guards], dtype=np.int64),
-            impact=np.array([guard.impact for guard in automaton.guards], dtype=np.int64),
-            cyclic=np.array([i in automaton.cyclic for i in range(n)], dtype=np.int64),
-            switches=np.array(problem.switches, dtype=float),
-        )
         first, rows = 0, 0
         if per_period > 0:
             # The epsilon keeps a sample that falls on the start itself.
@@ -132,8 +125,21 @@ class _Run:
             last = (end.cycle - start.cycle) * per_period
             last += math.floor(end.time / problem.period * per_period + 1e-9)
             rows = max(0, last - first + 1)
-        self.buffers = buffers_for(n, m, EVENT_ROWS + m, rows)
-        clock = self.bound.record(loop.CLOCK)
+        switches = len(problem.switches)
+        self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
+        self.events = np.zeros((EVENT_ROWS + m, loop.HEAD + 2 * n))
+        self.samples = np.zeros((rows, 3 + n))
+        self._put(record.ORDER, [guard.order for guard in automaton.guards])
+        self._put(record.IMPACT, [guard.impact for guard in automaton.guards])
+        self._put(record.CYCLIC, [i in automaton.cyclic for i in range(n)])
+        self._put(record.SWITCHES, problem.switches)
+        self._put(record.Y, start.y)
+        self._put(record.HIT_TIME, [-math.inf] * m)
+        clock = self.bound.record(
+            loop.CLOCK, table=self.table, events=self.events, samples=self.samples
+        )
+        clock.width, clock.event_rows, clock.sample_rows = len(self.table[0]), EVENT_ROWS + m, rows
+        clock.n, clock.m, clock.switches = n, m, switches
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
         clock.modes = len(automaton.modes)
         clock.period = problem.period
@@ -153,14 +159,7 @@ class _Run:
         try:
             status = loop.PAUSED
             while status in (loop.PAUSED, loop.BUFFER_FULL):
-                status = self.bound.call(
-                    loop.advance,
-                    self.clock,
-                    self.y,
-                    *self.layout,
-                    *self.buffers,
-                    self.bound.quota,
-                )
+                status = self.bound.call(loop.advance, self.clock, self.bound.quota)
                 self._drain()
                 if self.on_stiff is not None and self.bound.is_stiff():
                     self.on_stiff()
@@ -178,13 +177,22 @@ class _Run:
             raise self._failure(status)
         return self._trajectory(ended=status == loop.ENDED)
 
+    def _put(self, i: int, values: Any) -> None:
+        """Write `values` to row `i` of the table."""
+        self.table[i][: len(values)] = np.asarray(values, dtype=float).tolist()
+
+    def _state(self) -> Floats:
+        """Return the state, with what its cyclic components have gathered."""
+        y, offset = self.table[record.Y], self.table[record.OFFSET]
+        return np.add(y, offset)[: self.clock.n]
+
     def _done(self) -> float:
         """Return the periods done so far."""
         elapsed = self.clock.t / self.problem.period - self.start.cycle
         return float(self.clock.cycle + elapsed)
 
     def _drain(self) -> None:
-        rows = self.buffers.events[: self.clock.rows]
+        rows = self.events[: self.clock.rows]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
@@ -192,7 +200,7 @@ class _Run:
         self.clock.rows = 0
 
     def _trajectory(self, *, ended: bool = False) -> Trajectory:
-        width = self.buffers.events.shape[1]
+        width = self.events.shape[1]
         rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
         cycle, phase = int(clock.cycle), float(clock.t)
@@ -207,7 +215,7 @@ class _Run:
                 cycle + ahead,
                 phase - ahead * period,
                 int(clock.mode),
-                self.y + self.buffers.offset,
+                self._state(),
             ),
             events=Events.from_rows(rows),
             steps=int(clock.steps),

@@ -92,7 +92,7 @@ def test_rates_by_differences_are_as_good_as_given_ones(options):
 
 @pytest.mark.parametrize("exponent", range(2, 13, 2))
 def test_a_graze_is_seen_without_a_rate(exponent):
-    # Without drive and damping x turns where its energy says: 10^-k beyond the wall or short of it.
+    # Without drive and damping x turns where its energy says: 10^-k beyond the wall, or short.
     depth, options = 10.0**-exponent, mi.Options(method="dop853", rtol=1e-13, atol=1e-15)
     still = oscillator(A=0.0, zeta=0.0, e=1.0)
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from mems_impact.engines.interpreting import Functions
+from mems_impact.engines.interpreting import Functions, scalars
 from mems_impact.engines.onestep import stepper
 from mems_impact.engines.onestep.method import KEPT, LOW, ROWS, STATE
 from mems_impact.engines.options import Options
@@ -57,7 +57,7 @@ class Engine(Functions):
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        stepper.restart(self, mode, t, y[: self.n].tolist(), stop)
+        stepper.restart(self, mode, t, scalars(y, self.n), stop)
 
     def step(self) -> int:
         """Take one step; STEPPED, STOPPED, ROOT or a negative code."""
