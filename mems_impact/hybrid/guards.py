@@ -161,8 +161,8 @@ def violated(
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
-    guard `but` is left out, and those that have PASSED. Of impacts alone, those up to `after`, in order, come last. Overwrites
-    what `resolution` and `trend` do.
+    guard `but` is left out, and those that have PASSED. Of impacts alone, those up to `after`, in
+    order, come last. Overwrites what `resolution` and `trend` do.
     """
     order = row(s, ORDER)
     resolution(engine, s, mode, t, y)

@@ -60,6 +60,7 @@ from mems_impact.hybrid.record import (
     NOT_FINITE,
     NOW,
     OFFSET,
+    PASSED,
     PAST,
     PAUSED,
     REBASE,
