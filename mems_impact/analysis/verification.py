@@ -268,7 +268,7 @@ class _Comparison:
         return there
 
     def _differences(self, i: int, j: int) -> Floats:
-        """Return the differences of instants, impact speeds, positions and velocities."""
+        """Return the differences of instants, impact speeds and components of the state."""
         run, other = self.run, self.other
         # Periods are counted in integers first, so that late ones lose no digits.
         late = (run.cycle[i] - other.cycle[j]) * run.period + (run.time[i] - other.time[j])
