@@ -64,6 +64,7 @@ from mems_impact.hybrid.record import (
     PAST,
     PAUSED,
     REBASE,
+    RECORDS,
     ROOM,
     SAMPLE,
     SECTION_CROSSING,
@@ -218,8 +219,8 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
     now, bend = row(s, NOW), row(s, BEND)
     arc.margins(engine, s.mode, s.t, y, now)
-    # One that still falls has had its transition, which changed nothing: it is left alone, and so
-    # that it does not fall twice, taken for below zero where rounding has left it above.
+    # One that still falls has had its transition, which changed nothing: it is left alone. One that
+    # has been recorded falls no second time, though rounding may have left it above zero.
     m, passed = s.m, row(s, PASSED)
     s.lifted = 0
     for i in range(m):
@@ -319,8 +320,8 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
         for i in range(m):
             if changed:
                 passed[i] = 0.0
-            elif i == guard and not impact:
-                passed[i] = 1.0
+            elif i == guard:
+                passed[i] = row(s, RECORDS)[i]
         s.instant += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
@@ -339,7 +340,7 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
             guard = violated(engine, s, s.mode, s.t, y, NONE, after)
-        if not changed and impact:
+        if not changed and kind != SWITCH and row(s, RECORDS)[struck] == 0:
             # Nothing moved: looking again would find the same.
             if kind == TRANSITION and guard != NONE and row(s, IMPACT)[guard] == 1:
                 s.failure = guard

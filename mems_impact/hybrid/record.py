@@ -43,11 +43,11 @@ HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
 # Margins and rates where the last step began and where it ended, how fast the rates change, and 1
 # for a margin that may have been at zero in between.
 THEN, NOW, BEND, SUSPECT = 11, 12, 13, 14
-# 1 where a guard has had its transition in this instant, which changed nothing: it only recorded.
-PASSED = 15
+# 1 for a guard that only records, and 1 while it has done so in this instant.
+RECORDS, PASSED = 15, 16
 # Scratch that is only good until the next call. A function says what it leaves there.
-G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(16, 28)
-SIZE, GAIN, TIMED, ROWS = 28, 29, 30, 31
+G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(17, 29)
+SIZE, GAIN, TIMED, ROWS = 29, 30, 31, 32
 
 # All that the loop remembers between two calls, and where it finds and writes the rest.
 CLOCK = np.dtype(

@@ -131,6 +131,7 @@ class _Run:
         self.samples = np.zeros((rows, 3 + n))
         self._put(record.ORDER, [guard.order for guard in automaton.guards])
         self._put(record.IMPACT, [guard.impact for guard in automaton.guards])
+        self._put(record.RECORDS, [guard.records for guard in automaton.guards])
         self._put(record.CYCLIC, [i in automaton.cyclic for i in range(n)])
         self._put(record.SWITCHES, problem.switches)
         self._put(record.Y, start.y)
