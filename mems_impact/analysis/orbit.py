@@ -233,7 +233,7 @@ class Orbit:
         guards = self.system.automaton.guards
         m = len(guards)
         return [
-            -float(event.rates[segment.code % m])
+            abs(float(event.rates[segment.code % m]))
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
             if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
         ]
@@ -406,7 +406,7 @@ def find_orbit(
         raise InvalidParameter("period", None, "", problem=problem)
     chosen = ORBIT_OPTIONS if options is None else options
     if_stiff = IF_STIFF if options is None else None
-    start = system.instant(guess, system.problem(chosen))
+    start = system.instant(guess, system.problem(chosen), field="guess")
     try:
         found = orbits.find_orbit(
             system.family(chosen),
