@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
+from mems_impact.plotting.bifurcation import switches
 
 import mems_impact as mi
-from mems_impact.plotting.bifurcation import switches
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)

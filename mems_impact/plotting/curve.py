@@ -1,0 +1,120 @@
+"""Curves of special points over two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    new_figure,
+    parameter_label,
+    tidy,
+)
+
+__all__ = ["plot_curve"]
+
+COLORS = {"grazing": BLUE, "fold": ORANGE, "period-doubling": GREEN, "Neimark-Sacker": GREY}
+OTHERS = ("#cc79a7", "#56b4e9", "#e69f00")
+
+
+class Boundary(Protocol):
+    """What `plot_curve` needs of a `mems_impact.analysis.branch.Curve`."""
+
+    @property
+    def kind(self) -> str:
+        """Of the special point."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row an orbit, the two parameters first."""
+
+    @property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two."""
+
+
+def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
+    """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
+
+    Points of codimension two are marked, with their kinds.
+
+    Parameters
+    ----------
+    curve : Curve or sequence of Curve
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `curve` is none, or the curves are over different parameters.
+
+    Examples
+    --------
+    >>> plot_curve([grazing, fold]).figure.savefig("curves.png")
+    """
+    curves = list(curve) if isinstance(curve, Sequence) else [curve]
+    for each in curves:
+        if not (hasattr(each, "special_table") and hasattr(each, "kind")):
+            allowed = "a Curve, as mems_impact.continue_curve returns it"
+            raise InvalidParameter("curve", type(each).__name__, allowed)
+    first = curves[0].table
+    x, y = first.columns[:2]
+    for each in curves:
+        if list(each.table.columns[:2]) != [x, y]:
+            others = ", ".join(each.table.columns[:2])
+            raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
+    if ax is None:
+        ax = new_figure(7.0, 4.4).subplots()
+    kinds = dict.fromkeys(each.kind for each in curves)
+    rest = iter(OTHERS * len(kinds))
+    colors = {kind: COLORS.get(kind) or next(rest) for kind in kinds}
+    for each in curves:
+        table, color = each.table, colors[each.kind]
+        good = table["admissible"].to_numpy(dtype=bool)
+        # One orbit more on either side, so that the dots reach the line.
+        bad = ~good | ~np.roll(good, 1) | ~np.roll(good, -1) if (~good).any() else ~good
+        ax.plot(table[x], table[y].where(good), color=color, linewidth=1.8, zorder=3,
+                label=each.kind)  # fmt: skip
+        if bad.any():
+            ax.plot(table[x], table[y].where(bad), color=color, linewidth=1.2,
+                    linestyle=(0, (1, 1.5)), zorder=2, label="inadmissible")  # fmt: skip
+    ax.margins(x=0.02, y=0.14)
+    _mark(ax, pd.concat([each.special_table for each in curves]), x, y)
+    ax.set_xlabel(parameter_label(first, x))
+    ax.set_ylabel(parameter_label(first, y))
+    labels = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
+    ax.legend(labels.values(), labels.keys(), frameon=False)
+    tidy(ax)
+    return ax
+
+
+def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
+    """Mark points of codimension two, their kinds towards the middle of the axes."""
+    if not len(points):
+        return
+    middle = float(np.mean(ax.get_xlim()))
+    for place, (_, row) in enumerate(points.drop_duplicates(["kind", x, y]).iterrows()):
+        ax.plot(
+            row[x], row[y], marker="o", markersize=6, color="white", linestyle="none",
+            markeredgecolor="black", markeredgewidth=1.0, zorder=6,
+        )  # fmt: skip
+        left, above = row[x] > middle, place % 2 == 0
+        ax.annotate(
+            row["kind"], (row[x], row[y]), xytext=(-7 if left else 7, 7 if above else -7),
+            textcoords="offset points", ha="right" if left else "left",
+            va="bottom" if above else "top", fontsize="small", zorder=6,
+        )  # fmt: skip
