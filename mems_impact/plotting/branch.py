@@ -104,8 +104,9 @@ def plot_branch(
     drawn: set[str] = set()
     for diagram in diagrams:
         _lines(ax, diagram.table, state, drawn)
-    marks = pd.concat([_marks(diagram.special_table, state) for diagram in diagrams])
-    _points(ax, marks)
+    found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
+    if found:
+        _points(ax, pd.concat([_marks(table, state) for table in found]))
     ax.set_xlabel(parameter_label(first, parameter))
     shown = state in first.attrs.get("states", ())
     ax.set_ylabel(on_section(first, state) if shown else with_unit(state, first, state))

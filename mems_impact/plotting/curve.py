@@ -93,7 +93,9 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
             ax.plot(table[x], table[y].where(bad), color=color, linewidth=1.2,
                     linestyle=(0, (1, 1.5)), zorder=2, label="inadmissible")  # fmt: skip
     ax.margins(x=0.02, y=0.14)
-    _mark(ax, pd.concat([each.special_table for each in curves]), x, y)
+    found = [each.special_table[["kind", x, y]] for each in curves if len(each.special_table)]
+    if found:
+        _mark(ax, pd.concat(found).drop_duplicates(), x, y)
     ax.set_xlabel(parameter_label(first, x))
     ax.set_ylabel(parameter_label(first, y))
     labels = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
@@ -104,10 +106,8 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
 
 def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
     """Mark points of codimension two, their kinds towards the middle of the axes."""
-    if not len(points):
-        return
     middle = float(np.mean(ax.get_xlim()))
-    for place, (_, row) in enumerate(points.drop_duplicates(["kind", x, y]).iterrows()):
+    for place, (_, row) in enumerate(points.iterrows()):
         ax.plot(
             row[x], row[y], marker="o", markersize=6, color="white", linestyle="none",
             markeredgecolor="black", markeredgewidth=1.0, zorder=6,
