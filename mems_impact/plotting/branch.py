@@ -108,6 +108,7 @@ def plot_branch(
     if found:
         _points(ax, pd.concat([_marks(table, state) for table in found]))
     ax.set_xlabel(parameter_label(first, parameter))
+    ax.ticklabel_format(axis="y", scilimits=(-3, 4))
     shown = state in first.attrs.get("states", ())
     ax.set_ylabel(on_section(first, state) if shown else with_unit(state, first, state))
     ax.margins(x=0.02, y=0.08)

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import (
@@ -22,6 +23,7 @@ from mems_impact.plotting.style import (
 __all__ = ["plot_curve"]
 
 COLORS = {"grazing": BLUE, "fold": ORANGE, "period-doubling": GREEN, "Neimark-Sacker": GREY}
+SAME = 0.005  # of the width and height of the axes: points that are one
 OTHERS = ("#cc79a7", "#56b4e9", "#e69f00")
 
 
@@ -107,7 +109,15 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
 def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
     """Mark points of codimension two, their kinds towards the middle of the axes."""
     middle = float(np.mean(ax.get_xlim()))
-    for place, (_, row) in enumerate(points.iterrows()):
+    size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
+    taken: list[tuple[str, NDArray[np.float64]]] = []
+    for _, row in points.iterrows():
+        # Two curves that meet have the point where they do in common.
+        here = row[[x, y]].to_numpy(dtype=float) / size
+        if any(row["kind"] == kind and np.abs(here - at).max() < SAME for kind, at in taken):
+            continue
+        place = len(taken)
+        taken.append((row["kind"], here))
         ax.plot(
             row[x], row[y], marker="o", markersize=6, color="white", linestyle="none",
             markeredgecolor="black", markeredgewidth=1.0, zorder=6,

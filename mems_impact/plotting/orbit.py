@@ -78,8 +78,11 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     _mark_section(ax, orbit, x, y)
     for name, put in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
         put(with_unit("time" if name == "t" else symbol(name), samples, name))
+    ax.ticklabel_format(scilimits=(-3, 4))
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2)
+        ax.legend(
+            frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2
+        )
     tidy(ax)
     return ax
 

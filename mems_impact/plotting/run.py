@@ -97,7 +97,7 @@ def plot_run(
         ax.plot(curve["t"] / unit, curve[name], color=BLUE, linewidth=1.4)
         _mark(ax, name, corners, samples, unit)
         ax.set_ylabel(with_unit(symbol(name), samples, name))
-        ax.ticklabel_format(axis="y", useOffset=False)
+        ax.ticklabel_format(axis="y", useOffset=False, scilimits=(-4, 5))
         tidy(ax)
     words = "time / forcing period" if run.system.forced else with_unit("time", samples, "t")
     axes[-1].set_xlabel(words)
@@ -124,10 +124,11 @@ def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit
         broken = np.column_stack([before, after, np.full(len(jumps), np.nan)]).ravel()
         ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **JUMP)
     hits = corners[corners["impact"] & ~moves(corners, name, samples)]
-    ax.plot(
-        hits["t"] / unit, hits[f"{name} after"], linestyle="none", marker="o", markersize=5,
-        color=ORANGE, markeredgecolor="white", markeredgewidth=0.6, zorder=4, clip_on=False,
-    )  # fmt: skip
+    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+        ax.plot(
+            hits["t"] / unit, hits[f"{name} after"], linestyle="none", marker="o", markersize=5,
+            color=ORANGE, markeredgecolor="white", markeredgewidth=0.6, zorder=4, clip_on=False,
+        )  # fmt: skip
 
 
 def _key(ax: Any, colors: dict[str, str], corners: pd.DataFrame) -> None:

@@ -67,18 +67,12 @@ def plot_run(
     hits = run.impacts
     hits = hits.assign(t=hits["period"] + hits["phase"])
     hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
-    block.plot(
-        hits["t"],
-        hits["stopper"].map({"right": delta, "left": -delta}).astype(float),
-        linestyle="none",
-        marker="o",
-        markersize=5,
-        color=ORANGE,
-        markeredgecolor="white",
-        markeredgewidth=0.6,
-        zorder=3,
-        clip_on=False,
-    )
+    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+        sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
+        block.plot(
+            hits["t"], sides, linestyle="none", marker="o", markersize=5, color=ORANGE,
+            markeredgecolor="white", markeredgewidth=0.6, zorder=3, clip_on=False,
+        )  # fmt: skip
     frame.plot(time, samples["x1"], color=BLUE, linewidth=1.4)
 
     block.set_ylabel("$x_2$, block in frame" + unit)
