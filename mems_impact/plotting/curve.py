@@ -23,6 +23,8 @@ from mems_impact.plotting.style import (
 __all__ = ["plot_curve"]
 
 COLORS = {"grazing": BLUE, "fold": ORANGE, "period-doubling": GREEN, "Neimark-Sacker": GREY}
+SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # of a point, where its text may stand
+LETTER = 0.017  # width of a letter of a label, as a part of the axes
 SAME = 0.005  # of the width and height of the axes: points that are one
 OTHERS = ("#cc79a7", "#56b4e9", "#e69f00")
 
@@ -107,24 +109,44 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
 
 
 def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
-    """Mark points of codimension two, their kinds towards the middle of the axes."""
-    middle = float(np.mean(ax.get_xlim()))
+    """Mark points of codimension two, their kinds where the fewest lines are."""
+    corner = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
+    lines = [_dense((line.get_xydata() - corner) / size) for line in ax.lines]
     taken: list[tuple[str, NDArray[np.float64]]] = []
     for _, row in points.iterrows():
         # Two curves that meet have the point where they do in common.
-        here = row[[x, y]].to_numpy(dtype=float) / size
+        here = (row[[x, y]].to_numpy(dtype=float) - corner) / size
         if any(row["kind"] == kind and np.abs(here - at).max() < SAME for kind, at in taken):
             continue
-        place = len(taken)
         taken.append((row["kind"], here))
         ax.plot(
             row[x], row[y], marker="o", markersize=6, color="white", linestyle="none",
             markeredgecolor="black", markeredgewidth=1.0, zorder=6,
         )  # fmt: skip
-        left, above = row[x] > middle, place % 2 == 0
+        extent = LETTER * np.array([len(row["kind"]), 4.0])
+        crowd = {side: _crowd(here, side * extent, lines) for side in SIDES}
+        right, above = min(SIDES, key=lambda side: crowd[side])
         ax.annotate(
-            row["kind"], (row[x], row[y]), xytext=(-7 if left else 7, 7 if above else -7),
-            textcoords="offset points", ha="right" if left else "left",
-            va="bottom" if above else "top", fontsize="small", zorder=6,
+            row["kind"], (row[x], row[y]), xytext=(7 * right, 7 * above),
+            textcoords="offset points", ha="left" if right > 0 else "right",
+            va="bottom" if above > 0 else "top", fontsize="small", zorder=6,
         )  # fmt: skip
+
+
+def _dense(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a line, in parts of the axes, with points so near each other that none hides text."""
+    line = line[~np.isnan(line).any(axis=1)]
+    parts = np.linspace(0.0, len(line) - 1.0, 40 * len(line))
+    at = np.arange(len(line))
+    return np.column_stack([np.interp(parts, at, column) for column in line.T])
+
+
+def _crowd(
+    here: NDArray[np.float64], extent: NDArray[np.float64], lines: list[NDArray[np.float64]]
+) -> int:
+    """Return how many points of lines a text covers; more than any if it leaves the axes."""
+    low, high = np.sort([here, here + extent], axis=0)
+    if (low < 0.0).any() or (high > 1.0).any():
+        return sum(len(line) for line in lines) + 1
+    return sum(int(((line > low) & (line < high)).all(axis=1).sum()) for line in lines)

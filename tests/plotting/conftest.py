@@ -3,7 +3,7 @@
 import pytest
 
 import mems_impact as mi
-from tests.plotting.systems import ball, oscillator
+from tests.analysis.systems import ball, oscillator
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def resting():
 @pytest.fixture(scope="session")
 def falling():
     """A ball without forcing, with units."""
-    return mi.simulate(ball(), duration=3.0)
+    return mi.simulate(ball(parameters={"g": 9.81, "e": 0.8}), duration=3.0)
 
 
 @pytest.fixture(scope="session")

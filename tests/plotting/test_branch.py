@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from tests.plotting.systems import oscillator
+from tests.analysis.systems import oscillator
 
 
 def diagram():

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import mems_impact as mi
 from mems_impact.plotting.style import GREEN, ORANGE
-from tests.plotting.systems import oscillator
+from tests.analysis.systems import oscillator
 
 
 def curve(ax):

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 
 import mems_impact as mi
 from mems_impact.tables.common import with_units
+from tests.analysis.systems import oscillator
 from tests.plotting.sweeps import made_table, silent_table
-from tests.plotting.systems import oscillator
 
 
 def drawn(ax, marker):
@@ -16,23 +16,18 @@ def drawn(ax, marker):
     return sorted(x for line in lines for x in line.get_xdata())
 
 
-def _step(mode, t, y, p):
-    return y.x
-
-
 @pytest.mark.parametrize("section", [None, ("x", 0.5)])
 def test_own_system(section, tmp_path):
-    observables = [mi.Observable("advance", _step, unit="m")]
-    units = {"A": "N", "x": "m", "v": "m/s"}
-    system = oscillator(section=section, observables=observables, units=units)
+    units = {"A": "N", "x": "m", "v": "m/s", "speed": "m/s"}
+    system = oscillator(section=section, units=units)
     table = mi.sweep(system, "A", np.linspace(0.35, 0.4, 3), transient=60, periods=4)
     ax = mi.plot_sweep(table)
-    above, below = ax.figure.axes
+    above, speed, energy = ax.figure.axes
     assert above is ax
     words = "$x$ [m] where periods begin" if section is None else "$v$ [m/s] at $x = 0.5$"
     assert above.get_ylabel() == words
-    assert below.get_ylabel() == "advance [m]"
-    assert below.get_xlabel() == "$A$ [N]"
+    assert (speed.get_ylabel(), energy.get_ylabel()) == ("speed [m/s]", "energy")
+    assert energy.get_xlabel() == "$A$ [N]"
     assert drawn(above, "o") == list(table["A"])
     assert mi.plot_sweep(table, quantity="impacts per period").figure.axes[1:] == []
     ax.figure.savefig(tmp_path / "sweep.png")
