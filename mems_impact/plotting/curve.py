@@ -125,7 +125,7 @@ def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
             markeredgecolor="black", markeredgewidth=1.0, zorder=6,
         )  # fmt: skip
         extent = LETTER * np.array([len(row["kind"]), 4.0])
-        crowd = {side: _crowd(here, side * extent, lines) for side in SIDES}
+        crowd = {side: _crowd(here, np.multiply(side, extent), lines) for side in SIDES}
         right, above = min(SIDES, key=lambda side: crowd[side])
         ax.annotate(
             row["kind"], (row[x], row[y]), xytext=(7 * right, 7 * above),
