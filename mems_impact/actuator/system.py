@@ -20,7 +20,7 @@ from mems_impact.actuator.modes import (
 )
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS
+from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
@@ -136,6 +136,19 @@ class ActuatorSystem(System):
     def told(self) -> tuple[str, ...]:
         """The statistics that a sweep tells of every value."""
         return SWEEP_COLUMNS
+
+    @property
+    def quantities(self) -> Mapping[str, tuple[str, str]]:
+        """The step and the speed of the frame."""
+        return {
+            "step": ("displacement per impact", "step per impact"),
+            "speed": ("mean speed", "mean speed"),
+        }
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """The paper's f for the amplitude."""
+        return SYMBOLS
 
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""

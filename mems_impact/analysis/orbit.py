@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +55,7 @@ class Orbit:
         The orbit as arrays.
     """
 
+    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not
     system: System = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
@@ -153,6 +154,11 @@ class Orbit:
         """One row an impact, with the columns of `Run.impacts`."""
         hits = self._hits
         return tables.impacts(hits, self._problem.period, self.system, self._observed(hits))
+
+    @cached_property
+    def corners(self) -> pd.DataFrame:
+        """One row a transition, with the columns of `Run.corners`."""
+        return tables.corners(self._log, self._problem.period, self.system)
 
     @cached_property
     def segments(self) -> pd.DataFrame:

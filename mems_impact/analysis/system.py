@@ -306,6 +306,16 @@ class System:
         """The statistics that a sweep tells of every value."""
         return ("impacts per period", *(each.name for each in self.observables))
 
+    @property
+    def quantities(self) -> Mapping[str, tuple[str, str]]:
+        """The statistics that the figure of a sweep shows: column and words, by a short name."""
+        return {each.name: (each.name, each.name) for each in self.observables}
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """Symbols of parameters in figures, where they are not to be read off the names."""
+        return {}
+
     def start_of(self, direction: str) -> State:
         """Return where a sweep "up" or "down" starts if nothing is said."""
         return self.initial
