@@ -107,3 +107,40 @@ def test_two_dips_within_a_step(width, depth):
     done = simulate(DIPS, (width, depth), [0.0], 1.0, period=1.0)
     expected = 0.5 - width * math.sqrt(1.0 + math.sqrt(depth))
     assert done.events.time.tolist() == pytest.approx([expected], abs=1e-9)
+
+
+# Two such obstacles, one behind the other's front: both are struck unseen within one step.
+
+
+def _two_obstacles(mode, t, y, p, g, r):
+    if mode == 0:
+        for i in range(2):
+            s = (y[0] - p[2 + i]) / p[0]
+            g[i] = (s * s - 1.0) * (s * s - 1.0) - p[1]
+            r[i] = 4.0 * s * (s * s - 1.0) / p[0]
+
+
+def _struck(mode, code, t, y, p):
+    return 1 + code
+
+
+OBSTACLES = Automaton(
+    states=("x",),
+    modes=("goes", "stands at one", "stands at the other"),
+    guards=(Guard(name="one", order=1), Guard(name="other", order=0)),
+    flow=_drift,
+    margins=_two_obstacles,
+    transition=_struck,
+)
+
+
+@pytest.mark.parametrize("ahead", [1e-3, -1e-3, 1e-6, -1e-6])
+def test_the_first_of_two_obstacles_within_a_step_is_struck(ahead):
+    """Whichever of the guards, first or second in the list, first or second by order."""
+    width, depth = 0.01, 1e-2
+    for place in np.linspace(0.4, 0.6, 41):
+        p = (width, depth, place, place + ahead)
+        done = simulate(OBSTACLES, p, [0.0], 1.0, period=1.0)
+        expected = min(place, place + ahead) - width * math.sqrt(1.0 + math.sqrt(depth))
+        assert done.events.time.tolist() == pytest.approx([expected], abs=1e-9)
+        assert done.final.mode == (1 if ahead > 0.0 else 2)

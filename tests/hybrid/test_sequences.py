@@ -181,6 +181,77 @@ def test_a_sequence_is_the_same_in_any_units(second, metre):
     assert len(times(scaled, loop.ACCUMULATION)) == len(times(plain, loop.ACCUMULATION))
 
 
+# A ball whose weight 1 + a t changes with time, over a floor at the height H; p = (e, a, H).
+
+
+def _heavier_flow(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = -(1.0 + p[1] * y[2]) if mode == 0 else 0.0
+    dy[2] = 1.0
+
+
+def _high_floor(mode, t, y, p, g, r):
+    if mode == 0:
+        g[0], r[0] = y[0] - p[2], y[1]
+
+
+def _off_the_high_floor(mode, code, t, y, p):
+    y[0] = p[2]
+    y[1] = -p[0] * y[1] if code == 0 else 0.0
+    return code
+
+
+HEAVIER = Automaton(
+    states=("x", "v", "time"),
+    modes=("flies", "rests"),
+    guards=(Guard(name="floor", order=0, impact=True),),
+    flow=_heavier_flow,
+    margins=_high_floor,
+    transition=_off_the_high_floor,
+)
+
+
+def accumulation_of_the_heavier(e, a, speed):
+    """Return when it rests: flights in closed form, impact by impact, to the last one."""
+    flights, t = [], 0.0
+    while speed > 1e-20:
+        half = 0.5 * (1.0 + a * t)
+        # u = w/2 T + a/6 T^2, and it strikes at w/2 T + a/3 T^2.
+        flight = 2.0 * speed / (half + math.sqrt(half * half + 2.0 / 3.0 * a * speed))
+        speed = e * flight * (half + a / 3.0 * flight)
+        flights.append(flight)
+        t += flight
+    return math.fsum(flights)
+
+
+@both
+@pytest.mark.parametrize(
+    ("e", "a", "height", "error"),
+    [
+        # How the weight changes until the end: to first order, with the last flight's own share.
+        (0.5, 1.0, 0.0, 5e-14),
+        (0.8, -0.2, 0.0, 5e-13),
+        (0.1, 1.0, 1e4, 1e-8),
+        (0.5, 0.1, 1e4, 4e-8),
+        (0.8, 0.1, 1e4, 5e-8),
+        # So fast that the impacts go on: neither too few nor, with a gap of few digits, too many.
+        (0.8, 1.0, 1e6, 6e-6),
+        (0.8, 1000.0, 1e6, 6e-6),
+        (0.95, 1000.0, 1e4, 2e-5),
+    ],
+)
+def test_the_end_of_a_sequence_under_a_weight_that_changes(e, a, height, error, engine):
+    """High above zero the gap has few digits, and flights are weak early."""
+    speed = 0.5 * (1.0 - e)
+    expected = accumulation_of_the_heavier(e, a, speed)
+    done = simulate(
+        HEAVIER, (e, a, height), [height, speed, 0.0], expected + 0.3,
+        period=1.0, method="dop853", rtol=1e-13, atol=1e-15, engine=engine,
+    )  # fmt: skip
+    assert times(done, loop.ACCUMULATION) == pytest.approx([expected], rel=0.0, abs=error)
+    assert done.final.mode == RESTING
+
+
 # Newton's cradle: n equal balls in a row, the first one fast; p = (e,). y = positions, speeds.
 COUNT = 17
 
