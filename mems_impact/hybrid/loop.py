@@ -173,7 +173,7 @@ def advance(
         t = arc.time(engine)
         something = look(engine, status, before, t, buffers.edge)
         if s.lifted == 1:
-            lower(engine, s, layout, buffers)
+            lower(engine, layout, buffers)
 
         guard, t_event = NONE, t
         if something:
@@ -239,7 +239,7 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
         bend[i] = 0.0
         lift = now[i] <= 0.0 and now[m + i] >= 0.0
         arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + HAIR if lift else 0.0)
-        if lift and now[i] < 0.0:
+        if now[i] < 0.0:
             resolution(engine, s, s.mode, s.t, y, layout, buffers)
             if now[i] < -clearly(s, i, layout, buffers):
                 s.lifted = 1
@@ -259,16 +259,12 @@ def shift(s: Any, periods: int, buffers: Any) -> None:
         buffers.hits[i, HIT_TIME] -= periods * s.period
 
 
-def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:
+def lower(engine: Any, layout: Any, buffers: Any) -> None:
     """Take the lift from margins that have become positive: from now on zero is their limit."""
     now = buffers.edge[NOW]
-    s.lifted = 0
     for i in range(layout.order.size):
-        if arc.bias(engine, i) > HAIR:
-            if now[i] > rounding_of(buffers, i):
-                arc.set_bias(engine, i, 0.0)
-            else:
-                s.lifted = 1
+        if arc.bias(engine, i) > HAIR and now[i] > rounding_of(buffers, i):
+            arc.set_bias(engine, i, 0.0)
 
 
 def still_below(layout: Any, buffers: Any) -> int:

@@ -116,13 +116,11 @@ class _Run:
             cyclic=np.array([i in automaton.cyclic for i in range(n)], dtype=np.int64),
             switches=np.array(problem.switches, dtype=float),
         )
-        first, rows = 0, 0
-        if per_period > 0:
-            # The epsilon keeps a sample that falls on the start itself.
-            first = math.ceil((start.time / problem.period - 1e-12) * per_period)
-            last = (end.cycle - start.cycle) * per_period
-            last += math.floor(end.time / problem.period * per_period + 1e-9)
-            rows = max(0, last - first + 1)
+        # The epsilon keeps a sample that falls on the start itself.
+        first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+        last = (end.cycle - start.cycle) * per_period
+        last += math.floor(end.time / problem.period * per_period + 1e-9)
+        rows = max(0, last - first + 1)
         self.buffers = buffers_for(n, m, EVENT_ROWS + m, rows)
         clock = self.bound.record(loop.CLOCK)
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode

@@ -1,6 +1,7 @@
 """Sequences of impacts beside other motions, across periods, in any units, within an instant."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -140,6 +141,78 @@ def test_an_impact_elsewhere_is_not_lost_in_the_end_of_a_sequence(lead):
     assert done.final.mode == 1
     # The impact cuts a flight of the last ones in two: they are followed to smaller ones.
     assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
+
+
+# A ball hops on a floor; a stone falls past a mark at zero, or onto the heavy ball, which throws it
+# back; p = (e of the ball, 1 where the stone meets the ball, factor of the stone's speed there).
+
+
+def _ball_and_stone(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = 0.0 if mode % 2 == 1 else -1.0
+    dy[2] = y[3]
+    dy[3] = -1.0
+
+
+def _floor_and_stone(mode, t, y, p, g, r):
+    if mode % 2 == 0:
+        g[0], r[0] = y[0], y[1]
+    if mode < 2:
+        g[1], r[1] = y[2] - p[1] * y[0], y[3] - p[1] * y[1]
+
+
+def _hops_or_passes(mode, code, t, y, p):
+    if code % 2 == 1:
+        y[3] *= p[2]
+        return mode + 2
+    y[0] = 0.0
+    y[1] *= -p[0] if code == 0 else 0.0
+    return mode if code == 0 else mode + 1
+
+
+@both
+@pytest.mark.parametrize("lead", [1e-5, 1e-6, 1e-7])
+@pytest.mark.parametrize("meets", [True, False])
+def test_what_happens_shortly_before_the_end_of_a_sequence_is_told(meets, lead, engine):
+    """Be it an impact on the very body that comes to rest, or a guard of no concern to it."""
+    system = Automaton(
+        states=("x", "u", "z", "w"),
+        modes=("hops", "rests", "hops, stone passed", "rests, stone passed"),
+        guards=(
+            Guard(name="floor", order=0, impact=True),
+            Guard(name="stone", order=1, impact=meets),
+        ),
+        flow=_ball_and_stone,
+        margins=_floor_and_stone,
+        transition=_hops_or_passes,
+    )
+    e = 0.8
+    when = accumulation(e) - lead
+    p = (e, 1.0, -1.0) if meets else (e, 0.0, 1.0)
+    start = [1.0, 0.0, 0.5 * when**2, 0.0]
+    done = simulate(system, p, start, when + 0.2, period=1.0, engine=engine)
+    stone = done.events[(done.events.guard == 1) & (done.events.kind == loop.TRANSITION)]
+    assert stone.cycle + stone.time == pytest.approx([when], abs=1e-8)
+    assert stone.before[:, 3] == pytest.approx([-when], abs=1e-8)
+    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
+    assert done.final.mode == 3
+
+
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_gap_may_be_measured_in_any_unit(unit, method):
+    def scaled(mode, t, y, p, g, r):
+        BALL.margins(mode, t, y, p, g, r)
+        if mode != RESTING:
+            g[0], r[0] = unit * g[0], unit * r[0]
+
+    def impacts(automaton):
+        options = {"period": 1.0, "method": method, "engine": "interpreted"}
+        return simulate(automaton, ball(0.5), [1.0, 0.0], 6.0, **options).events
+
+    plain, other = impacts(BALL), impacts(replace(BALL, margins=scaled))
+    assert other.kind.tolist() == plain.kind.tolist()
+    assert other.cycle + other.time == pytest.approx(plain.cycle + plain.time, abs=1e-11)
 
 
 @both
