@@ -9,6 +9,7 @@ from scipy.linalg import expm
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.run import run
 from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.signature import BOUNDARY, Segment
 from tests.continuation import free_block
 from tests.orbits.families import (
     actuator,
@@ -47,6 +48,10 @@ def test_unstable_orbit_without_impacts_is_found_from_a_near_guess():
     state, _ = free_block.orbit(0.23, 0.45, np.array([0.20, 0.05]))
     orbit = find_orbit(actuator(0.23, 0.45), at((0.0, 0.0, *state)))
     np.testing.assert_allclose(orbit.state[2:], state, atol=1e-9)
+
+
+def test_a_segment_that_no_switch_ends_names_none():
+    assert Segment(0, 0, BOUNDARY) == Segment(0, 0, BOUNDARY, -1)
 
 
 @pytest.mark.parametrize("periods", [1, 2, 3])
