@@ -361,16 +361,18 @@ CRADLE = Automaton(
 )
 
 
-def cradle(e, engine="compiled", **options):
+def cradle(e, engine="compiled", place=0.0, **options):
     start = np.zeros(2 * COUNT)
+    start[:COUNT] = place
     start[COUNT] = 1.0
     return simulate(CRADLE, (e,), start, 1.0, period=1.0, engine=engine, **options)
 
 
 @both
+@pytest.mark.parametrize("place", [0.0, 1.0])
 @pytest.mark.parametrize(("e", "impacts"), [(1.0, 16), (0.9, 136)])
-def test_a_cradle_takes_the_impacts_that_it_needs(e, impacts, engine):
-    done = cradle(e, engine)
+def test_a_cradle_takes_the_impacts_that_it_needs(e, impacts, place, engine):
+    done = cradle(e, engine, place)
     assert len(done.events) == impacts
     assert np.all(done.events.time == 0.0)
     speeds = done.final.y[COUNT:]
