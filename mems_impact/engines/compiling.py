@@ -11,7 +11,6 @@ from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-
 # What `_Part` uses of numba beside what is documented.
 USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
 
