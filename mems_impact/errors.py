@@ -7,6 +7,7 @@ other processes. Every message is one line, because the command line prints it a
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import islice
 from os import PathLike, fspath
 from typing import Any
 
@@ -31,6 +32,7 @@ __all__ = [
 # What a message shows of a wrong value and of a name, in characters.
 _LONGEST_VALUE = 60
 _LONGEST_NAME = 300
+_MOST_STATES = 8
 
 
 class _Picklable(BaseException):
@@ -188,7 +190,9 @@ class RunError(MemsImpactError, RuntimeError):
         self.state = dict(state)
         self.trajectory = trajectory
         where = [f"cycle {cycle}", f"phase time {phase_time:.9g}", f"mode {mode}"]
-        where += [f"{name} = {number:.9g}" for name, number in self.state.items()]
+        first = islice(self.state.items(), _MOST_STATES)
+        where += [f"{name} = {number:.9g}" for name, number in first]
+        where += ["…"] if len(self.state) > _MOST_STATES else []
         super().__init__(f"{reason} ({', '.join(where)}); {remedy}")
 
 

@@ -8,7 +8,7 @@ import pytest
 from mems_impact.actuator.drives import WAVEFORMS
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
@@ -61,3 +61,13 @@ def test_every_block_says_its_language():
 def test_every_waveform_is_described():
     page = (ROOT / "docs" / "drives.md").read_text(encoding="utf-8")
     assert [name for name in WAVEFORMS.values() if f"| `{name}(" not in page] == []
+
+
+def test_the_map_of_the_house_names_what_is_there():
+    page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    paths = set(re.findall(r"`((?:mems_impact|tests|validation|docs)/[^`]*)`", page))
+    paths = {path for path in paths if not re.search("[A-Z]{2}", path)}  # KIND and NAME: to come
+    assert len(paths) > 15
+    assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
+    for name, path in re.findall(r"`([A-Z_]+)` of `([^`]+)`", page):
+        assert re.search(rf"^ *{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)

@@ -33,6 +33,7 @@ GUARDS = (
     Guard(name="slip end", order=3),
     Guard(name="break-away", order=4),
 )
+COUNT = len(GUARDS)
 
 
 def mode_of(friction: int, contact: int) -> int:
@@ -197,7 +198,7 @@ def actuator_automaton(
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         direction = direction_of(mode)
         side = side_of(mode)
-        for i in range(5):
+        for i in range(COUNT):
             g[i] = 1.0
             r[i] = 1.0
         if side == 0:
@@ -227,12 +228,11 @@ def actuator_automaton(
             r[BREAK_AWAY] = -rate if load > 0.0 else rate
 
     def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
-        guards = 5
         if code in (RIGHT_IMPACT, LEFT_IMPACT):
             impact(1 if code == RIGHT_IMPACT else -1, p[eq.E], y, p)
-        elif code in (guards + RIGHT_IMPACT, guards + LEFT_IMPACT):
+        elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
             # An accumulated sequence of impacts is one without rebound.
-            impact(1 if code == guards + RIGHT_IMPACT else -1, 0.0, y, p)
+            impact(1 if code == COUNT + RIGHT_IMPACT else -1, 0.0, y, p)
         elif code == RELEASE:
             # The contact force is zero to rounding: let go whatever its sign.
             return free_mode(eq.load(y[X2], y[V2], pull(t, y[X2], p), p), y[V1], p)

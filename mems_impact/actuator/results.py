@@ -46,6 +46,8 @@ class _OfActuator:
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
+    figure = "mems_impact.actuator.figures.run:plot_run"
+
     @cached_property
     def impacts(self) -> pd.DataFrame:
         """One row an impact.
@@ -90,6 +92,8 @@ class ActuatorRun(_OfActuator, Run):
 
 class ActuatorOrbit(_OfActuator, Orbit):
     """A periodic orbit of an actuator under a drive."""
+
+    figure = "mems_impact.actuator.figures.orbit:plot_orbit"
 
     @property
     def step(self) -> float:

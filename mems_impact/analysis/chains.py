@@ -92,7 +92,8 @@ class Study:
         trajectory = run.trajectory
         if system.section is None:
             grid = trajectory.samples(1, first=first)
-            cycle, time, y = grid.cycle, grid.time, grid.y
+            inside = grid.cycle < self.transient + self.periods  # the end begins another period
+            cycle, time, y = grid.cycle[inside], grid.time[inside], grid.y[inside]
         else:
             log = trajectory.events.crossings(self.section)
             cycle, time, y = log.cycle, log.time, log.after

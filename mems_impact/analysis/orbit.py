@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,12 @@ from mems_impact.tables.common import CHATTER_ENDS, DRIVE_SWITCHES
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit"]
+__all__ = ["IF_STIFF", "ORBIT_OPTIONS", "Orbit", "find_orbit"]
 
-ORBIT_OPTIONS = Options(rtol=1e-11, atol=1e-13)
-"""Tighter than for runs: special points are located to ten digits."""
+ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
+"""Tighter than for runs, as special points are located to ten digits; arcs are short."""
+IF_STIFF = "bdf"
+"""The method that takes over from that of `ORBIT_OPTIONS`."""
 
 PERIOD_ENDS = "period ends"
 
@@ -53,6 +55,7 @@ class Orbit:
         The orbit as arrays.
     """
 
+    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not
     system: System = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
@@ -68,6 +71,11 @@ class Orbit:
     def period(self) -> float:
         """The forcing period; the orbit takes `periods` of them."""
         return float(self.system.scales.out(self._problem.period, "s"))
+
+    @property
+    def options(self) -> Options:
+        """How it is integrated."""
+        return self._problem.options
 
     @property
     def periods(self) -> int:
@@ -148,6 +156,11 @@ class Orbit:
         return tables.impacts(hits, self._problem.period, self.system, self._observed(hits))
 
     @cached_property
+    def corners(self) -> pd.DataFrame:
+        """One row a transition, with the columns of `Run.corners`."""
+        return tables.corners(self._log, self._problem.period, self.system)
+
+    @cached_property
     def segments(self) -> pd.DataFrame:
         """One row a stretch of the orbit within one mode and one forcing period.
 
@@ -226,7 +239,7 @@ class Orbit:
         guards = self.system.automaton.guards
         m = len(guards)
         return [
-            -float(event.rates[segment.code % m])
+            abs(float(event.rates[segment.code % m]))
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
             if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
         ]
@@ -356,7 +369,7 @@ def find_orbit(
     guess: State | Mapping[str, float] | None = None,
     periods: int = 1,
     transient: float = 0,
-    options: Options = ORBIT_OPTIONS,
+    options: Options | None = None,
 ) -> Orbit:
     """Find a periodic orbit near a state.
 
@@ -374,7 +387,9 @@ def find_orbit(
     transient : float, optional
         Forcing periods to run before that, >= 0: a stable orbit attracts.
     options : Options, optional
-        How it is integrated; 1e-11 relative and 1e-13 absolute by default.
+        How it is integrated; by default with method ``"dop853"``, or ``"bdf"`` if the run from
+        the guess is found stiff, to 1e-11 relative and 1e-13 absolute. `Orbit.options` has what
+        was taken.
 
     Returns
     -------
@@ -395,10 +410,16 @@ def find_orbit(
     if not system.forced:
         problem = "the system has no forcing period, and so no orbit that repeats with it"
         raise InvalidParameter("period", None, "", problem=problem)
-    start = system.instant(guess, system.problem(options))
+    chosen = ORBIT_OPTIONS if options is None else options
+    if_stiff = IF_STIFF if options is None else None
+    start = system.instant(guess, system.problem(chosen), field="guess")
     try:
         found = orbits.find_orbit(
-            system.family(options), start, periods=count, transient=float(transient)
+            system.family(chosen),
+            start,
+            periods=count,
+            transient=float(transient),
+            if_stiff=if_stiff,
         )
     except OrbitError as error:
         if isinstance(error.partial, Point):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 
@@ -51,6 +51,7 @@ class Run:
     options: Options = field(repr=False)
     keep: Keep
     window: tuple[float, float]
+    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
     _gatherer: Gatherer = field(repr=False)
@@ -93,6 +94,14 @@ class Run:
         log = self._log("impacts")
         hits = log[log.impacts(self.system.automaton)]
         return tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
+
+    @cached_property
+    def corners(self) -> pd.DataFrame:
+        """One row a transition: when, event, modes, whether it is an impact, states around it.
+
+        Where a curve of the motion has its corners and jumps.
+        """
+        return tables.corners(self._log("corners"), self.trajectory.period, self.system)
 
     def section(self, direction: int = 0) -> pd.DataFrame:
         """Return the crossings of the Poincaré section.

@@ -43,7 +43,8 @@ def simulate(
     duration : float, optional
         Length of the run in time, instead.
     until : callable, optional
-        ``until(mode, t, y, p)``: the run ends where this falls through zero, if not before.
+        ``until(mode, t, y, p)``, positive while the run goes on: it ends where this falls through
+        zero.
     initial : State or mapping of str to float, optional
         Where the run starts; the system's own start by default.
     window : tuple of float, optional

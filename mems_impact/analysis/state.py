@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from numbers import Real
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
+
+SHOWN = 8  # components, of a state with more of them
 
 __all__ = ["State", "is_number", "state_from", "whole"]
 
@@ -86,7 +89,8 @@ class State:
         return hash(self._key())
 
     def __repr__(self) -> str:
-        parts = [f"{name}={value!r}" for name, value in self._values.items()]
+        parts = [f"{name}={value!r}" for name, value in islice(self._values.items(), SHOWN)]
+        parts += ["…"] if len(self._values) > SHOWN else []
         parts += [f"time={self.time!r}"] if self.time else []
         parts += [f"mode={self.mode!r}"] if self.mode is not None else []
         return f"State({', '.join(parts)})"

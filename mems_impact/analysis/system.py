@@ -37,18 +37,23 @@ Number = float | Callable[..., float]
 
 
 class Mode(int):
-    """A mode: its number, which functions compare and return, and its name."""
+    """A mode: its number, which functions compare and return, its name, and those beside it."""
 
-    name: str
+    names: tuple[str, ...]
 
-    def __new__(cls, number: int, name: str) -> Mode:
-        """Return the mode of a number."""
+    def __new__(cls, number: int, names: tuple[str, ...]) -> Mode:
+        """Return one of the modes that are called `names`."""
         mode = super().__new__(cls, number)
-        mode.name = name
+        mode.names = names
         return mode
 
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.names[self]
+
     def __reduce__(self) -> Any:
-        return Mode, (int(self), self.name)
+        return Mode, (int(self), self.names)
 
 
 def modes(*names: str) -> tuple[Mode, ...]:
@@ -61,7 +66,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
     >>> HELD == 1, HELD.name
     (True, 'held')
     """
-    return tuple(Mode(number, name) for number, name in enumerate(names))
+    return tuple(Mode(number, names) for number in range(len(names)))
 
 
 class System:
@@ -81,7 +86,7 @@ class System:
     guards : sequence of Guard, optional
         What ends a mode, or is recorded: `Guard` and `Impact`.
     modes : sequence of Mode or str, optional
-        All modes, from `modes`; those that the guards name by default, or one.
+        All modes, from `modes`; needed where no guard names one and there are several.
     period : float or callable, optional
         The forcing period: a number, or ``period(p)``. None for a system without forcing.
     switches : sequence of float or callable, optional
@@ -156,6 +161,7 @@ class System:
         if isinstance(states, int):
             states = tuple(f"u{i}" for i in range(states))
         states = tuple(states)
+        guards = _guards(guards)
         self.name = name
         self._parameters = _numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
@@ -164,7 +170,7 @@ class System:
             modes=_mode_names(modes, guards),
             parameters=tuple(self._parameters),
             flow=_function("flow", flow),
-            guards=_guards(guards),
+            guards=guards,
             settle=settle,
             jacobian=jacobian,
             cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
@@ -304,6 +310,16 @@ class System:
         """The statistics that a sweep tells of every value."""
         return ("impacts per period", *(each.name for each in self.observables))
 
+    @property
+    def quantities(self) -> Mapping[str, tuple[str, str]]:
+        """The statistics that the figure of a sweep shows: column and words, by a short name."""
+        return {each.name: (each.name, each.name) for each in self.observables}
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """Symbols of parameters in figures, where they are not to be read off the names."""
+        return {}
+
     def start_of(self, direction: str) -> State:
         """Return where a sweep "up" or "down" starts if nothing is said."""
         return self.initial
@@ -330,9 +346,13 @@ class System:
         return self.forcing_period is not None
 
     def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` is a parameter that can be varied continuously."""
+        """Raise InvalidParameter unless `name` is a parameter."""
         if name not in self.parameters:
             raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
+
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        self.check_parameter(name)
 
     def value(self, name: str) -> float:
         """Return a parameter in the system's units."""
@@ -382,8 +402,12 @@ class System:
             automaton=self.automaton, section=self.section, options=options, **numbers._asdict()
         )
 
-    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
+    def instant(
+        self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
+    ) -> Instant:
         """Return where a run from `state` starts, in the units of the numerics.
+
+        `field` is what errors call the state.
 
         Raises
         ------
@@ -395,9 +419,9 @@ class System:
         elif not isinstance(state, State):
             if not isinstance(state, Mapping):
                 allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
-                raise InvalidParameter("initial", state, allowed)
+                raise InvalidParameter(field, state, allowed)
             state = state_from(state)
-        self._check_state("initial", state)
+        self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
         time = float(self.scales.into(state.time, "s"))
@@ -509,13 +533,15 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
         @functools.wraps(verb)
         def called(*arguments: Any, **named: Any) -> Any:
             rest = list(arguments)
-            model = rest.pop(0) if rest else named.pop(first, named.pop("actuator", None))
+            typed = "actuator" if "actuator" in named else first
+            model = rest.pop(0) if rest else named.pop(typed, None)
             if isinstance(getattr(model, "system", None), System):
                 return verb(model.system, *rest, **{start: model.final, **named})
             if isinstance(model, System):
                 return verb(model, *rest, **named)
             if not hasattr(model, "under"):
-                raise InvalidParameter(first, model, "a System, or an Actuator and a Drive")
+                allowed = "a System, or an Actuator (see load_actuator) and a Drive"
+                raise InvalidParameter(typed, model, allowed)
             drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
             return verb(model.under(drive), *rest, **named)
 
@@ -551,14 +577,11 @@ def _guards(guards: Sequence[Guard]) -> tuple[Guard, ...]:
 def _mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
     if given is not None:
         return tuple(mode.name if isinstance(mode, Mode) else str(mode) for mode in given)
-    found = {mode for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
-    if not found:
-        return ("free",)
-    names = {int(mode): mode.name for mode in found}
-    if sorted(names) != list(range(len(names))):
-        known = ", ".join(names.values())
-        raise InvalidParameter("modes", known, "given: the guards do not name all of them")
-    return tuple(names[number] for number in sorted(names))
+    found = {mode.names for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
+    if len(found) > 1:
+        known = [", ".join(names) for names in found]
+        raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
+    return next(iter(found), ("free",))
 
 
 def _place(field: str, state: str, states: tuple[str, ...]) -> int:

@@ -13,6 +13,7 @@ from mems_impact.cli.options import (
     device_options,
     guess_options,
     orbit_integrator_options,
+    orbit_options,
     output_options,
     parameter_option,
     progress_option,
@@ -63,7 +64,7 @@ def command(
     periods: int,
     through_grazing: bool,
     doubled: bool,
-    method: str,
+    method: str | None,
     rtol: float,
     atol: float,
     engine: str,
@@ -90,7 +91,7 @@ def command(
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     guess = state_from(initial)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    options = orbit_options(method, rtol, atol, engine)
     with Output(output, figure, no_figure, "continue") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options

@@ -13,6 +13,7 @@ from mems_impact.cli.options import (
     device_options,
     guess_options,
     orbit_integrator_options,
+    orbit_options,
     output_options,
     state_from,
 )
@@ -35,7 +36,7 @@ def command(
     initial: dict[str, float],
     transient: float,
     periods: int,
-    method: str,
+    method: str | None,
     rtol: float,
     atol: float,
     engine: str,
@@ -59,7 +60,7 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    options = orbit_options(method, rtol, atol, engine)
     with Output(output, figure, no_figure, "orbit") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options
@@ -85,6 +86,7 @@ def _show(orbit: ActuatorOrbit) -> None:
         "multipliers": multipliers,
         label("step", "m"): f"{orbit.step:.9g}",
         "residual, dimensionless": f"{orbit.residual:.2g}",
+        "method": orbit.options.method,
     }
     show_lines(lines)
     for defect in orbit.defects:

@@ -13,7 +13,7 @@ from numba.core.caching import FunctionCache, NullCache
 from numba.core.ccallback import CFunc
 from numba.core.typing import Signature
 
-from mems_impact.engines.compiling import FOR_C, JIT
+from mems_impact.engines.compiling import FOR_C, INNER, JIT
 
 _log = logging.getLogger("mems_impact")
 
@@ -101,7 +101,15 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
 
     The parameters are those of `compile_callback`.
     """
-    compiled: Any = njit(nogil=True, **JIT)(function)
+    # numba compiles a function anew for each set of options of its callers. So they are those of an
+    # inner function from here on.
+    inner = njit(**JIT, **INNER)(function)
+
+    def entry(*arguments):  # type: ignore[no-untyped-def]
+        return inner(*arguments)
+
+    entry.__qualname__ = function.__qualname__
+    compiled: Any = njit(nogil=True, **JIT)(entry)
     compiled._cache = _cache_of(function, name)
     result: Callable[..., Any] = compiled
     return result

@@ -12,8 +12,8 @@ import numpy as np
 _DOMAIN = (ArithmeticError, ValueError)
 
 
-def _scalars(y: Any, n: int) -> list[float]:
-    # Scalars out of a list are several times as fast as out of an array.
+def scalars(y: Any, n: int) -> list[float]:
+    """Return the first `n` numbers of a list or array, for Python to read: out of a list."""
     return y[:n] if isinstance(y, list) else y[:n].tolist()
 
 
@@ -56,7 +56,7 @@ class Functions:
         n = self.n
         slope = [0.0] * n
         try:
-            self._flow(mode, t, _scalars(y, n), self.parameters, slope)
+            self._flow(mode, t, scalars(y, n), self.parameters, slope)
         except _DOMAIN:
             slope = [math.nan] * n
         dy[:n] = _real(slope)
@@ -66,11 +66,14 @@ class Functions:
         m = self.m
         g, r = [1.0] * m, [1.0] * m
         try:
-            self._margins(mode, t, _scalars(y, self.n), self.parameters, g, r)
+            self._margins(mode, t, scalars(y, self.n), self.parameters, g, r)
         except _DOMAIN:
             g = r = [math.nan] * m
         out[: 2 * m] = _real(g) + _real(r)
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
-        return int(self._transition(mode, code, t, y, self.parameters))
+        after = np.array(y[: self.n])  # what it may compute beyond the numbers does not raise
+        mode = int(self._transition(mode, code, t, after, self.parameters))
+        y[: self.n] = after.tolist()
+        return mode

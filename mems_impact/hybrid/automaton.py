@@ -55,6 +55,11 @@ class Guard:
     impact: bool = False
     rest: Callable[..., Any] | None = None
 
+    @property
+    def records(self) -> bool:
+        """Whether it changes nothing, and only records."""
+        return self.margin is not None and self.transition is None
+
 
 @dataclass(frozen=True)
 class Impact(Guard):

@@ -1,6 +1,6 @@
 """What fires, and when: margins and rates read so that no decision hangs on rounding.
 
-Functions over the engine's contract, like the loop itself, which calls them. `work` rows that a
+Functions over the engine's contract, like the loop itself, which calls them. Scratch rows that a
 function overwrites are those of `record`: ``G`` always, others as its docstring says.
 """
 
@@ -15,10 +15,13 @@ from mems_impact.hybrid.record import (
     BEND,
     EPS,
     GAIN,
+    IMPACT,
     LOOKED,
     MOVED,
     NONE,
     NOW,
+    ORDER,
+    PASSED,
     SIZE,
     SLOPE,
     STAGE,
@@ -29,6 +32,7 @@ from mems_impact.hybrid.record import (
     TIMED,
     G,
     next_switch,
+    row,
 )
 
 ROUNDINGS = 64.0  # what lies within so many roundings of zero has no sign
@@ -38,7 +42,7 @@ HAIR = 1e-300  # by which a margin that starts at zero is lifted
 FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
 
 
-def resolution(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, buffers: Any) -> None:
+def resolution(engine: Any, s: Any, mode: int, t: float, y: Any) -> None:
     """Write what the margins and their rates are made up of, for each its size and its gain.
 
     The size is the sum of |dg/dy_j| |y_j|, the gain that of |dg/dy_j|: roundings of the state move
@@ -46,11 +50,11 @@ def resolution(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, bu
     by EPS |dg/dt| t. Left in SIZE, GAIN and, the last product, TIMED; LOOKED holds the margins.
     Overwrites MOVED.
     """
-    work, n, count = buffers.work, buffers.offset.size, buffers.edge.shape[1]
-    base, g, moved = work[LOOKED], work[G], work[MOVED]
-    size, gain, timed = work[SIZE], work[GAIN], work[TIMED]
+    n, count = s.n, 2 * s.m
+    base, g, moved = row(s, LOOKED), row(s, G), row(s, MOVED)
+    size, gain, timed = row(s, SIZE), row(s, GAIN), row(s, TIMED)
     arc.margins(engine, mode, t, y, base)
-    shift = min(2.0**-26 * abs(t), 0.25 * (next_switch(s, t, layout) - t))
+    shift = min(2.0**-26 * abs(t), 0.25 * (next_switch(s, t) - t))
     arc.margins(engine, mode, t + shift, y, g)
     for k in range(count):
         size[k] = 0.0
@@ -69,27 +73,27 @@ def resolution(engine: Any, s: Any, mode: int, t: float, y: Any, layout: Any, bu
             size[k] += slope * abs(y[j])
 
 
-def rounding_of(buffers: Any, k: int) -> float:
+def rounding_of(s: Any, k: int) -> float:
     """Return within how much of zero margin or rate `k` has no sign; after `resolution`."""
-    rounding: float = ROUNDINGS * EPS * (buffers.work[SIZE][k] + buffers.work[TIMED][k])
+    rounding: float = ROUNDINGS * EPS * (row(s, SIZE)[k] + row(s, TIMED)[k])
     return rounding
 
 
-def error_of(s: Any, buffers: Any, k: int) -> float:
+def error_of(s: Any, k: int) -> float:
     """Return what the integration may make of margin or rate `k`; after `resolution`."""
-    size, gain = buffers.work[SIZE][k], buffers.work[GAIN][k]
+    size, gain = row(s, SIZE)[k], row(s, GAIN)[k]
     error: float = s.rtol * size + s.atol * gain
     return error
 
 
-def follow(engine: Any, mode: int, t: float, y: Any, h: float, out: Any, buffers: Any) -> None:
+def follow(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: Any) -> None:
     """Follow the flow of `mode` from (t, y) over `h` by one step of Runge and Kutta, into `out`.
 
     Over times so short that its error, of the fifth power, is below rounding or does not matter.
     Overwrites STAGE, SLOPE, SUM; `y` and `out` may be the same.
     """
-    work, n = buffers.work, buffers.offset.size
-    stage, slope, total = work[STAGE], work[SLOPE], work[SUM]
+    n = s.n
+    stage, slope, total = row(s, STAGE), row(s, SLOPE), row(s, SUM)
     arc.flow(engine, mode, t, y, slope)
     for j in range(n):
         total[j] = slope[j]
@@ -107,24 +111,22 @@ def follow(engine: Any, mode: int, t: float, y: Any, h: float, out: Any, buffers
         out[j] = y[j] + h / 6.0 * (total[j] + slope[j])
 
 
-def trend(
-    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
-) -> int:
+def trend(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> int:
     """Return whether margin `i` is about to rise (1), to fall (-1), or neither (0).
 
     After `resolution`. The flow is followed for longer and longer until the margin has moved by
     more than rounding: a gap that opens with no speed and no acceleration, as that of a body which
     a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE, SUM.
     """
-    g, ahead = buffers.work[G], buffers.work[AHEAD]
-    seen, drift = rounding_of(buffers, i), rounding_of(buffers, layout.order.size + i)
+    g, ahead = row(s, G), row(s, AHEAD)
+    seen, drift = rounding_of(s, i), rounding_of(s, s.m + i)
     arc.margins(engine, mode, t, y, g)
     margin = g[i]
-    farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t, layout) - t))
+    farthest = min(s.scale / 16.0, 0.5 * (next_switch(s, t) - t))
     h = max(2.0**-45 * farthest, EPS * abs(t))
     while h < farthest:
         h = min(8.0 * h, farthest)
-        follow(engine, mode, t, y, h, ahead, buffers)
+        follow(engine, s, mode, t, y, h, ahead)
         arc.margins(engine, mode, t + h, ahead, g)
         moved = g[i] - margin
         if abs(moved) > seen + h * drift:
@@ -132,9 +134,7 @@ def trend(
     return 0
 
 
-def falling(
-    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
-) -> bool:
+def falling(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     """Return whether margin `i` really falls at (t, y); after `resolution`.
 
     The polynomial of a step has the integration error, and a difference of large numbers its
@@ -142,11 +142,11 @@ def falling(
     A rate that is clearly negative is believed, else the flow is asked. Overwrites what `trend`
     does.
     """
-    m = layout.order.size
-    rate = buffers.work[LOOKED][m + i]
-    if rate < -rounding_of(buffers, m + i) - error_of(s, buffers, m + i):
+    m = s.m
+    rate = row(s, LOOKED)[m + i]
+    if rate < -rounding_of(s, m + i) - error_of(s, m + i):
         return True
-    return trend(engine, s, mode, i, t, y, layout, buffers) < 0
+    return trend(engine, s, mode, i, t, y) < 0
 
 
 def violated(
@@ -155,79 +155,75 @@ def violated(
     mode: int,
     t: float,
     y: Any,
-    layout: Any,
-    buffers: Any,
     but: int,
     after: int,
 ) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
-    guard `but` is left out. Of impacts alone, those up to `after`, in order, come last. Overwrites
-    what `resolution` and `trend` do.
+    guard `but` is left out, and those that have PASSED. Of impacts alone, those up to `after`, in
+    order, come last. Overwrites what `resolution` and `trend` do.
     """
-    order = layout.order
-    resolution(engine, s, mode, t, y, layout, buffers)
+    order = row(s, ORDER)
+    resolution(engine, s, mode, t, y)
     first = behind = NONE
-    for i in range(order.size):
-        if i != but and fires(engine, s, mode, i, t, y, layout, buffers):
+    for i in range(s.m):
+        if i != but and row(s, PASSED)[i] == 0 and fires(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
-            behind_it = after != NONE and layout.impact[i] == 1 and order[i] > order[after]
+            behind_it = after != NONE and row(s, IMPACT)[i] == 1 and order[i] > order[after]
             if behind_it and (behind == NONE or order[i] < order[behind]):
                 behind = i
-    return behind if behind != NONE and layout.impact[first] == 1 else first
+    return behind if behind != NONE and row(s, IMPACT)[first] == 1 else first
 
 
-def fires(
-    engine: Any, s: Any, mode: int, i: int, t: float, y: Any, layout: Any, buffers: Any
-) -> bool:
+def fires(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     """Return whether guard `i` fires where the state is put; after `resolution`."""
-    m, looked = layout.order.size, buffers.work[LOOKED]
+    m, looked = s.m, row(s, LOOKED)
     rate = looked[m + i]
     # What closes within the rounding of time does so now; what is no number never does.
-    if not looked[i] <= rounding_of(buffers, i) + ROUNDINGS * EPS * abs(rate * t):
+    if not looked[i] <= rounding_of(s, i) + ROUNDINGS * EPS * abs(rate * t):
         return False
-    if layout.impact[i] == 0 and looked[i] < -clearly(s, i, layout, buffers):
+    if row(s, IMPACT)[i] == 0 and looked[i] < -clearly(s, i):
         return True
-    if rate > rounding_of(buffers, m + i) + error_of(s, buffers, m + i):
+    if rate > rounding_of(s, m + i) + error_of(s, m + i):
         return False
-    return falling(engine, s, mode, i, t, y, layout, buffers)
+    return falling(engine, s, mode, i, t, y)
 
 
-def clearly(s: Any, i: int, layout: Any, buffers: Any) -> float:
+def clearly(s: Any, i: int) -> float:
     """Return how far below zero margin `i` must be to be there for no error's sake.
 
     After `resolution`.
     """
-    rate = buffers.work[LOOKED][layout.order.size + i]
-    far: float = TOLERANCES * error_of(s, buffers, i) + 1e-6 * abs(rate) * s.scale
+    rate = row(s, LOOKED)[s.m + i]
+    far: float = TOLERANCES * error_of(s, i) + 1e-6 * abs(rate) * s.scale
     return far
 
 
-def inside(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> int:
+def inside(engine: Any, s: Any, t: float, y: Any) -> int:
     """Return a gap that is clearly negative and does not open, as a start may be; or NONE."""
-    m = layout.order.size
-    looked = buffers.work[LOOKED]
-    resolution(engine, s, s.mode, t, y, layout, buffers)
+    m = s.m
+    looked = row(s, LOOKED)
+    resolution(engine, s, s.mode, t, y)
     for i in range(m):
-        closed = layout.impact[i] == 1 and looked[m + i] <= 0.0
-        if closed and looked[i] < -clearly(s, i, layout, buffers):
+        closed = row(s, IMPACT)[i] == 1 and looked[m + i] <= 0.0
+        if closed and looked[i] < -clearly(s, i):
             return i
     return NONE
 
 
-def look(engine: Any, status: int, before: float, t: float, edge: Any) -> bool:
+def look(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
     """Take down the margins where a step has ended; return whether anything may have fired in it.
 
     Which margins may have been at zero unseen, by values and rates at both ends, is left in
     SUSPECT.
     """
-    then, now, bend, suspect = edge[THEN], edge[NOW], edge[BEND], edge[SUSPECT]
-    for k in range(then.size):
+    then, now, bend, suspect = row(s, THEN), row(s, NOW), row(s, BEND), row(s, SUSPECT)
+    m, h = s.m, t - before
+    for k in range(2 * m):
         then[k] = now[k]
     arc.ended(engine, now)
-    m, h = then.size // 2, t - before
     something = status == arc.ROOT
     for i in range(m):
         suspect[i] = 0.0
@@ -246,19 +242,17 @@ def look(engine: Any, status: int, before: float, t: float, edge: Any) -> bool:
     return something
 
 
-def first_guard(
-    engine: Any, s: Any, status: int, before: float, t: float, layout: Any, buffers: Any
-) -> tuple[int, float]:
+def first_guard(engine: Any, s: Any, status: int, before: float, t: float) -> tuple[int, float]:
     """Return the guard that fires first in the step from `before` to `t`, and when; or NONE.
 
     A margin fires where the engine says so; where it has dipped below zero at its closest
     approach, a root of its rate; and where a look inside the step finds it. Overwrites STATE and
     what `violated` does.
     """
-    m = layout.order.size
-    order = layout.order
-    y = buffers.work[STATE]
-    now, suspect = buffers.edge[NOW], buffers.edge[SUSPECT]
+    m = s.m
+    order = row(s, ORDER)
+    y = row(s, STATE)
+    now, suspect = row(s, NOW), row(s, SUSPECT)
     guard, t_event = NONE, t
     together = 0
     for i in range(m):
@@ -270,12 +264,12 @@ def first_guard(
         bias = arc.bias(engine, i)
         if suspect[i] == 1.0:
             end = 0.0 if fired else now[i] + bias
-            t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
+            t_crossing = hidden(engine, s, i, before, t, end)
         rate = 0.0
         if t_crossing == math.inf:
             if fired:
                 rate = now[m + i]
-                t_crossing = t - late(engine, i, before, t, buffers) if together == 1 else t
+                t_crossing = t - late(engine, s, i, before, t) if together == 1 else t
             elif (
                 status == arc.ROOT
                 and arc.fired(engine, m + i) > 0
@@ -284,55 +278,57 @@ def first_guard(
             ):
                 # There may be another dip before this one.
                 end = now[i] + bias
-                t_crossing = hidden(engine, s, i, before, t, end, layout, buffers)
+                t_crossing = hidden(engine, s, i, before, t, end)
                 if t_crossing == math.inf:
-                    t_crossing = crossing(engine, s, i, before, t, buffers)
+                    t_crossing = crossing(engine, s, i, before, t)
         if t_crossing < math.inf and (
             guard == NONE
             or t_crossing < t_event
             or (t_crossing == t_event and order[i] < order[guard])
         ):
-            certain = surely_falling(s, m + i, rate, buffers)
+            certain = surely_falling(s, m + i, rate)
             if not certain:
                 arc.interpolate(engine, t_crossing, y)
-                resolution(engine, s, s.mode, t_crossing, y, layout, buffers)
-                certain = falling(engine, s, s.mode, i, t_crossing, y, layout, buffers)
+                resolution(engine, s, s.mode, t_crossing, y)
+                certain = falling(engine, s, s.mode, i, t_crossing, y)
             if certain:
                 guard, t_event = i, t_crossing
             else:
                 # It is left alone until it has risen, or a step ends where it falls.
                 s.doubt = 1
                 s.lifted = 1
-                depth = abs(buffers.work[LOOKED][i])
-                arc.set_bias(engine, i, bias + depth + 2.0 * rounding_of(buffers, i))
+                depth = abs(row(s, LOOKED)[i])
+                arc.set_bias(engine, i, bias + depth + 2.0 * rounding_of(s, i))
     return guard, t_event
 
 
-def late(engine: Any, i: int, before: float, t: float, buffers: Any) -> float:
+def late(engine: Any, s: Any, i: int, before: float, t: float) -> float:
     """Return how long before `t`, where margin `i` has fired, it was zero.
 
     CVODE stops a little late, by some hundred roundings of time: impact after impact that adds up.
     """
-    now = buffers.edge[NOW]
-    rate = now[buffers.hits.shape[0] + i]
-    by: float = (now[i] + arc.bias(engine, i)) / rate if rate < 0.0 else 0.0
+    now = row(s, NOW)
+    rate = now[s.m + i]
+    if not rate < 0.0:
+        return 0.0
+    by: float = (now[i] + arc.bias(engine, i)) / rate
     return by if 8.0 * EPS * abs(t) < by < 1e-6 * (t - before) else 0.0
 
 
-def surely_falling(s: Any, k: int, rate: float, buffers: Any) -> bool:
+def surely_falling(s: Any, k: int, rate: float) -> bool:
     """Return whether a rate is so far below zero that nobody needs to look again.
 
     Measured by the `resolution` at the start of the arc, or later, with much room.
     """
-    return bool(rate < -SURELY * (rounding_of(buffers, k) + error_of(s, buffers, k)))
+    return bool(rate < -SURELY * (rounding_of(s, k) + error_of(s, k)))
 
 
-def crossing(engine: Any, s: Any, i: int, inside: float, outside: float, buffers: Any) -> float:
+def crossing(engine: Any, s: Any, i: int, inside: float, outside: float) -> float:
     """Bisect margin `i` on the last step: positive at `inside`, negative at `outside`.
 
     Overwrites STATE.
     """
-    g, y = buffers.work[G], buffers.work[STATE]
+    g, y = row(s, G), row(s, STATE)
     bias = arc.bias(engine, i)
     for _ in range(80):
         middle = 0.5 * (inside + outside)
@@ -354,8 +350,6 @@ def hidden(
     before: float,
     t: float,
     end: float,
-    layout: Any,
-    buffers: Any,
 ) -> float:
     """Return when margin `i` first falls below zero inside the last step; infinity if it does not.
 
@@ -365,12 +359,12 @@ def hidden(
     through, in parts so short that the bound holds; its margin is `end` where it ends. Overwrites
     STATE and, where it finds something, what `resolution` does.
     """
-    m = layout.order.size
-    then, now = buffers.edge[THEN], buffers.edge[NOW]
+    m = s.m
+    then, now = row(s, THEN), row(s, NOW)
     bias = arc.bias(engine, i)
     a, g_a, r_a = before, then[i] + bias, then[m + i]
-    curved = buffers.edge[BEND][i]
-    g, y = buffers.work[G], buffers.work[STATE]
+    curved = row(s, BEND)[i]
+    g, y = row(s, G), row(s, STATE)
     finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
     width = 0.5 * (t - before)
     while a < t:
@@ -387,16 +381,16 @@ def hidden(
             continue
         if not sure and r_a < 0.0 < r_b:
             # One closest approach, by the rates: the margin there decides.
-            low = lowest(engine, s, i, a, b, layout, buffers)
+            low = lowest(engine, s, i, a, b)
             arc.interpolate(engine, low, y)
             arc.margins(engine, s.mode, low, y, g)
             if g[i] + bias < min(0.0, g_b):
                 b, g_b, r_b = low, g[i] + bias, 0.0
         if g_b < 0.0:
             arc.interpolate(engine, b, y)
-            resolution(engine, s, s.mode, b, y, layout, buffers)
-            if g_b < -rounding_of(buffers, i):
-                return crossing(engine, s, i, a, b, buffers)
+            resolution(engine, s, s.mode, b, y)
+            if g_b < -rounding_of(s, i):
+                return crossing(engine, s, i, a, b)
             a, g_a, r_a = b, 0.0, r_b
         else:
             a, g_a, r_a = b, g_b, r_b
@@ -404,19 +398,19 @@ def hidden(
     return math.inf
 
 
-def lowest(engine: Any, s: Any, i: int, a: float, b: float, layout: Any, buffers: Any) -> float:
+def lowest(engine: Any, s: Any, i: int, a: float, b: float) -> float:
     """Bisect the rate of margin `i` on the last step, from falling at `a` to rising at `b`.
 
     Overwrites STATE.
     """
-    g, y = buffers.work[G], buffers.work[STATE]
+    g, y = row(s, G), row(s, STATE)
     for _ in range(80):
         middle = 0.5 * (a + b)
         if middle <= a or middle >= b:
             break
         arc.interpolate(engine, middle, y)
         arc.margins(engine, s.mode, middle, y, g)
-        if g[layout.order.size + i] < 0.0:
+        if g[s.m + i] < 0.0:
             a = middle
         else:
             b = middle

@@ -37,6 +37,7 @@ from mems_impact.hybrid.record import (
     BUFFER_FULL,
     CLOCK,
     CYCLE,
+    CYCLIC,
     CYCLING,
     DONE,
     ENDED,
@@ -46,9 +47,11 @@ from mems_impact.hybrid.record import (
     GUARD,
     HEAD,
     HIT_TIME,
+    IMPACT,
     INADMISSIBLE,
     KIND,
     LOOKED,
+    MARK,
     MODE_AFTER,
     MODE_BEFORE,
     NO_REST,
@@ -56,21 +59,26 @@ from mems_impact.hybrid.record import (
     NONE,
     NOT_FINITE,
     NOW,
+    OFFSET,
+    PASSED,
     PAST,
     PAUSED,
     REBASE,
+    RECORDS,
     ROOM,
     SAMPLE,
     SECTION_CROSSING,
     STEP_BUDGET,
     SWITCH,
+    SWITCHES,
     TIME,
     TRANSITION,
     WITHOUT_EFFECT,
-    Buffers,
-    Layout,
+    Y,
     next_switch,
     note,
+    row,
+    sample_row,
     whole_periods,
 )
 
@@ -79,42 +87,19 @@ __all__ = [
     "EVENT_BUDGET", "FAILED", "GUARD", "HEAD", "INADMISSIBLE", "KIND", "MODE_AFTER",
     "MODE_BEFORE", "NONE", "NOT_FINITE", "NO_REST", "NO_SUCH_MODE", "PAUSED", "REBASE", "ROOM",
     "SECTION_CROSSING", "STEP_BUDGET", "SWITCH", "TIME", "TRANSITION", "WITHOUT_EFFECT",
-    "Buffers", "Layout", "advance",
+    "advance",
 ]  # fmt: skip
 
 REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
 
 
-def advance(
-    engine: Any,
-    s: Any,
-    y: Any,
-    order: Any,
-    impact: Any,
-    cyclic: Any,
-    switches: Any,
-    offset: Any,
-    events: Any,
-    samples: Any,
-    hits: Any,
-    edge: Any,
-    mark: Any,
-    work: Any,
-    quota: int,
-) -> int:
+def advance(engine: Any, s: Any, quota: int) -> int:
     """Integrate until the end, a full buffer, a spent quota of steps or a failure.
 
     Parameters
     ----------
     engine : an engine of the contract in `mems_impact.engines.contract`
     s : CLOCK record
-    y : float array, shape (n,)
-        The state at ``s.t``; cyclic components count from the start of the arc.
-    order, impact, cyclic, switches
-        The fields of `Layout`. They come one by one because numba's cache on disk must not name
-        classes of ours, which a later version may rename.
-    offset, events, samples, hits, edge, mark, work
-        The fields of `Buffers`.
     quota : int
         Steps that this call may take.
 
@@ -125,34 +110,33 @@ def advance(
         engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
         mode after NO_SUCH_MODE.
     """
-    layout = Layout(order, impact, cyclic, switches)
-    buffers = Buffers(offset, events, samples, hits, edge, mark, work)
+    y = row(s, Y)
     while True:
-        if s.rows + ROOM + layout.order.size > buffers.events.shape[0]:
+        if s.rows + ROOM + s.m > s.event_rows:
             return BUFFER_FULL
         if quota <= 0:
             return PAUSED
         if s.fresh == 1:
             s.fresh = 0
             s.restart = 1
-            s.failure = inside(engine, s, s.t, y, layout, buffers)
+            s.failure = inside(engine, s, s.t, y)
             if s.failure != NONE:
                 return INADMISSIBLE
-            guard = violated(engine, s, s.mode, s.t, y, layout, buffers, NONE, NONE)
-            for i in range(layout.switches.size):
+            guard = violated(engine, s, s.mode, s.t, y, NONE, NONE)
+            for i in range(s.switches):
                 # A run that ended here left the jump to this one.
-                since = abs(s.t - layout.switches[i]) % s.period
+                since = abs(s.t - row(s, SWITCHES)[i]) % s.period
                 if min(since, s.period - since) <= 1e-14 * s.period:
-                    guard = 2 * layout.order.size
-            status = resolve(engine, s, y, guard, layout, buffers)
+                    guard = 2 * s.m
+            status = resolve(engine, s, y, guard)
             if status != DONE:
                 return status
         elif s.pending != NONE:
-            status = resolve(engine, s, y, s.pending, layout, buffers)
+            status = resolve(engine, s, y, s.pending)
             if status != DONE:
                 return status
         if s.restart == 1:
-            begin_arc(engine, s, y, layout, buffers)
+            begin_arc(engine, s, y)
 
         status = arc.step(engine)
         quota -= 1
@@ -162,7 +146,7 @@ def advance(
             status = arc.STOPPED  # the last step has ended at the switch already
         if status == arc.CLOSE_ROOTS and s.arc_steps > 1:
             arc.state(engine, y)
-            note(s, s.t, REBASE, 0, s.mode, y, y, buffers)
+            note(s, s.t, REBASE, 0, s.mode, y, y)
             s.restart = 1
             s.fresh = s.doubt  # a margin in doubt is looked at again
             continue
@@ -174,20 +158,20 @@ def advance(
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
         t = arc.time(engine)
-        something = look(engine, status, before, t, buffers.edge)
+        something = look(engine, s, status, before, t)
         if s.lifted == 1:
-            lower(engine, s, layout, buffers)
+            lower(engine, s)
 
         guard, t_event = NONE, t
         if something:
-            guard, t_event = first_guard(engine, s, status, before, t, layout, buffers)
+            guard, t_event = first_guard(engine, s, status, before, t)
         if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
             arc.state(engine, y)
-            guard = violated(engine, s, s.mode, t, y, layout, buffers, NONE, NONE)
-            s.doubt = still_below(layout, buffers)
+            guard = violated(engine, s, s.mode, t, y, NONE, NONE)
+            s.doubt = still_below(s)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
-        take_samples(engine, s, min(t_event, end), t_event >= end, buffers)
+        take_samples(engine, s, min(t_event, end), t_event >= end)
         if t_event > end or (t_event == end and guard == NONE):
             arc.interpolate(engine, end, y)
             s.t = end
@@ -196,55 +180,59 @@ def advance(
         s.t = t_event
         if status == arc.ROOT and t_event == t:
             arc.state(engine, y)
-            note_passages(engine, s, t, y, layout, buffers)
+            note_passages(engine, s, t, y)
         if guard != NONE:
             if t_event < t:
                 arc.interpolate(engine, t_event, y)
-            status = resolve(engine, s, y, guard, layout, buffers)
+            status = resolve(engine, s, y, guard)
             if status != DONE:
                 return status
         elif status == arc.STOPPED:
             arc.state(engine, y)
             if t > s.period:
                 # The first switch of the next period, whatever its sum with the period rounds to.
-                shift(s, 1, buffers)
-                s.t = layout.switches[0]
-            status = resolve(engine, s, y, 2 * layout.order.size, layout, buffers)
+                shift(s, 1)
+                s.t = row(s, SWITCHES)[0]
+            status = resolve(engine, s, y, 2 * s.m)
             if status != DONE:
                 return status
         elif t > REBASE_PERIODS * s.period:
             arc.state(engine, y)
-            note(s, t, REBASE, 0, s.mode, y, y, buffers)
+            note(s, t, REBASE, 0, s.mode, y, y)
             s.restart = 1
 
 
-def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
+def begin_arc(engine: Any, s: Any, y: Any) -> None:
     """Move the time base, put the cyclic components aside and restart the engine at (s.t, y)."""
     if s.t >= s.period:
-        shift(s, whole_periods(s.t, s.period), buffers)
+        shift(s, whole_periods(s.t, s.period))
     if s.cycle != s.events_from:
         s.events_from = s.cycle
         s.cycle_events = 0
-    for i in range(y.size):
-        if layout.cyclic[i] == 1:
-            buffers.offset[i] += y[i]
+    for i in range(s.n):
+        if row(s, CYCLIC)[i] == 1:
+            row(s, OFFSET)[i] += y[i]
             y[i] = 0.0
-    s.stop = next_switch(s, s.t, layout)
+    s.stop = next_switch(s, s.t)
 
     # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
     # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
-    now, bend = buffers.edge[NOW], buffers.edge[BEND]
+    now, bend = row(s, NOW), row(s, BEND)
     arc.margins(engine, s.mode, s.t, y, now)
-    # One that still falls has had its transition, which changed nothing: it is left alone.
-    m = layout.order.size
+    # One that still falls has had its transition, which changed nothing: it is left alone. One that
+    # has been recorded falls no second time, though rounding may have left it above zero.
+    m, passed = s.m, row(s, PASSED)
     s.lifted = 0
     for i in range(m):
         bend[i] = 0.0
         lift = now[i] <= 0.0 and now[m + i] >= 0.0
-        arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + HAIR if lift else 0.0)
-        if lift and now[i] < 0.0:
-            resolution(engine, s, s.mode, s.t, y, layout, buffers)
-            if now[i] < -clearly(s, i, layout, buffers):
+        fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
+        passed[i] = 0.0
+        hair = HAIR if lift else -HAIR
+        arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        if now[i] < 0.0:
+            resolution(engine, s, s.mode, s.t, y)
+            if now[i] < -clearly(s, i):
                 s.lifted = 1
     arc.restart(engine, s.mode, s.t, y, s.stop)
     s.restart = 0
@@ -254,60 +242,59 @@ def begin_arc(engine: Any, s: Any, y: Any, layout: Any, buffers: Any) -> None:
     s.arcs += 1
 
 
-def shift(s: Any, periods: int, buffers: Any) -> None:
+def shift(s: Any, periods: int) -> None:
     """Count time from the start of a later period."""
     s.cycle += periods
     s.t -= periods * s.period
-    for i in range(buffers.hits.shape[0]):
-        buffers.hits[i, HIT_TIME] -= periods * s.period
+    for i in range(s.m):
+        row(s, HIT_TIME)[i] -= periods * s.period
 
 
-def lower(engine: Any, s: Any, layout: Any, buffers: Any) -> None:
+def lower(engine: Any, s: Any) -> None:
     """Take the lift from margins that have become positive: from now on zero is their limit."""
-    now = buffers.edge[NOW]
-    s.lifted = 0
-    for i in range(layout.order.size):
-        if arc.bias(engine, i) > HAIR:
-            if now[i] > rounding_of(buffers, i):
-                arc.set_bias(engine, i, 0.0)
-            else:
-                s.lifted = 1
+    now = row(s, NOW)
+    for i in range(s.m):
+        if arc.bias(engine, i) > HAIR and now[i] > rounding_of(s, i):
+            arc.set_bias(engine, i, 0.0)
 
 
-def still_below(layout: Any, buffers: Any) -> int:
+def still_below(s: Any) -> int:
     """Return 1 if a margin was not positive where the last step ended."""
-    for i in range(layout.order.size):
-        if buffers.edge[NOW][i] <= 0.0:
+    for i in range(s.m):
+        if row(s, NOW)[i] <= 0.0:
             return 1
     return 0
 
 
-def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) -> int:
+def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
     """Carry out all transitions of the instant ``s.t``, beginning with `guard`.
 
     `guard` is ``2 m`` for a switch of the drive. Returns DONE if the instant settles, BUFFER_FULL
     to be called again, or what ends the run. `y`, ``s.mode`` and ``s.t`` are left as they are after
     it, which is later where a sequence of impacts is completed.
     """
-    m = layout.order.size
-    looked, past = buffers.work[LOOKED], buffers.work[PAST]
+    m = s.m
+    looked, past, passed = row(s, LOOKED), row(s, PAST), row(s, PASSED)
+    if s.instant == 0:
+        for i in range(m):
+            passed[i] = 0.0
     s.restart = 1
     while guard != NONE:
         s.pending = guard
-        if s.rows + ROOM > buffers.events.shape[0]:
+        if s.rows + ROOM > s.event_rows:
             return BUFFER_FULL
         s.pending = NONE
-        for i in range(y.size):
+        for i in range(s.n):
             past[i] = y[i]
         mode = s.mode
-        impact = guard < m and layout.impact[guard] == 1
+        impact = guard < m and row(s, IMPACT)[guard] == 1
         code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
         if impact:
             arc.margins(engine, mode, s.t, y, looked)
-            closing = surely_falling(s, m + guard, looked[m + guard], buffers)
+            closing = surely_falling(s, m + guard, looked[m + guard])
             if not closing:
-                resolution(engine, s, mode, s.t, y, layout, buffers)
-                closing = looked[m + guard] < -rounding_of(buffers, m + guard)
+                resolution(engine, s, mode, s.t, y)
+                closing = looked[m + guard] < -rounding_of(s, m + guard)
             if not closing:
                 # A contact that is not closing: a rebound would throw the body through the wall.
                 code, kind = m + guard, ACCUMULATION
@@ -315,42 +302,43 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
         s.failure = guard
         if s.mode == ENDS:
             s.mode = mode
-            note(s, s.t, kind, guard, mode, past, y, buffers)
+            note(s, s.t, kind, guard, mode, past, y)
             return ENDED
         if not 0 <= s.mode < s.modes:
             s.failure, s.mode = s.mode, mode
             return NO_SUCH_MODE
         changed = mode != s.mode
-        for i in range(y.size):
+        for i in range(s.n):
             if not math.isfinite(y[i]):
                 return NOT_FINITE
             changed = changed or past[i] != y[i]
-        note(s, s.t, kind, guard, mode, past, y, buffers)
+        note(s, s.t, kind, guard, mode, past, y)
+        for i in range(m):
+            if changed:
+                passed[i] = 0.0
+            elif i == guard:
+                passed[i] = row(s, RECORDS)[i]
         s.instant += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
             return EVENT_BUDGET
-        if comes_back(s, y, buffers) and changed and kind != SWITCH:
+        if comes_back(s, y) and changed and kind != SWITCH:
             if kind == TRANSITION:
                 return CYCLING
             break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
-        if kind == TRANSITION and impact:
-            mode = s.mode
-            t = complete_chatter(engine, s, s.t, y, guard, layout, buffers)
-            if t > s.t:
-                s.instant = 0
-            s.t = t
+        # Impacts of bodies in a row go through it from end to end, again and again: if one end
+        # always came first, they would grow beyond all bounds with the length of the row.
+        struck, after = guard, guard if impact else NONE
+        guard, mode = violated(engine, s, s.mode, s.t, y, NONE, after), s.mode
+        if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
             if not 0 <= s.mode < s.modes:
                 s.rows -= 1  # the end of the sequence, which led nowhere
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
-        # Impacts of bodies in a row go through it from end to end, again and again: if one end
-        # always came first, they would grow beyond all bounds with the length of the row.
-        after = guard if impact else NONE
-        guard = violated(engine, s, s.mode, s.t, y, layout, buffers, NONE, after)
-        if not changed and kind != SWITCH:
+            guard = violated(engine, s, s.mode, s.t, y, NONE, after)
+        if not changed and kind != SWITCH and row(s, RECORDS)[struck] == 0:
             # Nothing moved: looking again would find the same.
-            if kind == TRANSITION and guard != NONE and layout.impact[guard] == 1:
+            if kind == TRANSITION and guard != NONE and row(s, IMPACT)[guard] == 1:
                 s.failure = guard
                 return WITHOUT_EFFECT
             guard = NONE
@@ -358,51 +346,51 @@ def resolve(engine: Any, s: Any, y: Any, guard: int, layout: Any, buffers: Any) 
     return DONE
 
 
-def comes_back(s: Any, y: Any, buffers: Any) -> bool:
+def comes_back(s: Any, y: Any) -> bool:
     """Return whether mode and state of this instant have been there before.
 
     One of them is remembered, and replaced whenever their number has doubled.
     """
     same = s.instant > 1 and s.mode == s.mark_mode
-    for i in range(y.size):
-        same = same and y[i] == buffers.mark[i]
+    for i in range(s.n):
+        same = same and y[i] == row(s, MARK)[i]
     if s.instant & (s.instant - 1) == 0:
         s.mark_mode = s.mode
-        for i in range(y.size):
-            buffers.mark[i] = y[i]
+        for i in range(s.n):
+            row(s, MARK)[i] = y[i]
     return same
 
 
-def note_passages(engine: Any, s: Any, t: float, y: Any, layout: Any, buffers: Any) -> None:
+def note_passages(engine: Any, s: Any, t: float, y: Any) -> None:
     """Record closest approaches and crossings of the section: roots that end no arc."""
-    m = layout.order.size
-    now = buffers.edge[NOW]
+    m = s.m
+    now = row(s, NOW)
     for i in range(m):
         # What approaches a wall without leaving it by more than rounding is in contact.
-        if layout.impact[i] == 1 and arc.fired(engine, m + i) > 0 and now[i] > 0.0:
-            note(s, t, APPROACH, i, s.mode, y, y, buffers)
+        if row(s, IMPACT)[i] == 1 and arc.fired(engine, m + i) > 0 and now[i] > 0.0:
+            note(s, t, APPROACH, i, s.mode, y, y)
     side = arc.fired(engine, 2 * m)
     if side != 0:
-        note(s, t, SECTION_CROSSING, side, s.mode, y, y, buffers)
+        note(s, t, SECTION_CROSSING, side, s.mode, y, y)
 
 
-def take_samples(engine: Any, s: Any, limit: float, last: bool, buffers: Any) -> None:
+def take_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
     """Write the samples due before `limit` (at it too, if it is the `last` instant)."""
     if s.per_period == 0:
         return
-    y = buffers.work[SAMPLE]
-    while s.samples < buffers.samples.shape[0]:
+    y = row(s, SAMPLE)
+    while s.taken < s.sample_rows:
         phase = (s.sample % s.per_period) * s.period / s.per_period
         cycle = s.sample_cycle + s.sample // s.per_period
         t = (cycle - s.cycle) * s.period + phase
         if t > limit or (t == limit and not last):
             return
         arc.interpolate(engine, max(t, s.arc_start), y)
-        row = buffers.samples[s.samples]
-        row[0] = cycle
-        row[1] = phase
-        row[2] = s.mode
-        for i in range(buffers.offset.size):
-            row[3 + i] = y[i] + buffers.offset[i]
-        s.samples += 1
+        sample = sample_row(s)
+        sample[0] = cycle
+        sample[1] = phase
+        sample[2] = s.mode
+        for i in range(s.n):
+            sample[3 + i] = y[i] + row(s, OFFSET)[i]
+        s.taken += 1
         s.sample += 1

@@ -101,17 +101,25 @@ class Bound:
         ``call(function, *arguments)`` calls `function`, written over
         `mems_impact.engines.contract`, with the engine as its first argument; compiled, if the
         engine is.
+    is_stiff : callable
+        Returns whether stability, not accuracy, has limited steps; False if the method can't tell.
     close : callable
         Frees the engine's memory.
+    table : callable
+        ``table(rows, width)`` returns rows of numbers, all zero: an array, or lists where they are
+        read by Python, which is several times as fast.
     record : callable
-        ``record(dtype)`` returns something with the fields of `dtype`, all zero, for `call`.
+        ``record(dtype, **arrays)`` returns something with the fields of `dtype`, all zero but for
+        those that lead to `arrays`, for `call`. It does not keep them alive.
     quota : int
         Steps after which the event loop should look at its caller.
     """
 
     call: Callable[..., Any]
+    is_stiff: Callable[[], bool]
     close: Callable[[], None]
-    record: Callable[[np.dtype[Any]], Any]
+    table: Callable[[int, int], Any]
+    record: Callable[..., Any]
     quota: int
 
 
@@ -172,10 +180,16 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
 
-    def record(dtype: np.dtype[Any]) -> Any:
-        return np.zeros(1, dtype=dtype).view(np.recarray)[0]
+    def table(rows: int, width: int) -> Any:
+        return np.zeros((rows, width))
 
-    return Bound(call, engine.close, record, 20_000)
+    def record(dtype: np.dtype[Any], **arrays: Any) -> Any:
+        result = np.zeros(1, dtype=dtype).view(np.recarray)[0]
+        for name, array in arrays.items():
+            result[name] = array.ctypes.data
+        return result
+
+    return Bound(call, engine.is_stiff, engine.close, table, record, 20_000)
 
 
 def _interpreted(arguments: dict[str, Any]) -> Bound:
@@ -184,8 +198,11 @@ def _interpreted(arguments: dict[str, Any]) -> Bound:
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)
 
-    def record(dtype: np.dtype[Any]) -> Any:
-        # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
-        return SimpleNamespace(**dict.fromkeys(dtype.names or (), 0))
+    def table(rows: int, width: int) -> Any:
+        return [[0.0] * width for _ in range(rows)]
 
-    return Bound(call, engine.close, record, 1_000)
+    def record(dtype: np.dtype[Any], **arrays: Any) -> Any:
+        # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
+        return SimpleNamespace(**{**dict.fromkeys(dtype.names or (), 0), **arrays})
+
+    return Bound(call, engine.is_stiff, engine.close, table, record, 1_000)

@@ -1,9 +1,13 @@
-"""What the event loop remembers and writes: codes, the clock, layout, buffers, rows of events."""
+"""What the event loop knows, remembers and writes: codes, the clock, rows of numbers, events.
+
+All of it is reached through the one record that the functions of the loop pass on as ``s``: numba
+would carry an array through every call as nine words, and compiles the longer for each of them.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,22 +29,38 @@ ROOM = 40  # rows that one step, or one transition, may add at most, beside one 
 NONE = -1
 EPS = 2.0**-52
 
-# Columns of `Buffers.hits`: when, how long after the one before, how fast the bodies separated, and
-# how high the flights have been since they began to shrink.
-HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH, HITS = 0, 1, 2, 3, 4
+# Rows of the table, with a number for each guard or component of the state. All are as long as the
+# longest, so that a function counts to ``s.n`` or ``s.m``.
+# What the loop knows: guards of one instant are handled in ascending ORDER; 1 where a guard is an
+# IMPACT, or a component CYCLIC; the SWITCHES of the drive, ascending times in (0, period].
+ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
+# The state at ``s.t``, cyclic components counting from the start of the arc; what they gathered
+# before it; and a state of this instant, to be known again.
+Y, OFFSET, MARK = 4, 5, 6
+# The last impact at each guard: when, how long after the one before, how fast the bodies separated,
+# and how high the flights have been since they began to shrink.
+HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
+# Margins and rates where the last step began and where it ended, how fast the rates change, and 1
+# for a margin that may have been at zero in between.
+THEN, NOW, BEND, SUSPECT = 11, 12, 13, 14
+# 1 for a guard that only records, and 1 while it has done so in this instant.
+RECORDS, PASSED = 15, 16
+# Scratch that is only good until the next call. A function says what it leaves there.
+G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(17, 29)
+SIZE, GAIN, TIMED, ROWS = 29, 30, 31, 32
 
-# Rows of `Buffers.edge`: margins and rates where the last step began and where it ended, how fast
-# the rates change, and 1 for a margin that may have been at zero in between.
-THEN, NOW, BEND, SUSPECT, EDGES = 0, 1, 2, 3, 4
-
-# Rows of `Buffers.work`, scratch that is only good until the next call. A function says what it
-# leaves there.
-G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(12)
-SIZE, GAIN, TIMED, ROWS = 12, 13, 14, 15
-
-# All that the loop remembers between two calls, beside the buffers.
+# All that the loop remembers between two calls, and where it finds and writes the rest.
 CLOCK = np.dtype(
     [
+        ("table", np.int64),  # address of the rows of numbers, ROWS of them
+        ("width", np.int64),  # numbers in each
+        ("events", np.int64),  # address of the event buffer
+        ("event_rows", np.int64),  # how many it holds
+        ("samples", np.int64),  # address of the sample buffer
+        ("sample_rows", np.int64),
+        ("n", np.int64),  # states
+        ("m", np.int64),  # guards
+        ("switches", np.int64),  # of the drive in a period
         ("cycle", np.int64),  # periods completed before the time base
         ("t", np.float64),  # time since the start of that period
         ("mode", np.int64),
@@ -55,7 +75,7 @@ CLOCK = np.dtype(
         ("restart", np.int64),  # 1 if the next step begins an arc
         ("instant", np.int64),  # transitions of this instant so far, 0 where it has settled
         ("pending", np.int64),  # the guard for which there was no room in the buffer, or NONE
-        ("mark_mode", np.int64),  # with `Buffers.mark`: a state of this instant, to be known again
+        ("mark_mode", np.int64),  # with MARK: a state of this instant, to be known again
         ("stop", np.float64),  # next switching time of the drive
         ("steps", np.int64),
         ("arc_steps", np.int64),
@@ -64,53 +84,32 @@ CLOCK = np.dtype(
         ("max_events", np.int64),
         ("cycle_events", np.int64),  # events since `events_from`, against the budget
         ("events_from", np.int64),
-        ("rows", np.int64),  # rows in the event buffer
+        ("rows", np.int64),  # rows written to the event buffer
         ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
         ("arc_start", np.float64),
-        ("lifted", np.int64),  # 1 while a margin that started clearly negative is lifted
+        ("lifted", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
         ("per_period", np.int64),  # samples per period, 0 for none
         ("sample_cycle", np.int64),
         ("sample", np.int64),
-        ("samples", np.int64),  # rows in the sample buffer
+        ("taken", np.int64),  # rows written to the sample buffer
     ]
 )
 
 
-class Layout(NamedTuple):
-    """What the loop knows of the automaton and of the drive's jumps."""
-
-    order: Any  # int array, shape (m,): guards of one instant are handled in ascending order
-    impact: Any  # int array, shape (m,): 1 where the guard is an impact
-    cyclic: Any  # int array, shape (n,): 1 where the component is cyclic
-    switches: Any  # float array: switching times in (0, period], ascending
+def row(s: Any, i: int) -> Any:
+    """Return row `i` of the table: a list in Python, in compiled code a pointer."""
+    return s.table[i]
 
 
-class Buffers(NamedTuple):
-    """Where the loop writes."""
-
-    offset: Any  # float array, shape (n,): what cyclic components gathered before this arc
-    events: Any  # float array, shape (rows, HEAD + 2 n)
-    samples: Any  # float array, shape (rows, 3 + n)
-    hits: Any  # float array, shape (m, HITS): the last impact at each guard
-    edge: Any  # float array, shape (EDGES, 2 m)
-    mark: Any  # float array, shape (n,)
-    work: Any  # float array, shape (ROWS, max(n, 2 m))
+def event_row(s: Any) -> Any:
+    """Return the next row of the event buffer."""
+    return s.events[s.rows]
 
 
-def buffers_for(n: int, m: int, events: int, samples: int) -> Buffers:
-    """Return empty buffers for `n` states and `m` guards, with rows for events and samples."""
-    hits = np.zeros((m, HITS))
-    hits[:, HIT_TIME] = -math.inf
-    return Buffers(
-        offset=np.zeros(n),
-        events=np.zeros((events, HEAD + 2 * n)),
-        samples=np.zeros((samples, 3 + n)),
-        hits=hits,
-        edge=np.zeros((EDGES, 2 * m)),
-        mark=np.zeros(n),
-        work=np.zeros((ROWS, max(n, 2 * m))),
-    )
+def sample_row(s: Any) -> Any:
+    """Return the next row of the sample buffer."""
+    return s.samples[s.taken]
 
 
 def whole_periods(t: float, period: float) -> int:
@@ -123,32 +122,30 @@ def whole_periods(t: float, period: float) -> int:
     return whole
 
 
-def next_switch(s: Any, t: float, layout: Any) -> float:
+def next_switch(s: Any, t: float) -> float:
     """Return the first switching time of the drive after `t`; infinity if it has none."""
-    if layout.switches.size == 0:
+    if s.switches == 0:
         return math.inf
+    switches = row(s, SWITCHES)
     # After the last switch of a period comes the first one of the next.
-    stop: float = s.period + layout.switches[0]
-    for i in range(layout.switches.size - 1, -1, -1):
-        if layout.switches[i] > t:
-            stop = layout.switches[i]
+    stop: float = s.period + switches[0]
+    for i in range(s.switches - 1, -1, -1):
+        if switches[i] > t:
+            stop = switches[i]
     return stop
 
 
-def note(
-    s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any, buffers: Any
-) -> None:
+def note(s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: Any) -> None:
     """Write one row to the event buffer."""
     whole = whole_periods(t, s.period)
-    row = buffers.events[s.rows]
-    row[CYCLE] = s.cycle + whole
-    row[TIME] = t - whole * s.period
-    row[KIND] = kind
-    row[GUARD] = guard
-    row[MODE_BEFORE] = mode
-    row[MODE_AFTER] = s.mode
-    n = buffers.offset.size  # `past` and `y` may be rows of scratch, which are longer
+    event, offset, n = event_row(s), row(s, OFFSET), s.n
+    event[CYCLE] = s.cycle + whole
+    event[TIME] = t - whole * s.period
+    event[KIND] = kind
+    event[GUARD] = guard
+    event[MODE_BEFORE] = mode
+    event[MODE_AFTER] = s.mode
     for i in range(n):
-        row[HEAD + i] = past[i] + buffers.offset[i]
-        row[HEAD + n + i] = y[i] + buffers.offset[i]
+        event[HEAD + i] = past[i] + offset[i]
+        event[HEAD + n + i] = y[i] + offset[i]
     s.rows += 1

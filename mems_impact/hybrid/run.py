@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
-from mems_impact.hybrid import loop
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted, StiffnessWarning
+from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Problem, bind
-from mems_impact.hybrid.record import buffers_for
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
 __all__ = ["Problem", "run", "sample"]
 
 EVENT_ROWS = 4096
 MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
+STIFF = (
+    "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
+    "method='bdf' may be faster"
+)
 NAMED = (loop.INADMISSIBLE, loop.WITHOUT_EFFECT, loop.NOT_FINITE)  # failures at a guard
 
 
@@ -29,6 +34,7 @@ def run(
     *,
     consume: Callable[[Events], None] | None = None,
     progress: Callable[[float], None] | None = None,
+    on_stiff: Callable[[], None] | None = None,
 ) -> Trajectory:
     """Integrate `problem` from `start` over `periods`.
 
@@ -43,6 +49,9 @@ def run(
         the run does not grow with its length.
     progress : callable, optional
         Called with the periods done so far, several times a second.
+    on_stiff : callable, optional
+        Called, as often as the loop looks at its caller, once ``dop853`` has found the system
+        stiff; it may raise to end the run. Without it a `StiffnessWarning` tells in the end.
 
     Returns
     -------
@@ -75,16 +84,17 @@ def run(
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
     end = Instant(start.cycle + whole, phase, start.mode, start.y)
-    return _Run(problem, start, end, 0, consume, progress).go()
+    return _Run(problem, start, end, 0, consume, progress, on_stiff).go()
 
 
 def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> Samples:
     """Run again from `start` to `end` and return the state at equal intervals of every period."""
-    run_again = _Run(problem, start, end, per_period, lambda _: None, None)
+    # That the system is stiff, the run itself has said.
+    run_again = _Run(problem, start, end, per_period, lambda _: None, None, lambda: None)
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
-    rows = run_again.buffers.samples[: run_again.clock.samples]
+    rows = run_again.samples[: run_again.clock.taken]
     integer = rows[:, :3].astype(np.int64)
     return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
@@ -100,29 +110,35 @@ class _Run:
         per_period: int,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
+        on_stiff: Callable[[], None] | None = None,
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
         self.problem, self.start = problem, start
-        self.consume, self.progress = consume, progress
+        self.consume, self.progress, self.on_stiff = consume, progress, on_stiff
         self.kept: list[Floats] = []
         self.bound = bind(problem)
-        self.y = np.array(start.y, dtype=float)
-        self.layout = loop.Layout(
-            order=np.array([guard.order for guard in automaton.guards], dtype=np.int64),
-            impact=np.array([guard.impact for guard in automaton.guards], dtype=np.int64),
-            cyclic=np.array([i in automaton.cyclic for i in range(n)], dtype=np.int64),
-            switches=np.array(problem.switches, dtype=float),
+        # The epsilon keeps a sample that falls on the start itself.
+        first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+        last = (end.cycle - start.cycle) * per_period
+        last += math.floor(end.time / problem.period * per_period + 1e-9)
+        rows = max(0, last - first + 1)
+        switches = len(problem.switches)
+        self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
+        self.events = np.zeros((EVENT_ROWS + m, loop.HEAD + 2 * n))
+        self.samples = np.zeros((rows, 3 + n))
+        self._put(record.ORDER, [guard.order for guard in automaton.guards])
+        self._put(record.IMPACT, [guard.impact for guard in automaton.guards])
+        self._put(record.RECORDS, [guard.records for guard in automaton.guards])
+        self._put(record.CYCLIC, [i in automaton.cyclic for i in range(n)])
+        self._put(record.SWITCHES, problem.switches)
+        self._put(record.Y, start.y)
+        self._put(record.HIT_TIME, [-math.inf] * m)
+        clock = self.bound.record(
+            loop.CLOCK, table=self.table, events=self.events, samples=self.samples
         )
-        first, rows = 0, 0
-        if per_period > 0:
-            # The epsilon keeps a sample that falls on the start itself.
-            first = math.ceil((start.time / problem.period - 1e-12) * per_period)
-            last = (end.cycle - start.cycle) * per_period
-            last += math.floor(end.time / problem.period * per_period + 1e-9)
-            rows = max(0, last - first + 1)
-        self.buffers = buffers_for(n, m, EVENT_ROWS + m, rows)
-        clock = self.bound.record(loop.CLOCK)
+        clock.width, clock.event_rows, clock.sample_rows = len(self.table[0]), EVENT_ROWS + m, rows
+        clock.n, clock.m, clock.switches = n, m, switches
         clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
         clock.modes = len(automaton.modes)
         clock.period = problem.period
@@ -142,15 +158,10 @@ class _Run:
         try:
             status = loop.PAUSED
             while status in (loop.PAUSED, loop.BUFFER_FULL):
-                status = self.bound.call(
-                    loop.advance,
-                    self.clock,
-                    self.y,
-                    *self.layout,
-                    *self.buffers,
-                    self.bound.quota,
-                )
+                status = self.bound.call(loop.advance, self.clock, self.bound.quota)
                 self._drain()
+                if self.on_stiff is not None and self.bound.is_stiff():
+                    self.on_stiff()
                 if self.progress is not None:
                     self.progress(self._done())
         except KeyboardInterrupt:
@@ -158,10 +169,21 @@ class _Run:
             self._drain()
             raise RunInterrupted(self._trajectory(), self._done()) from None
         finally:
+            if self.on_stiff is None and self.bound.is_stiff():
+                warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
             self.bound.close()
         if status not in (loop.DONE, loop.ENDED):
             raise self._failure(status)
         return self._trajectory(ended=status == loop.ENDED)
+
+    def _put(self, i: int, values: Any) -> None:
+        """Write `values` to row `i` of the table."""
+        self.table[i][: len(values)] = np.asarray(values, dtype=float).tolist()
+
+    def _state(self) -> Floats:
+        """Return the state, with what its cyclic components have gathered."""
+        y, offset = self.table[record.Y], self.table[record.OFFSET]
+        return np.add(y, offset)[: self.clock.n]
 
     def _done(self) -> float:
         """Return the periods done so far."""
@@ -169,7 +191,7 @@ class _Run:
         return float(self.clock.cycle + elapsed)
 
     def _drain(self) -> None:
-        rows = self.buffers.events[: self.clock.rows]
+        rows = self.events[: self.clock.rows]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
@@ -177,7 +199,7 @@ class _Run:
         self.clock.rows = 0
 
     def _trajectory(self, *, ended: bool = False) -> Trajectory:
-        width = self.buffers.events.shape[1]
+        width = self.events.shape[1]
         rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
         cycle, phase = int(clock.cycle), float(clock.t)
@@ -192,7 +214,7 @@ class _Run:
                 cycle + ahead,
                 phase - ahead * period,
                 int(clock.mode),
-                self.y + self.buffers.offset,
+                self._state(),
             ),
             events=Events.from_rows(rows),
             steps=int(clock.steps),

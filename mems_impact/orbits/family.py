@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -55,6 +55,10 @@ class Family:
             self.value(name)
         return Family(self.build, {**self.values, **changes}, self.count)
 
+    def by(self, method: str) -> Family:
+        """Return the family integrated by another method."""
+        return Family(_By(self.build, method), self.values, self.count)
+
     def value(self, name: str) -> float:
         """Return the present value of a parameter.
 
@@ -96,3 +100,15 @@ class Family:
             period += w * (up.period - down.period)
             switches = switches + w * (np.array(up.switches) - np.array(down.switches))
         return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))
+
+
+@dataclass(frozen=True)
+class _By:
+    """What builds the same problems, to be integrated by another method."""
+
+    build: Callable[[Mapping[str, float]], Problem]
+    method: Any
+
+    def __call__(self, values: Mapping[str, float]) -> Problem:
+        problem = self.build(values)
+        return replace(problem, options=replace(problem.options, method=self.method))

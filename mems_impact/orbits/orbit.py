@@ -14,7 +14,7 @@ from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.shooting import Point, Shooting
-from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
+from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, read_guess
 
 SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
 
@@ -223,6 +223,7 @@ def find_orbit(
     periods: int = 1,
     transient: float = 0.0,
     active: tuple[str, ...] = (),
+    if_stiff: str | None = None,
 ) -> PeriodicOrbit:
     """Find a periodic orbit near a state.
 
@@ -240,6 +241,9 @@ def find_orbit(
         Periods to run before the signature is read.
     active : tuple of str
         Parameters in which the orbit is to be continued afterwards.
+    if_stiff : str, optional
+        The method that takes over if the run from `guess` is found stiff; the orbit's family is
+        then integrated by it.
 
     Raises
     ------
@@ -248,15 +252,35 @@ def find_orbit(
     """
     if periods < 1:
         raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
-    problem = family.problem()
-    if transient > 0.0:
-        final = run(problem, guess, transient, consume=lambda _: None).final
-        guess = replace(final, cycle=0)
-    start = read_guess(problem, guess, periods)
+    try:
+        start = _approach(family, guess, periods, transient, if_stiff is not None)
+    except _Stiff:
+        assert if_stiff is not None
+        family = family.by(if_stiff)
+        start = _approach(family, guess, periods, transient, False)
     shooting = Shooting(family, start.segments, active)
     unknowns, values = shooting.pack(start), np.array([family.value(a) for a in active])
     shooting.pin(shooting.evaluate(unknowns, values))
     return make_orbit(shooting, solve(shooting, unknowns, values))
+
+
+class _Stiff(Exception):
+    """The run from the guess is stiff."""
+
+
+def _approach(
+    family: Family, guess: Instant, periods: int, transient: float, ends_if_stiff: bool
+) -> Guess:
+    """Let the transient die out, and read the signature."""
+
+    def end() -> None:
+        raise _Stiff
+
+    problem, on_stiff = family.problem(), end if ends_if_stiff else None
+    if transient > 0.0:
+        run_ = run(problem, guess, transient, consume=lambda _: None, on_stiff=on_stiff)
+        guess = replace(run_.final, cycle=0)
+    return read_guess(problem, guess, periods, on_stiff)
 
 
 def check_closed(orbit: PeriodicOrbit) -> float:

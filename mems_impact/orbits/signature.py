@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,7 +30,7 @@ class Segment:
         What ends it: a guard's number, a guard's number + m (the last of a sequence of impacts
         that accumulates), 2 m (the drive switches), or BOUNDARY.
     switch : int
-        For a switch of the drive, which of the switching times.
+        For a switch of the drive, which of the switching times; else -1.
     """
 
     mode: int
@@ -56,8 +56,15 @@ class Guess:
     times: Floats
 
 
-def read_guess(problem: Problem, start: Instant, periods: int) -> Guess:
+def read_guess(
+    problem: Problem,
+    start: Instant,
+    periods: int,
+    on_stiff: Callable[[], None] | None = None,
+) -> Guess:
     """Read the signature off a run of `periods` periods that begins at `start`.
+
+    `on_stiff` is that of `mems_impact.hybrid.run.run`.
 
     Raises
     ------
@@ -66,10 +73,11 @@ def read_guess(problem: Problem, start: Instant, periods: int) -> Guess:
     """
     if start.time != 0.0:
         rest = 1.0 - start.time / problem.period
-        start = run(problem, start, rest).final
+        start = run(problem, start, rest, on_stiff=on_stiff).final
         start = replace(start, time=0.0)
     start = replace(start, cycle=0)
-    return guess_from(run(problem, start, periods), periods, problem.switches)
+    trajectory = run(problem, start, periods, on_stiff=on_stiff)
+    return guess_from(trajectory, periods, problem.switches)
 
 
 def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] = ()) -> Guess:

@@ -24,9 +24,9 @@ from mems_impact.analysis.state import State
 from mems_impact.analysis.sweep import sweep
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Effort
-from mems_impact.plotting.bifurcation import plot_sweep
 from mems_impact.plotting.branch import plot_branch
 from mems_impact.plotting.style import new_figure
+from mems_impact.plotting.sweep import plot_sweep
 from mems_impact.tables.sweep import sweep_summary
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-__all__ = ["Diagram", "Switching", "at_rest", "diagram", "period_of", "switching"]
+__all__ = ["Switching", "SwitchingDiagram", "at_rest", "diagram", "period_of", "switching"]
 
 JUST_ABOVE = 1.001
 LONGEST = 32  # periods
@@ -42,7 +42,7 @@ SAME = 1e-6  # difference of v2 below which two crossings are one
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Diagram:
+class SwitchingDiagram:
     """Everything that Figs 4 to 6 draw, at one frequency.
 
     Attributes
@@ -146,7 +146,9 @@ def _inserted(table: pd.DataFrame, point: pd.Series) -> pd.DataFrame:
     return pd.concat([table.iloc[: i + 1], pair, table.iloc[i + 1 :]], ignore_index=True)
 
 
-def diagram(actuator: Actuator, omega: float, low: float, high: float, effort: Effort) -> Diagram:
+def diagram(
+    actuator: Actuator, omega: float, low: float, high: float, effort: Effort
+) -> SwitchingDiagram:
     """Sweep the voltage between `low` and `high` and continue the orbit at its end."""
     drive = Sine(amplitude=low, omega=omega)
     values = np.linspace(low, high, effort.of(321, 41))
@@ -167,7 +169,7 @@ def diagram(actuator: Actuator, omega: float, low: float, high: float, effort: E
             break
         except MemsImpactError:
             continue  # without any branch, what needs one is "not computed"
-    return Diagram(actuator=actuator, omega=omega, table=table, branches=branches)
+    return SwitchingDiagram(actuator=actuator, omega=omega, table=table, branches=branches)
 
 
 def period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[float, Orbit | None]:

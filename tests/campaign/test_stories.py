@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.modes import RIGHT, STUCK, V1, mode_of
+from mems_impact.actuator.modes import GUARDS, RIGHT, STUCK, V1, mode_of
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
 from tests.hybrid.systems import ENGINES, INF, SQUARE, STOP, TAU, simulate, stop, times
@@ -232,3 +232,26 @@ def test_a_load_a_rounding_below_the_static_limit(before, engine):
     wave = Spec("sine", {"amplitude": 0.05, "omega": 0.1})
     case = Case("", zhao(mu_s=mu, mu_d=mu), wave, (0.0, 0.0, x2, v2), t, 0.2, TIGHT)
     assert len(case.run(engine=engine).trajectory.events) < 20
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_a_voltage_that_swings_through_zero_between_two_switches_lets_the_frame_go(method, engine):
+    """Random run 5:659 by dop853: the swing was one step, and load and limit the same at its ends.
+
+    The load changes its sign, exceeds the limit while there is no voltage, and comes back. Margin
+    and rate tell of nothing but a hump, as the load itself passes through zero first.
+    """
+    x2, high = 0.3, 0.7 * math.sqrt(0.5)  # the load is 0.3 - 0.5 with voltage, and 0.3 without
+    drive = mi.Square(amplitude=high, low=-high, duty=0.6, rise=1e-3, omega=0.5)
+    mu = 0.25 / (6.0 * 9.81)
+    run = mi.simulate(
+        ZHAO.replace(mu_s=mu, mu_d=mu),
+        drive,
+        3e-3 / drive.period,
+        initial=mi.State(x2=x2, time=0.6 * drive.period - 1e-3),
+        options=mi.Options(method=method, engine=engine),
+    )
+    events = run.trajectory.events
+    moved = events[events.kind == loop.TRANSITION]
+    assert [GUARDS[guard].name for guard in moved.guard] == ["break-away", "slip end"]

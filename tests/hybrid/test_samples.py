@@ -57,7 +57,7 @@ def test_sampling_does_not_change_the_run(case, engine, periods):
         final = sampled._trajectory()
         assert same(run_.events, final.events)
         assert np.array_equal(run_.final.y, final.final.y)
-        assert sampled.clock.samples == per_period * periods + 1
+        assert sampled.clock.taken == per_period * periods + 1
 
 
 @pytest.mark.parametrize(("engine", "periods"), CHOICES)
@@ -116,6 +116,11 @@ def test_windows(window):
 def test_the_last_sample_of_a_broken_period(periods):
     run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], periods)
     assert len(run_.samples(10).cycle) == round(10 * periods) + 1
+
+
+def test_half_a_period_that_is_short_is_sampled_to_its_end():
+    run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.5, period=0.125, engine="interpreted")
+    assert run_.samples(8).time.tolist() == [0.0, 0.015625, 0.03125, 0.046875, 0.0625]
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -6,8 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
+from mems_impact.engines.options import METHODS
 from validation.campaign import families, report
 from validation.campaign.campaign import aimed, random_runs
+from validation.campaign.comparing import Unit
 
 
 def main() -> int:
@@ -17,6 +19,11 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=20_000)
     parser.add_argument("--first", type=int, default=0, help="number of the first random run")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        help="in all runs, in place of Adams and BDF as they are drawn",
+    )
     parser.add_argument("--small", action="store_true", help="the aimed attacks thinned out, as CI")
     parser.add_argument("--no-aimed", action="store_true", help="the random runs alone")
     parser.add_argument(
@@ -32,15 +39,19 @@ def main() -> int:
             parser.error(f"--only takes a number or one of {', '.join(families.FAMILIES)}")
         return _only(options)
     numbers = range(options.first, options.first + options.runs)
-    outcomes = random_runs(options.seed, numbers, options.workers, show=True)
+    outcomes = random_runs(options.seed, numbers, options.workers, show=True, method=options.method)
     results, verdicts = [], []
     if not options.no_aimed:
         results = aimed(options.seed, small=options.small, show=True)
         verdicts = families.run(
-            options.seed, workers=options.workers, small=options.small, show=True
+            options.seed,
+            workers=options.workers,
+            small=options.small,
+            show=True,
+            method=options.method or Unit.method,
         )
     options.out.mkdir(parents=True, exist_ok=True)
-    text = report.markdown(options.seed, outcomes, results, verdicts)
+    text = report.markdown(options.seed, outcomes, results, verdicts, options.method)
     (options.out / "campaign.md").write_text(text, encoding="utf-8")
     report.write_csv(options.out / "runs.csv", outcomes)
     print(text)
@@ -52,10 +63,11 @@ def main() -> int:
 def _only(options: argparse.Namespace) -> int:
     name, _, number = options.only.partition(":")
     if name not in families.FAMILIES:
-        print(report.one(options.seed, int(name)))
+        print(report.one(options.seed, int(name), options.method))
         return 0
+    method = options.method or Unit.method
     if number:
-        verdict = families.FAMILIES[name].check(options.seed, int(number))
+        verdict = families.FAMILIES[name].check(options.seed, int(number), Unit(method=method))
         print(verdict)
         return int(bool(verdict.story))
     verdicts = families.run(
@@ -66,8 +78,9 @@ def _only(options: argparse.Namespace) -> int:
         options.workers,
         options.small,
         show=True,
+        method=method,
     )
-    print("\n".join(families.table(options.seed, verdicts)))
+    print("\n".join(families.table(options.seed, verdicts, method)))
     return int(any(verdict.story for verdict in verdicts))
 
 

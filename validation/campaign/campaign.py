@@ -13,9 +13,11 @@ from validation.campaign.checks import FEW, SHORT, Outcome, check
 from validation.campaign.result import Result
 
 
-def random_run(number: int, seed: int, balance: str = "compiled") -> Outcome:
+def random_run(
+    number: int, seed: int, balance: str = "compiled", method: str | None = None
+) -> Outcome:
     """Run one random case before the judge; an error of the campaign itself is a finding too."""
-    case = random_case(seed, number)
+    case = random_case(seed, number).by(method)
     steps = SHORT if number % 40 == 0 else FEW
     try:
         return check(case, interpreted=steps, energy=balance if number % 10 == 5 else "")
@@ -31,11 +33,20 @@ def _lost(number: int, why: str, seed: int) -> Outcome:
 
 
 def random_runs(
-    seed: int, numbers: Sequence[int], workers: int, show: bool = False, balance: str = "compiled"
+    seed: int,
+    numbers: Sequence[int],
+    workers: int,
+    show: bool = False,
+    balance: str = "compiled",
+    method: str | None = None,
 ) -> list[Outcome]:
-    """Run cases of these numbers of the campaign `seed`; `balance`: the engine for energies."""
+    """Run cases of these numbers of the campaign `seed`.
+
+    `balance`: the engine for energies; `method`: in place of those that the cases draw.
+    """
     count = len(numbers)
-    work, lost = partial(random_run, seed=seed, balance=balance), partial(_lost, seed=seed)
+    work = partial(random_run, seed=seed, balance=balance, method=method)
+    lost = partial(_lost, seed=seed)
     outcomes = []
     began = time.monotonic()
     for outcome in pool.each(work, numbers, workers, lost):

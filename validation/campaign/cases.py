@@ -7,7 +7,7 @@ A case is plain numbers, so that it prints, pickles and can be run again alone
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,10 @@ class Case:
     def initial(self) -> mi.State:
         x1, v1, x2, v2 = self.start
         return mi.State(x1=x1, v1=v1, x2=x2, v2=v2, time=self.time)
+
+    def by(self, method: str | None) -> Case:
+        """Return the case with this method of integration, or as it is."""
+        return replace(self, options={**self.options, "method": method}) if method else self
 
     def run(self, **changes: Any) -> mi.Run:
         """Run the package on it."""

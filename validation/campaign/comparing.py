@@ -11,10 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.engines.options import Options
 from mems_impact.errors import MemsImpactError, RunError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem
@@ -34,10 +36,19 @@ END = -1  # guard of the row that is the end of a run
 
 @dataclass(frozen=True)
 class Unit:
-    """Units in which the package gets a system that its reference sees in units of order one."""
+    """How the package gets a system that its reference sees in units of order one.
+
+    Attributes
+    ----------
+    time, length : float
+        The units.
+    method : str
+        By which it integrates.
+    """
 
     time: float = 1.0
     length: float = 1.0
+    method: str = Options.method
 
     @property
     def speed(self) -> float:
@@ -48,9 +59,10 @@ class Unit:
         return self.length / self.time**2
 
     @property
-    def options(self) -> dict[str, float]:
-        """Tolerances as tight in these units as in those of the reference."""
-        return {"rtol": RTOL, "atol": ATOL * min(self.length, self.speed)}
+    def options(self) -> dict[str, Any]:
+        """The method, with tolerances as tight in these units as in those of the reference."""
+        atol = ATOL * min(self.length, self.speed)
+        return {"method": self.method, "rtol": RTOL, "atol": atol}
 
 
 ONE = Unit()

@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from validation.campaign import automata, corrugated, cradles, pool, scales, tables
-from validation.campaign.comparing import Verdict
+from validation.campaign.comparing import Unit, Verdict
 
 
 @dataclass(frozen=True)
 class Family:
     """How to try a case of a family, and how many make a full run and a small one."""
 
-    check: Callable[[int, int], Verdict]
+    check: Callable[[int, int, Unit], Verdict]
     full: int
     few: int
 
@@ -31,14 +31,14 @@ FAMILIES = {
     "scales": Family(scales.check, 1000, 10),
 }
 
-_Item = tuple[str, int, int]  # family, seed, number
+_Item = tuple[str, int, int, str]  # family, seed, number, method
 
 
 def one(item: _Item) -> Verdict:
     """Try one case; an error of the campaign itself is a finding too."""
-    name, seed, number = item
+    name, seed, number, method = item
     try:
-        return FAMILIES[name].check(seed, number)
+        return FAMILIES[name].check(seed, number, Unit(method=method))
     except Exception as error:
         story = f"campaign failed: {type(error).__name__}: {error}"
         return Verdict(name, number, story=story)
@@ -56,32 +56,34 @@ def run(
     workers: int = 1,
     small: bool = False,
     show: bool = False,
+    method: str = Unit.method,
 ) -> list[Verdict]:
     """Try `cases` of each family from number `first` on; by default as many as it has to have."""
     items: list[_Item] = []
     for name in names:
         family = FAMILIES[name]
         count = (family.few if small else family.full) if cases is None else cases
-        items += [(name, seed, number) for number in range(first, first + count)]
+        items += [(name, seed, number, method) for number in range(first, first + count)]
     verdicts = []
     began = time.monotonic()
     for verdict in pool.each(one, items, workers, _lost):
         verdicts.append(verdict)
         if show and verdict.story:
-            print(f"{verdict} [{rerun(seed, verdict)}]", file=sys.stderr)
+            print(f"{verdict} [{rerun(seed, verdict, method)}]", file=sys.stderr)
         if show and len(verdicts) % 500 == 0:
             seconds = time.monotonic() - began
             print(f"{len(verdicts)} of {len(items)} cases in {seconds:.0f} s", file=sys.stderr)
     return sorted(verdicts, key=lambda verdict: (verdict.family, verdict.number))
 
 
-def rerun(seed: int, verdict: Verdict) -> str:
+def rerun(seed: int, verdict: Verdict, method: str) -> str:
     """Return how to try the case again alone."""
     case = f"{verdict.family}:{verdict.number}"
-    return f"python -m validation.campaign --seed {seed} --only {case}"
+    chosen = "" if method == Unit.method else f" --method {method}"
+    return f"python -m validation.campaign --seed {seed} --only {case}{chosen}"
 
 
-def table(seed: int, verdicts: list[Verdict]) -> list[str]:
+def table(seed: int, verdicts: list[Verdict], method: str = Unit.method) -> list[str]:
     """Return lines of Markdown: a row a family, and all that is wrong."""
     lines = ["| family | cases | events matched | horizon | wrong |", "|---|---|---|---|---|"]
     for name in FAMILIES:
@@ -92,4 +94,5 @@ def table(seed: int, verdicts: list[Verdict]) -> list[str]:
             wrong = sum(bool(verdict.story) for verdict in some)
             lines.append(f"| {name} | {len(some)} | {events} | {horizon:.3f} | {wrong} |")
     wrong_ones = [verdict for verdict in verdicts if verdict.story]
-    return [*lines, "", *(f"- {verdict} [{rerun(seed, verdict)}]" for verdict in wrong_ones)]
+    told = (f"- {verdict} [{rerun(seed, verdict, method)}]" for verdict in wrong_ones)
+    return [*lines, "", *told]

@@ -14,15 +14,20 @@ import numpy as np
 from validation.campaign import families
 from validation.campaign.cases import random_case
 from validation.campaign.checks import GAINS, SHORT, Outcome, check
-from validation.campaign.comparing import Verdict
+from validation.campaign.comparing import Unit, Verdict
 from validation.campaign.result import Result
 
 
 def markdown(
-    seed: int, outcomes: list[Outcome], results: list[Result], verdicts: list[Verdict]
+    seed: int,
+    outcomes: list[Outcome],
+    results: list[Result],
+    verdicts: list[Verdict],
+    method: str | None = None,
 ) -> str:
     """Return the report."""
-    lines = ["# Campaign", "", f"Seed {seed}; mems_impact {version('mems-impact')} on "]
+    chosen = f", method {method}" if method else ""
+    lines = ["# Campaign", "", f"Seed {seed}{chosen}; mems_impact {version('mems-impact')} on "]
     lines[-1] += f"Python {platform.python_version()}, {platform.machine()}."
     if outcomes:
         lines += ["", "## Random runs", "", *_figures(outcomes), ""]
@@ -49,7 +54,12 @@ def markdown(
         for result in results:
             lines += [f"- {result.name}: {finding}" for finding in result.findings]
     if verdicts:
-        lines += ["", "## Other systems", "", *families.table(seed, verdicts)]
+        lines += [
+            "",
+            "## Other systems",
+            "",
+            *families.table(seed, verdicts, method or Unit.method),
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -98,7 +108,7 @@ def write_csv(path: Path, outcomes: list[Outcome]) -> None:
             table.writerow(["; ".join(v) if isinstance(v, list) else v for v in row])
 
 
-def one(seed: int, number: int) -> str:
+def one(seed: int, number: int, method: str | None = None) -> str:
     """Return one random run in words."""
-    case = random_case(seed, number)
+    case = random_case(seed, number).by(method)
     return f"{case}\n\n{check(case, interpreted=SHORT, energy='compiled')}"

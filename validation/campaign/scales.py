@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Instant
 from validation.campaign import automata, comparing, corrugated, cradles, tables
-from validation.campaign.comparing import Row, Unit, Verdict
+from validation.campaign.comparing import ONE, Row, Unit, Verdict
 from validation.campaign.integrating import Follower
 
 # What one unit of the reference is in those of the package, which might be SI.
@@ -158,14 +159,14 @@ FAMILIES: list[tuple[str, Callable[..., Verdict]]] = [
 ]
 
 
-def check(seed: int, number: int) -> Verdict:
-    """Try one system in other units."""
+def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
+    """Try one system in other units than the one given."""
     rng = np.random.default_rng([seed, 5, number])
-    unit = Unit(float(rng.choice(TIMES)), float(rng.choice(LENGTHS)))
+    unit = replace(unit, time=float(rng.choice(TIMES)), length=float(rng.choice(LENGTHS)))
     of, kind = divmod(number, len(FAMILIES) + 1)
     if kind == len(FAMILIES):
         # In every second case in SI: half a millisecond, millimetres, bars.
-        unit = Unit(5e-4, 1e-3) if of % 2 == 0 else unit
+        unit = replace(unit, time=5e-4, length=1e-3) if of % 2 == 0 else unit
         name, verdict = "valve", valve(rng, unit)
     else:
         name, verdict = FAMILIES[kind][0], FAMILIES[kind][1](seed, of, unit)

@@ -17,7 +17,7 @@ from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked
 from mems_impact.analysis.branch import CodimensionTwo, GrazingType, curve_of
-from mems_impact.analysis.orbit import ORBIT_OPTIONS
+from mems_impact.analysis.orbit import IF_STIFF, ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.threads import Watch, stoppable_threads
@@ -126,7 +126,7 @@ def operating_chart(
     omega: tuple[float | None, float | None] = (None, None),
     crises: int = 7,
     periods: int = 2000,
-    options: Options = ORBIT_OPTIONS,
+    options: Options | None = None,
     steps: Steps = Steps(),  # noqa: B008 - immutable
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
@@ -153,7 +153,9 @@ def operating_chart(
         Frequencies of type III at which the crisis is simulated, >= 0.
     periods : int, optional
         Forcing periods for which an attractor has to persist in these simulations.
-    options, steps
+    options : Options, optional
+        Of the continuation; by default as in `find_orbit`.
+    steps : Steps, optional
         Of the continuation.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
@@ -177,6 +179,7 @@ def operating_chart(
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
     system = ActuatorSystem(actuator, drive)
+    if_stiff = IF_STIFF if options is None else None
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -185,8 +188,9 @@ def operating_chart(
     crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
     workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
     tell = _teller(progress)
-    range_of_omega = (system.into(OMEGA, low), system.into(OMEGA, high))
-    maker = _Maker(system, options, steps, tell, range_of_omega)
+    ends = system.into(OMEGA, low), system.into(OMEGA, high)
+    chosen = ORBIT_OPTIONS if options is None else options
+    maker = _Maker(system, chosen, steps, tell, ends, if_stiff)
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:
@@ -299,12 +303,14 @@ class _Maker:
         steps: Steps,
         tell: Callable[[str], None],
         omega: tuple[float, float],
+        if_stiff: str | None = None,
     ) -> None:
         self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
+        self.if_stiff = if_stiff
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
-        # By frequency, the branch of the orbit without impacts on the way up and its points to come.
+        # By frequency: the branch of the orbit without impacts on its way up, its points to come.
         self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
@@ -394,7 +400,7 @@ class _Maker:
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
         rest = here.instant(State(), family.problem())
-        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
+        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,), if_stiff=self.if_stiff)
         branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
         return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
 

@@ -111,20 +111,14 @@ class Engine(HandleOwner):
         _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
         _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
         _must(sun.CVodeSetInitStep(memory, first_step(max_step)), "CVodeSetInitStep")
-        self._sun = sun
+
+    def is_stiff(self) -> bool:
+        """Return False: CVODE does not tell."""
+        return False
 
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""
         self._finalizer()
-
-    def counters(self) -> dict[str, int]:
-        """Return CVODE's counts of steps and right-hand sides since the last restart."""
-        value = ctypes.c_long()
-        counts = {}
-        for key, name in (("steps", "CVodeGetNumSteps"), ("rhs", "CVodeGetNumRhsEvals")):
-            getattr(self._sun, name)(int(self.handle.cvode), ctypes.byref(value))
-            counts[key] = value.value
-        return counts
 
 
 class _Owned:

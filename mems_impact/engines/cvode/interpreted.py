@@ -102,6 +102,10 @@ class Engine(Functions):
             num_events=2 * m + 1,
         )
 
+    def is_stiff(self) -> bool:
+        """Return False: CVODE does not tell."""
+        return False
+
     def close(self) -> None:
         """Do nothing: scikit-sundae frees its memory with the object."""
 
@@ -111,7 +115,7 @@ class Engine(Functions):
         self._stop = stop if stop < math.inf else None
         self._last_instant = np.nextafter(stop, 0.0) if stop < math.inf else math.inf
         self._horizon = t + 1.0
-        self._solver.init_step(t, y)
+        self._solver.init_step(t, np.array(y[: self.n]))
         self._t = t
 
     def step(self) -> int:
@@ -136,7 +140,7 @@ class Engine(Functions):
 
     def state(self, y: Any) -> None:
         """Copy the state at `time` into `y`."""
-        y[: self.n] = self._result.y
+        y[: self.n] = self._result.y.tolist()
 
     def ended(self, out: Any) -> None:
         """Write margins and rates at `time` into `out`."""
@@ -157,6 +161,6 @@ class Engine(Functions):
             zero = frozen == 0.0
             frozen[zero] = 1e-300 * self._result.i_events[-1][zero]
         self._frozen = frozen
-        y[: self.n] = self._solver.step(t, method="normal").y
+        y[: self.n] = self._solver.step(t, method="normal").y.tolist()
         self._solver.step(self._t, method="normal")
         self._frozen = None

@@ -61,8 +61,6 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "CVode": (_int, (_ptr, _real, _ptr, _ptr, _int)),
     "CVodeGetRootInfo": (_int, (_ptr, _ptr)),
     "CVodeGetDky": (_int, (_ptr, _real, _int, _ptr)),
-    "CVodeGetNumSteps": (_int, (_ptr, _ptr)),
-    "CVodeGetNumRhsEvals": (_int, (_ptr, _ptr)),
 }
 
 PREFIX = "mems_impact_"

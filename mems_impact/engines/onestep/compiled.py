@@ -29,7 +29,7 @@ from mems_impact.engines.compiling import (
 )
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import FIELDS
-from mems_impact.engines.onestep import method, stepper, stiffness
+from mems_impact.engines.onestep import method, stepper
 from mems_impact.engines.onestep.method import KEPT, LOW, ROWS, STATE
 from mems_impact.engines.options import Options
 from mems_impact.engines.snapshot import mark_overloaded, sources, take
@@ -37,7 +37,7 @@ from mems_impact.engines.snapshot import mark_overloaded, sources, take
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
 _COUNTS = ("at_border", "off_border", "stiff", "steps")
-_REALS = ("rtol", "atol", "max_step", "t_start", "t_end", "stop", "h_next")
+_REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
@@ -98,11 +98,12 @@ class Engine(HandleOwner):
         handle.direction = section[2] if section is not None else 0
         handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
 
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps."""
+        return bool(self.handle.stiff == 1)
+
     def close(self) -> None:
-        """Warn if the run was stiff; the memory goes with the object."""
-        if self.handle.stiff == 1:
-            self.handle.stiff = 0
-            stiffness.warn()
+        """Do nothing: the memory goes with the object."""
 
 
 @cache

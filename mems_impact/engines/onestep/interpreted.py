@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from mems_impact.engines.interpreting import Functions
-from mems_impact.engines.onestep import stepper, stiffness
+from mems_impact.engines.interpreting import Functions, scalars
+from mems_impact.engines.onestep import stepper
 from mems_impact.engines.onestep.method import KEPT, LOW, ROWS, STATE
 from mems_impact.engines.options import Options
 
@@ -43,20 +43,21 @@ class Engine(Functions):
         self.mode = 0
         self.t = self.t_start = self.t_end = 0.0
         self.stop = self.last_instant = math.inf
-        self.h_next = 0.0
+        self.h_next = self.longest = 0.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
         self.steps = 0
 
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps."""
+        return self.stiff == 1
+
     def close(self) -> None:
-        """Warn if the run was stiff; the memory is Python's own."""
-        if self.stiff == 1:
-            self.stiff = 0
-            stiffness.warn()
+        """Do nothing: the memory is Python's own."""
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        stepper.restart(self, mode, t, y[: self.n].tolist(), stop)
+        stepper.restart(self, mode, t, scalars(y, self.n), stop)
 
     def step(self) -> int:
         """Take one step; STEPPED, STOPPED, ROOT or a negative code."""

@@ -37,6 +37,10 @@ SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
 # The textbook's first step is cautious at order 8: on smooth arcs of this package the error
 # estimate then allows one that is 4 to 28 times as long, mostly 6 to 10.
 BOLD = 6.0
+# Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment
+# what it else does in a period, such as swing from one sign to the other, and margins are looked
+# at only where steps end.
+LOOKS = 4.0
 RETREAT = 0.25  # a step into where the functions are not finite is cut to this
 ULP = 2.0**-52
 
@@ -57,6 +61,7 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.t_end = t
     engine.stop = stop
     engine.last_instant = float(np.nextafter(stop, -math.inf))
+    engine.longest = min(engine.max_step, (stop - t) / LOOKS)
     engine.begun = 0
     engine.rest = 0
 
@@ -100,7 +105,7 @@ def first_step(engine: Any) -> float:
         scale = engine.atol + engine.rtol * abs(y[j])
         size += (y[j] / scale) * (y[j] / scale)
         speed += (component(engine, j)[12] / scale) * (component(engine, j)[12] / scale)
-    longest = min(engine.max_step, engine.stop - engine.t)
+    longest = engine.longest
     # A state within the tolerance of zero, or a slope that is, has no scale of its own.
     scaled = size > 1.0 and speed > 1e-10
     h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
@@ -134,7 +139,7 @@ def take_step(engine: Any) -> int:
     engine.has_dense = 0
     t = engine.t_end
     smallest = 4.0 * ULP * max(abs(t), engine.max_step)
-    h = max(min(engine.h_next, engine.max_step), smallest)
+    h = max(min(engine.h_next, engine.longest), smallest)
     failure = ERROR_TEST
     rejected = False
     while True:

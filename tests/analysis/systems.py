@@ -1,0 +1,126 @@
+"""Own systems for tests, written as the documentation shows it."""
+
+from __future__ import annotations
+
+import math
+
+import mems_impact as mi
+
+FREE, HELD = mi.modes("free", "held")
+
+
+def _flow(mode, t, y, p):
+    force = p.A * math.cos(p.omega * t) - 2.0 * p.zeta * y.v - y.x
+    return (y.v, force) if mode == FREE else (0.0, 0.0)
+
+
+def _gap(mode, t, y, p):
+    return p.wall - y.x
+
+
+def _closing(mode, t, y, p):
+    return -y.v
+
+
+def _rebound(mode, t, y, p):
+    return FREE, (p.wall, -p.e * y.v)
+
+
+def _rest(mode, t, y, p):
+    return HELD, (p.wall, 0.0)
+
+
+def _pressed(mode, t, y, p):
+    return p.A * math.cos(p.omega * t) - p.wall
+
+
+def _slackening(mode, t, y, p):
+    return -p.A * p.omega * math.sin(p.omega * t)
+
+
+def _release(mode, t, y, p):
+    return FREE, (p.wall, 0.0)
+
+
+def impact_speed(mode, t, before, after, p):
+    return before.v
+
+
+def energy(mode, t, y, p):
+    return 0.5 * (y.v * y.v + y.x * y.x)
+
+
+def oscillator(*, rates: bool = False, section=None, units=None, **parameters: float) -> mi.System:
+    """A driven oscillator with a stop, on which it may rest."""
+    closing, slackening = (_closing, _slackening) if rates else (None, None)
+    return mi.System(
+        states=("x", "v"),
+        flow=_flow,
+        period=lambda p: 2.0 * math.pi / p.omega,
+        parameters={"A": 0.6, "omega": 0.8, "zeta": 0.05, "wall": 1.0, "e": 0.8, **parameters},
+        guards=[
+            mi.Impact(
+                "wall", _gap, _rebound, rest=_rest, modes=(FREE,), rate=closing
+            ),
+            mi.Guard("release", _pressed, _release, modes=(HELD,), rate=slackening),
+        ],
+        observables=[
+            mi.Observable("speed", impact_speed, at=("wall",), reduce="max"),
+            mi.Observable("energy", energy),
+        ],
+        section=section,
+        units=units,
+    )  # fmt: skip
+
+
+def _fall(mode, t, y, p):
+    return (y.v, -p.g) if mode == FREE else (0.0, 0.0)
+
+
+def _height(mode, t, y, p):
+    return y.x
+
+
+def _bounce(mode, t, y, p):
+    return FREE, (0.0, -p.e * y.v)
+
+
+def _lie(mode, t, y, p):
+    return HELD, (0.0, 0.0)
+
+
+def _fall_into(mode, t, y, p, dy):
+    dy[0] = y[1] if mode == FREE else 0.0
+    dy[1] = -p.g if mode == FREE else 0.0
+
+
+def _height_of(mode, t, y, p):
+    return y[0]
+
+
+def _bounce_into(mode, t, y, p, new):
+    new[0] = 0.0
+    new[1] = -p.e * y[1]
+    return FREE
+
+
+def _lie_in(mode, t, y, p, new):
+    new[0] = 0.0
+    new[1] = 0.0
+    return HELD
+
+
+def ball(*, arrays: bool = False, **changes) -> mi.System:
+    """A ball that falls from the height 1."""
+    named = (_fall, _height, _bounce, _lie)
+    written = (_fall_into, _height_of, _bounce_into, _lie_in)
+    flow, height, bounce, lie = written if arrays else named
+    given = {
+        "states": ("x", "v"),
+        "flow": flow,
+        "parameters": {"g": 9.81, "e": 0.5},
+        "guards": [mi.Impact("floor", height, bounce, rest=lie, modes=(FREE,))],
+        "initial": {"x": 1.0},
+        "units": {"x": "m", "v": "m/s", "time": "s"},
+    }
+    return mi.System(**{**given, **changes})
