@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 import numpy as np
 
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Gatherer, Window, observed
+from mems_impact.analysis.statistics import Deferred, Gatherer, Window, observed
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.engines.options import Options
@@ -54,7 +54,7 @@ class Run:
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
-    _gatherer: Gatherer = field(repr=False)
+    _deferred: Deferred = field(repr=False)
 
     def __repr__(self) -> str:
         first, last = self.extent
@@ -205,6 +205,10 @@ class Run:
         """The statistics as numbers by name, in the units of the numerics."""
         borders = [self._state_at(border) for border in (0, 1)]
         return self._gatherer.result(self.trajectory.final, borders)
+
+    @property
+    def _gatherer(self) -> Gatherer:
+        return self._deferred.ready
 
     @property
     def _unit(self) -> float:

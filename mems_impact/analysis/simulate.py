@@ -8,7 +8,7 @@ from typing import Any, get_args
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Window
+from mems_impact.analysis.statistics import Deferred, Window
 from mems_impact.analysis.system import System, takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
@@ -90,13 +90,15 @@ def simulate(
     kept: list[Events] = []
 
     def consume(events: Events) -> None:
-        gatherer(events)
         if keep == "events":
             kept.append(events)
+        else:
+            gatherer(events)
 
     def finished(trajectory: Trajectory) -> Run:
         if kept:
             trajectory = trajectory.with_events(Events.joined(kept))
+        lengths = [len(events) for events in kept]
         return (system.run_type or Run)(
             system=system,
             options=options,
@@ -104,7 +106,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=gatherer,
+            _deferred=Deferred(gatherer, trajectory.events, lengths),
         )
 
     with progress_bar(progress, "periods", periods) as report:

@@ -37,6 +37,31 @@ class Gatherer(Protocol):
         """
 
 
+class Deferred:
+    """A gatherer that takes the events of a run when it is first asked for what they amount to.
+
+    Parameters
+    ----------
+    gatherer : Gatherer
+    events : Events
+        All that the run has kept.
+    lengths : sequence of int
+        Of the chunks in which they came: sums are made chunk by chunk.
+    """
+
+    def __init__(self, gatherer: Gatherer, events: Events, lengths: Sequence[int]) -> None:
+        self._gatherer, self._events, self._lengths = gatherer, events, list(lengths)
+
+    @property
+    def ready(self) -> Gatherer:
+        """The gatherer, with all events."""
+        begin, lengths, self._lengths = 0, self._lengths, []
+        for length in lengths:
+            self._gatherer(self._events[begin : begin + length])
+            begin += length
+        return self._gatherer
+
+
 @dataclass(frozen=True)
 class Window:
     """The part of a run that statistics are about.

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import builtins
 import hashlib
+import operator
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -75,16 +76,19 @@ class Snapshot:
             return [copier.function(function) for function in self.functions]
 
 
-# The last snapshot of some functions, with what was read for it: where, by which name, what.
+# What was read for a snapshot: where, by which name, what.
 _Reads = list[tuple[Callable[[str], Any], str, Any]]
-_taken: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Reads]] = {}
+# The last snapshot of some functions, with what was read for it as three columns, each thing once:
+# every run of a compiled engine looks at all of them again, without a loop of Python's.
+_Columns = tuple[tuple[Callable[[str], Any], ...], tuple[str, ...], tuple[Any, ...]]
+_taken: dict[tuple[Callable[..., Any], ...], tuple[Snapshot, _Columns]] = {}
 
 
 def take(*functions: Callable[..., Any]) -> Snapshot:
     """Read what `functions` draw on, now."""
     if functions in _taken:
-        snapshot, reads = _taken[functions]
-        if all(get(name) is value for get, name, value in reads):
+        snapshot, (gets, names, values) = _taken[functions]
+        if all(map(operator.is_, map(operator.call, gets, names), values)):
             return snapshot
     reader = _Reader()
     reader.put(sources())
@@ -94,7 +98,9 @@ def take(*functions: Callable[..., Any]) -> Snapshot:
         reader.value(function)
     snapshot = Snapshot(reader.name(), not reader.kept, plain, tuple(reader.kept))
     if not reader.arrays:  # whose contents may change, though they are the same objects
-        _taken[functions] = snapshot, reader.reads
+        once = {(get, name): value for get, name, value in reader.reads}
+        gets, names = zip(*once, strict=True) if once else ((), ())
+        _taken[functions] = snapshot, (gets, names, tuple(once.values()))
     return snapshot
 
 

@@ -134,24 +134,36 @@ class _Run:
         self._put(record.SWITCHES, problem.switches)
         self._put(record.Y, start.y)
         self._put(record.HIT_TIME, [-math.inf] * m)
-        clock = self.bound.record(
-            loop.CLOCK, table=self.table, events=self.events, samples=self.samples
-        )
-        clock.width, clock.event_rows, clock.sample_rows = len(self.table[0]), EVENT_ROWS + m, rows
-        clock.n, clock.m, clock.switches = n, m, switches
-        clock.cycle, clock.t, clock.mode = start.cycle, start.time, start.mode
-        clock.modes = len(automaton.modes)
-        clock.period = problem.period
-        clock.scale = problem.time_scale or problem.period
-        clock.rtol, clock.atol = problem.options.rtol, problem.options.atol
-        clock.end_cycle, clock.end_phase = end.cycle, end.time
-        clock.fresh, clock.restart, clock.pending = 1, 1, loop.NONE
-        clock.stop = math.inf
-        clock.max_steps = problem.options.max_steps
-        clock.max_events = problem.options.max_events
-        clock.events_from = start.cycle
-        clock.per_period, clock.sample_cycle, clock.sample = per_period, start.cycle, first
-        self.clock = clock
+        arrays = {"table": self.table, "events": self.events, "samples": self.samples}
+        numbers = {
+            "width": len(self.table[0]),
+            "event_rows": EVENT_ROWS + m,
+            "sample_rows": rows,
+            "n": n,
+            "m": m,
+            "switches": switches,
+            "cycle": start.cycle,
+            "t": start.time,
+            "mode": start.mode,
+            "modes": len(automaton.modes),
+            "period": problem.period,
+            "scale": problem.time_scale or problem.period,
+            "rtol": problem.options.rtol,
+            "atol": problem.options.atol,
+            "end_cycle": end.cycle,
+            "end_phase": end.time,
+            "fresh": 1,
+            "restart": 1,
+            "pending": loop.NONE,
+            "stop": math.inf,
+            "max_steps": problem.options.max_steps,
+            "max_events": problem.options.max_events,
+            "events_from": start.cycle,
+            "per_period": per_period,
+            "sample_cycle": start.cycle,
+            "sample": first,
+        }
+        self.clock = self.bound.record(loop.CLOCK, arrays, numbers)
 
     def go(self) -> Trajectory:
         """Call the loop until it is done, draining its events in between."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -108,9 +109,9 @@ class Drive(Checked, ABC):
         """
         try:
             with np.errstate(all="ignore"):
-                period, switches = self.period, np.array((0.0, *self.switches))
+                period, times = self.period, (0.0, *self.switches)
                 numbers = (period, *self.value((0.0, 0.3 * period)), *self.parameters())
-            apart = bool(np.all(np.diff(switches) > 0.0)) and switches[-1] <= period
+            apart = all(a < b for a, b in pairwise(times)) and times[-1] <= period
             sound = apart and period > 0.0 and bool(np.isfinite(numbers).all())
         except (ArithmeticError, ValueError):
             sound = False

@@ -94,13 +94,14 @@ class Engine(HandleOwner):
         handle = self.handle
         for name, function in self._functions.items():
             handle[name] = function.address
-        handle.width = rows.shape[1]
-        handle.direction = section[2] if section is not None else 0
-        handle.rtol, handle.atol, handle.max_step = options.rtol, options.atol, max_step
+        handle["width"] = rows.shape[1]
+        handle["direction"] = section[2] if section is not None else 0
+        handle["rtol"], handle["atol"] = options.rtol, options.atol
+        handle["max_step"] = max_step
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""
-        return bool(self.handle.stiff == 1)
+        return bool(self.handle["stiff"] == 1)
 
     def close(self) -> None:
         """Do nothing: the memory goes with the object."""
