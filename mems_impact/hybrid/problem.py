@@ -194,6 +194,16 @@ def _compiled(arguments: dict[str, Any]) -> Bound:
     return Bound(call, engine.is_stiff, engine.close, table, record, 20_000)
 
 
+class _Fields(SimpleNamespace):
+    """The fields of a record, by their names as those of one."""
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self, name)
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        setattr(self, name, value)
+
+
 def _interpreted(arguments: dict[str, Any]) -> Bound:
     engine = _module("interpreted", arguments["options"]).Engine(**arguments)
 
@@ -205,6 +215,6 @@ def _interpreted(arguments: dict[str, Any]) -> Bound:
 
     def record(dtype: np.dtype[Any], arrays: dict[str, Any], numbers: dict[str, float]) -> Any:
         # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
-        return SimpleNamespace(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
+        return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
 
     return Bound(call, engine.is_stiff, engine.close, table, record, 1_000)

@@ -94,7 +94,7 @@ def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> S
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
-    rows = run_again.samples[: run_again.clock.taken]
+    rows = run_again.samples[: run_again.clock["taken"]]
     integer = rows[:, :3].astype(np.int64)
     return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
@@ -195,29 +195,29 @@ class _Run:
     def _state(self) -> Floats:
         """Return the state, with what its cyclic components have gathered."""
         y, offset = self.table[record.Y], self.table[record.OFFSET]
-        return np.add(y, offset)[: self.clock.n]
+        return np.add(y, offset)[: self.clock["n"]]
 
     def _done(self) -> float:
         """Return the periods done so far."""
-        elapsed = self.clock.t / self.problem.period - self.start.cycle
-        return float(self.clock.cycle + elapsed)
+        elapsed = self.clock["t"] / self.problem.period - self.start.cycle
+        return float(self.clock["cycle"] + elapsed)
 
     def _drain(self) -> None:
-        rows = self.events[: self.clock.rows]
+        rows = self.events[: self.clock["rows"]]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
             self.kept.append(rows.copy())
-        self.clock.rows = 0
+        self.clock["rows"] = 0
 
     def _trajectory(self, *, ended: bool = False) -> Trajectory:
         width = self.events.shape[1]
         rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
         clock, period = self.clock, self.problem.period
-        cycle, phase = int(clock.cycle), float(clock.t)
-        if phase == (clock.end_cycle - cycle) * period + clock.end_phase:
+        cycle, phase = int(clock["cycle"]), float(clock["t"])
+        if phase == (clock["end_cycle"] - cycle) * period + clock["end_phase"]:
             # Dividing k periods by the period may round to just below k.
-            cycle, phase = int(clock.end_cycle), float(clock.end_phase)
+            cycle, phase = int(clock["end_cycle"]), float(clock["end_phase"])
         ahead = math.floor(phase / period)
         return Trajectory(
             problem=self.problem,
@@ -225,12 +225,12 @@ class _Run:
             final=Instant(
                 cycle + ahead,
                 phase - ahead * period,
-                int(clock.mode),
+                int(clock["mode"]),
                 self._state(),
             ),
             events=Events.from_rows(rows),
-            steps=int(clock.steps),
-            arcs=int(clock.arcs),
+            steps=int(clock["steps"]),
+            arcs=int(clock["arcs"]),
             ended=ended,
         )
 
@@ -241,11 +241,12 @@ class _Run:
 
     def _failure(self, status: int) -> RunError:
         clock, options = self.clock, self.problem.options
+        failure, instant = int(clock["failure"]), int(clock["instant"])
         automaton = self.problem.automaton
-        name = self._name_of(int(clock.failure)) if status in NAMED else ""
+        name = self._name_of(failure) if status in NAMED else ""
         reason, remedy = {
             loop.FAILED: (
-                contract.FAILURES.get(int(clock.failure), f"CVODE failed ({clock.failure})"),
+                contract.FAILURES.get(failure, f"CVODE failed ({failure})"),
                 "check parameters and drive at this time; loosen or tighten rtol and atol",
             ),
             loop.STEP_BUDGET: (
@@ -254,12 +255,12 @@ class _Run:
             ),
             loop.EVENT_BUDGET: (
                 f"one period held more than max_events = {options.max_events} events"
-                + (f", {clock.instant} of them in its last instant" if clock.instant > 1 else ""),
+                + (f", {instant} of them in its last instant" if instant > 1 else ""),
                 "raise max_events if so many events are expected; a body that is pressed against a "
                 "stop never rests if its impacts lose nothing (restitution 1)",
             ),
             loop.CYCLING: (
-                f"the same state comes back after {clock.instant} transitions in one instant",
+                f"the same state comes back after {instant} transitions in one instant",
                 "the transitions of the automaton undo each other: check guards and transition",
             ),
             loop.INADMISSIBLE: (
@@ -271,7 +272,7 @@ class _Run:
                 "let the transition turn the closing speed round, or take it away",
             ),
             loop.NO_SUCH_MODE: (
-                f"a transition returned the mode {clock.failure}; there are {len(automaton.modes)}",
+                f"a transition returned the mode {failure}; there are {len(automaton.modes)}",
                 f"let it return 0 to {len(automaton.modes) - 1}",
             ),
             loop.NOT_FINITE: (
@@ -279,7 +280,7 @@ class _Run:
                 "check the transition and the parameters",
             ),
         }[status]
-        if status == loop.NO_SUCH_MODE and clock.failure == loop.NO_REST:
+        if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
         trajectory = self._trajectory()

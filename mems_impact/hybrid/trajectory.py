@@ -63,6 +63,8 @@ class Events:
     @classmethod
     def joined(cls, chunks: Sequence[Events]) -> Events:
         """Join chunks of events, one at least."""
+        if len(chunks) == 1:
+            return chunks[0]
         columns = ([getattr(chunk, column.name) for chunk in chunks] for column in fields(cls))
         return cls(*(np.concatenate(parts) for parts in columns))
 
