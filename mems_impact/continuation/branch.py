@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from mems_impact.continuation.corrector import NODES, Step, correct, tangent
+from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
 from mems_impact.continuation.locating import SpecialPoint, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -31,23 +31,6 @@ COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
 SHORT = 0.1  # part of the largest step below which a branch says what holds it back
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
-
-
-@dataclass(frozen=True, kw_only=True)
-class Steps:
-    """Control of the step length, in the space of unknowns and parameter.
-
-    Attributes
-    ----------
-    initial, smallest, largest : float
-    most : int
-        Points that a branch may have.
-    """
-
-    initial: float = 1e-3
-    smallest: float = 1e-7
-    largest: float = 0.05
-    most: int = 2000
 
 
 @dataclass(frozen=True)

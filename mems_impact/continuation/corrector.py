@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,23 @@ from mems_impact.orbits.shooting import Point, Shooting
 ITERATIONS = 8
 NODES = 3  # corrections from which another one is guessed
 APART = 0.01  # least distance between them, as a part of the longest
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """Control of the step length, in the space of unknowns and parameter.
+
+    Attributes
+    ----------
+    initial, smallest, largest : float
+    most : int
+        Points that a branch may have.
+    """
+
+    initial: float = 1e-3
+    smallest: float = 1e-7
+    largest: float = 0.05
+    most: int = 2000
 
 
 def tangent(point: Point, along: Floats | None = None) -> Floats:

@@ -28,8 +28,11 @@ BRANCHES = [f"tests/continuation/test_{name}.py" for name in BRANCHES]
 TESTS: dict[str, list[str]] = {
     "hybrid": RUNS,
     "hybrid/variational": ["tests/hybrid/test_variational.py", *ORBITS],
+    "hybrid/columns": ["tests/hybrid/test_variational.py", *ORBITS],
+    "hybrid/passage": ["tests/hybrid/test_variational.py", *ORBITS],
     "orbits": [*ORBITS, *BRANCHES[:2]],
     "continuation": BRANCHES,
+    "continuation/conditions": ["tests/continuation/test_conditions.py", *BRANCHES],
     "continuation/curve": ["tests/continuation/test_curves.py", *BRANCHES],
     "continuation/grazing": ["tests/continuation/test_grazing_type.py", *BRANCHES],
 }
