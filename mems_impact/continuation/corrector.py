@@ -9,7 +9,7 @@ import numpy as np
 
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.newton import Solution, newton
-from mems_impact.orbits.shooting import Point, Shooting
+from mems_impact.orbits.shooting import NOTHING, Point, Shooting
 
 ITERATIONS = 8
 NODES = 3  # corrections from which another one is guessed
@@ -113,7 +113,7 @@ class Step:
         for earlier in behind:
             s = float((earlier - self.start) @ along)
             if s < 0.0:
-                self._bends[s] = (earlier - self.start - s * along) / (s * s)
+                self._learn(s, earlier)
 
     def at(self, s: float) -> Solution:
         """Return the point at the distance `s` along the tangent.
@@ -127,8 +127,16 @@ class Step:
             plane = self.start + s * self.along
             found = self._correct(plane, self.along, plane + s * s * self._bend_at(s))
             self._found[s] = found
-            self._bends[s] = (found.unknowns - plane) / (s * s)
+            self._learn(s, found.unknowns)
         return self._found[s]
+
+    def _learn(self, s: float, unknowns: Floats) -> None:
+        """Take over how far the branch lies from the tangent."""
+        aside = unknowns - self.start - s * self.along
+        # Rounding is no curvature. In a component that the orbit can't determine, which no
+        # correction puts right, it would grow from step to step.
+        aside[np.abs(aside) < NOTHING] = 0.0
+        self._bends[s] = aside / (s * s)
 
     def _bend_at(self, s: float) -> Floats:
         """Return the polynomial through what is known nearby."""
