@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -45,6 +45,8 @@ class _OfActuator:
 
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
+
+    kept: ClassVar = (*Run.kept, "blows")
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
@@ -105,5 +107,5 @@ class ActuatorOrbit(_OfActuator, Orbit):
         steps = frame_steps(log)[1]
         hits = self._log[is_impact(self._log)]
         lost = energy_lost(hits, self.system.inner_actuator)
-        period = self._problem.period
+        period = self.found.point.period
         return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)
