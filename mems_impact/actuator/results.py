@@ -46,7 +46,7 @@ class _OfActuator:
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
-    kept: ClassVar = (*Run.kept, "blows")
+    kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
 
     @cached_property
     def impacts(self) -> pd.DataFrame:

@@ -75,5 +75,5 @@ register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for nam
 register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(Chart)
-for each in (Accumulator, BlowCounter):
-    register_object(each)
+register_object(Accumulator)
+register_object(BlowCounter)

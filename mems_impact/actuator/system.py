@@ -303,7 +303,7 @@ def own_functions(drive: Drive) -> dict[str, str]:
     """Return where the functions of a drive are defined that its numbers do not tell."""
     if kind_of(drive) == "":
         return {type(drive).__name__: f"{type(drive).__module__}:{type(drive).__qualname__}"}
-    found = {}
+    found: dict[str, str] = {}
     for name in type(drive).model_fields:
         value = getattr(drive, name)
         if isinstance(value, Drive):

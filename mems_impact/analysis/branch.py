@@ -162,7 +162,7 @@ class Branch(Value):
     ended: str
     found: branches.OrbitBranch = field(repr=False)
 
-    kept: ClassVar = ("table", "special_table")
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
     def __repr__(self) -> str:
         low, high = self.bounds
@@ -287,7 +287,7 @@ class Curve(Value):
     ended: str
     found: curves.OrbitCurve = field(repr=False)
 
-    kept: ClassVar = ("table", "special_table")
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
     def __repr__(self) -> str:
         return (

@@ -20,7 +20,8 @@ from mems_impact.units import Scales
 
 __all__ = ["DetachedSystem", "check_same", "description"]
 
-COMPARED = ("states", "modes", "guards", "parameters", "observables")
+COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
+SAME = 1e-12  # relative difference of times that are the same, calculated elsewhere
 
 
 def description(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
@@ -70,9 +71,12 @@ def check_same(given: System, told: Mapping[str, Any], path: str) -> None:
         if mine != its:
             _refuse(what, mine, its, path)
     for what in ("period", "time_scale", "switches"):
-        mine, its = (np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, told))
-        if not (mine.shape == its.shape and np.allclose(mine, its, rtol=1e-12, equal_nan=True)):
-            _refuse(what.replace("_", " "), mine.tolist(), its.tolist(), path)
+        times, others = (np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, told))
+        alike = times.shape == others.shape and np.allclose(
+            times, others, SAME, 0.0, equal_nan=True
+        )
+        if not alike:
+            _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)
 
 
 def _fits(given: System, told: Mapping[str, Any]) -> bool:
@@ -103,7 +107,8 @@ class DetachedSystem(System):
         self._told, self._path, self._moved = dict(told), path, False
         self.name = told["name"]
         self._parameters = dict(told["parameters"])
-        self.observables = tuple(Observable(function=_absent, **each) for each in told["observables"])
+        observables = told["observables"]
+        self.observables = tuple(Observable(function=_absent, **each) for each in observables)
 
     def _refusal(self) -> str:
         names = [place.rpartition(":")[2] for place in self._told["functions"].values()]
@@ -174,9 +179,9 @@ class DetachedSystem(System):
         period: float | None = self._told["forcing_period"]
         return period
 
-    def shifted(self, values: Mapping[str, float]) -> System:
+    def shifted(self, values: Mapping[str, float]) -> DetachedSystem:
         """Return the system at other values."""
-        other = self._copy()
+        other: Any = self._copy()
         other._parameters = {**self._parameters, **values}
         other._moved = True
         return other

@@ -59,7 +59,13 @@ class Orbit(Value):
     system: System = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
-    kept: ClassVar = ("events", "impacts", "observables", "crossings", "shown_states")
+    kept: ClassVar[tuple[str, ...]] = (
+        "events",
+        "impacts",
+        "observables",
+        "crossings",
+        "shown_states",
+    )
 
     def __repr__(self) -> str:
         kind = "stable" if self.stable else "unstable"

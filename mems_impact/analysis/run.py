@@ -56,7 +56,7 @@ class Run(Value):
     ended: str = "time"
     _gatherer: Gatherer = field(repr=False, compare=False)
 
-    kept: ClassVar = ("events", "impacts", "gathered")
+    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
     def __repr__(self) -> str:
         first, last = self.extent

@@ -45,7 +45,7 @@ def register_object(kind: type, name: str = "") -> None:
     """Let the objects of a class be stored that have no more to them than their variables."""
 
     def whole(**found: Any) -> Any:
-        value = object.__new__(kind)
+        value: Any = object.__new__(kind)
         vars(value).update(found)
         return value
 
@@ -91,17 +91,18 @@ register(
 register(Shooting, parts=lambda s: {"family": s.family, "segments": s.segments,
          "active": s.active, "pinned": s.pinned}, whole=shooting_of)  # fmt: skip
 register_run(run.Run)
-for each in (
+KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Segment, Monitor,
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
     statistics.Window, orbit.Orbit, branch.Branch, branch.SpecialPoint, branch.CodimensionTwo,
     branch.Curve, verification.Verification,
-):  # fmt: skip
-    register(each)
+)  # fmt: skip
+for kind in KINDS:
+    register(kind)
 register(branches.SpecialPoint, "BranchEvent")
 register(curves.CodimensionTwo, "CurveEvent")
-for each in (Moments, statistics.Anchors):
-    register_object(each)
+register_object(Moments)
+register_object(statistics.Anchors)
 register(
     statistics.Gathering,
     parts=lambda each: each.gathered(),

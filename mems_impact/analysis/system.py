@@ -253,7 +253,7 @@ class System(Value):
     def functions(self) -> dict[str, str]:
         """Where its functions are defined, as ``module:name``: to be shown."""
         definition = self._definition
-        found = {"flow": definition.flow, "settle": definition.settle}
+        found: dict[str, Any] = {"flow": definition.flow, "settle": definition.settle}
         found |= {"jacobian": definition.jacobian, "period": self._period}
         found |= {"switches": self._switches, "time_scale": self._time_scale}
         for guard in definition.guards:
@@ -454,7 +454,7 @@ class System(Value):
             return NotImplemented
         return type(self) is type(other) and same(self._key(), other._key())
 
-    def __hash__(self) -> int:
+    def __hash__(self) -> int:  # type: ignore[override]
         return hash((type(self), *self.parameters.items()))
 
     def __copy__(self) -> System:

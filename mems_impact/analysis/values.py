@@ -85,7 +85,7 @@ class Value:
         )
         return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"
 
-    def keep(self, tables: Mapping[str, Any]) -> None:
+    def take_over(self, tables: Mapping[str, Any]) -> None:
         """Take over what was saved since it cannot be made here."""
         vars(self).update(tables)
         vars(self)[KEPT] = tuple(tables)

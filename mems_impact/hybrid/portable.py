@@ -26,7 +26,8 @@ def portable(value: Any) -> Any:
         return tuple(portable(part) for part in value)
     if isinstance(value, FunctionType) and not is_importable(value):
         return _carried(value)
-    if is_dataclass(value) and "__reduce__" not in vars(type(value)):
+    by_parts = is_dataclass(value) and "__reduce__" not in vars(type(value))
+    if by_parts and not isinstance(value, type):
         inner = {key: portable(part) for key, part in vars(value).items()}
         changed = {key: part for key, part in inner.items() if part is not getattr(value, key)}
         return replace(value, **changed) if changed else value

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mems_impact.errors import InvalidParameter
+
 __all__ = ["Damaged", "Reader", "Writer", "register"]
 
 SMALL = 64  # numbers of an array that stand in the JSON text itself
@@ -105,7 +107,8 @@ class Writer:
             return {"dict": self._named(value, place)}
         if isinstance(value, pd.DataFrame):
             return {"table": self._columns(value, place), "attrs": self.node(value.attrs, place)}
-        raise TypeError(f"{type(value).__name__} at {place} is not registered")
+        allowed = "of a class that is stored, or numbers, text, arrays and tables"
+        raise InvalidParameter(place, type(value).__name__, allowed)
 
     def _named(self, parts: Mapping[str, Any], place: str) -> dict[str, Any]:
         return {str(name): self.node(part, f"{place}.{name}") for name, part in parts.items()}

@@ -102,7 +102,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     if not isinstance(value, Value):
         raise InvalidFile(source, "holds no result", REMEDY)
     if tables and system is None:
-        value.keep(tables)
+        value.take_over(tables)
     return value
 
 
