@@ -89,7 +89,10 @@ def _names(parts: Iterable[Any]) -> list[Any]:
 
 def _refuse(what: str, mine: list[Any], its: list[Any], path: str) -> NoReturn:
     listed = [", ".join(map(str, each)) or "none" for each in (mine, its)]
-    problem = f"not that of {path}: its {what} are {listed[0]}, there {listed[1]}"
+    remedy = "give the system of the result"
+    if its[-1:] == ["until"]:
+        remedy += ", which its run made: system.ending(until)"
+    problem = f"its {what} are {listed[0]}, those of {path} are {listed[1]}; {remedy}"
     raise InvalidParameter("system", None, "", problem=problem)
 
 
@@ -111,9 +114,7 @@ class DetachedSystem(System):
         self.observables = tuple(Observable(function=_absent, **each) for each in observables)
 
     def _refusal(self) -> str:
-        names = [place.rpartition(":")[2] for place in self._told["functions"].values()]
-        known = f" ({', '.join(dict.fromkeys(names))})" if names else ""
-        return f"{self._path} does not hold the functions of its system{known}"
+        return f"{self._path} does not hold the functions of its system"
 
     def _key(self) -> tuple[Any, ...]:
         return self._told, self._parameters
@@ -122,6 +123,16 @@ class DetachedSystem(System):
     def description(self) -> dict[str, Any]:
         """What the file tells of the system."""
         return dict(self._told)
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where its functions were defined, as ``module:name``."""
+        return dict(self._told["functions"])
+
+    def summary(self) -> dict[str, Any]:
+        """Return names and numbers, and which functions are elsewhere."""
+        places = ", ".join(dict.fromkeys(self.functions.values()))
+        return {**super().summary(), "functions, not at hand": places}
 
     @property
     def automaton(self) -> Automaton:
