@@ -29,7 +29,7 @@ def falling(mode, t, y, p):
 @cache
 def results():
     """One of each kind, of a system of the user's own functions."""
-    run = mi.simulate(oscillator(), 30)
+    run = mi.simulate(oscillator(), 40)
     orbit = mi.find_orbit(run)
     branch = mi.continue_orbit(orbit, "A", 0.36)
     doubling, grazing = branch.special_points
@@ -259,7 +259,7 @@ def test_with_the_system_a_result_goes_on_bit_for_bit(tmp_path):
     [
         ({"states": ("x", "w"), "initial": {}}, "states are x, w"),
         ({"parameters": {"A": 0.6, "omega": 0.8}}, "parameters are A, omega"),
-        ({"guards": [mi.Impact("wall", gap, rebound)]}, "guards are wall,"),
+        ({"guards": [mi.Impact("wall", gap, rebound)], "modes": ("free", "held")}, "guards are wall,"),
         ({"period": 2.0}, "period are 2.0"),
         ({"observables": ()}, "observables are none"),
         ({"units": {"time": "s"}}, "units are time"),
