@@ -17,7 +17,7 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem, kind_of, own_functions
 from mems_impact.actuator.units import DeviceScales
-from mems_impact.analysis.detached import description
+from mems_impact.analysis.detached import check_same, description
 from mems_impact.analysis.stored import register_object, register_run, restored
 from mems_impact.analysis.storing.coding import Reader, register
 from mems_impact.analysis.system import System
@@ -66,7 +66,10 @@ def _system(parts: dict[str, Any], reader: Reader) -> System:
     if parts["told"] is not None:
         return restored(parts["told"], reader)
     system = ActuatorSystem(Actuator(**parts["actuator"]), drive_of(parts["drive"]))
-    return system.restored({}, parts["scales"])
+    system = system.restored({}, parts["scales"])
+    if reader.system is not None:
+        check_same(reader.system, description(system, {}), reader.path)
+    return system
 
 
 register(ActuatorSystem, parts=_parts, reading=_system)

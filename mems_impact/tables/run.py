@@ -100,7 +100,7 @@ def segments(
 
 def statistics(values: Mapping[str, float], labels: Labels) -> pd.Series:
     """Return one number a row, in the order given."""
-    wide = table({name: [value] for name, value in values.items()}, labels)
+    wide = table({name: np.array([value]) for name, value in values.items()}, labels)
     result = wide.iloc[0].astype(float).rename("statistics")
     result.attrs = wide.attrs
     return result

@@ -102,6 +102,14 @@ def test_another_drive_is_refused(tmp_path):
         mi.load(tmp_path / "run", system=ZHAO.under(custom(period=2 * np.pi / 0.5)))
 
 
+def test_a_given_system_is_checked_where_none_is_needed(tmp_path):
+    run = mi.simulate(ZHAO, SINE, 0.3, options=PLAIN)
+    run.save(tmp_path / "run")
+    assert mi.load(tmp_path / "run", system=ZHAO.under(SINE.replace(omega=0.6))) == run
+    with pytest.raises(mi.InvalidParameter, match="parameters are amplitude, omega, low"):
+        mi.load(tmp_path / "run", system=ZHAO.under(DRIVES["square"]))
+
+
 def test_a_wrong_number_in_a_file_is_told(tmp_path):
     mi.simulate(ZHAO, SINE, 0.3, options=PLAIN).save(tmp_path / "run")
     with zipfile.ZipFile(tmp_path / "run") as file:

@@ -259,7 +259,7 @@ def test_with_the_system_a_result_goes_on_bit_for_bit(tmp_path):
     [
         ({"states": ("x", "w"), "initial": {}}, "states are x, w"),
         ({"parameters": {"A": 0.6, "omega": 0.8}}, "parameters are A, omega"),
-        ({"guards": [mi.Impact("wall", gap, rebound)], "modes": ("free", "held")}, "guards are wall,"),
+        ({"guards": [mi.Impact("wall", gap, rebound)], "modes": ("free", "held")}, "guards"),
         ({"period": 2.0}, "period are 2.0"),
         ({"observables": ()}, "observables are none"),
         ({"units": {"time": "s"}}, "units are time"),
