@@ -106,7 +106,7 @@ def test_a_given_system_is_checked_where_none_is_needed(tmp_path):
     run = mi.simulate(ZHAO, SINE, 0.3, options=PLAIN)
     run.save(tmp_path / "run")
     assert mi.load(tmp_path / "run", system=ZHAO.under(SINE.replace(omega=0.6))) == run
-    with pytest.raises(mi.InvalidParameter, match="parameters are amplitude, omega, low"):
+    with pytest.raises(mi.InvalidParameter, match="parameters are amplitude, omega, duty"):
         mi.load(tmp_path / "run", system=ZHAO.under(DRIVES["square"]))
 
 
