@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.targets import Target
     from mems_impact.actuator.drive import *  # noqa: F403
     from mems_impact.actuator.drive import Drive, load_drive
+    from mems_impact.actuator.figures.chart import plot_chart
+    from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import (
@@ -66,12 +68,11 @@ if TYPE_CHECKING:
         UnitsWarning,
     )
     from mems_impact.hybrid.automaton import Guard, Impact
-    from mems_impact.plotting.bifurcation import plot_sweep
     from mems_impact.plotting.branch import plot_branch
-    from mems_impact.plotting.chart import plot_chart
-    from mems_impact.plotting.drive import plot_drive
+    from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.orbit import plot_orbit
-    from mems_impact.plotting.timeseries import plot_run
+    from mems_impact.plotting.run import plot_run
+    from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -128,6 +129,7 @@ __all__ = [
     "period_one_window",
     "plot_branch",
     "plot_chart",
+    "plot_curve",
     "plot_drive",
     "plot_orbit",
     "plot_run",
@@ -148,7 +150,7 @@ __all__ = [
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
     "actuator.drive": ("Drive", "load_drive", *WAVEFORMS.values()),
-    "plotting.drive": ("plot_drive",),
+    "actuator.figures.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),
     "errors": (
@@ -170,7 +172,7 @@ _HOMES = {
         "UnitsWarning",
     ),
     "plotting.branch": ("plot_branch",),
-    "plotting.chart": ("plot_chart",),
+    "actuator.figures.chart": ("plot_chart",),
     "analysis.branch": (
         "Branch",
         "Curve",
@@ -184,9 +186,10 @@ _HOMES = {
     ),
     "actuator.design.chart": ("Chart", "operating_chart"),
     "analysis.orbit": ("Orbit", "find_orbit"),
-    "plotting.bifurcation": ("plot_sweep",),
+    "plotting.sweep": ("plot_sweep",),
+    "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),
-    "plotting.timeseries": ("plot_run",),
+    "plotting.run": ("plot_run",),
     "actuator.design.blows": ("Blows", "blows"),
     "actuator.design.estimates": (
         "Window",

@@ -5,4 +5,4 @@ from mems_impact.cli import main
 if __name__ == "__main__":
     import sys
 
-    main(["validate", "--figure", "6", *sys.argv[1:]])
+    main(["validate", "6", *sys.argv[1:]])

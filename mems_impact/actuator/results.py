@@ -47,6 +47,7 @@ class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
     kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
+    figure = "mems_impact.actuator.figures.run:plot_run"
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
@@ -92,6 +93,8 @@ class ActuatorRun(_OfActuator, Run):
 
 class ActuatorOrbit(_OfActuator, Orbit):
     """A periodic orbit of an actuator under a drive."""
+
+    figure = "mems_impact.actuator.figures.orbit:plot_orbit"
 
     @property
     def step(self) -> float:

@@ -22,7 +22,7 @@ from mems_impact.actuator.modes import (
 )
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS
+from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
@@ -65,7 +65,8 @@ class ActuatorSystem(System):
     Raises
     ------
     InvalidParameter
-        If `drive` is no drive, or cannot be told in floating-point numbers.
+        If `actuator` is no actuator or `drive` no drive, or cannot be told in floating-point
+        numbers.
     """
 
     run_type = ActuatorRun
@@ -76,6 +77,8 @@ class ActuatorSystem(System):
     )
 
     def __init__(self, actuator: Actuator, drive: Drive, scales: Scales | None = None) -> None:
+        if not isinstance(actuator, Actuator):
+            raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
@@ -156,6 +159,19 @@ class ActuatorSystem(System):
         """The statistics that a sweep tells of every value."""
         return SWEEP_COLUMNS
 
+    @property
+    def quantities(self) -> Mapping[str, tuple[str, str]]:
+        """The step and the speed of the frame."""
+        return {
+            "step": ("displacement per impact", "step per impact"),
+            "speed": ("mean speed", "mean speed"),
+        }
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """The paper's f for the amplitude."""
+        return SYMBOLS
+
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""
         return State() if direction == "up" else kicked(self.actuator)
@@ -169,9 +185,9 @@ class ActuatorSystem(System):
         """Return the SI unit of a parameter or a column, empty for a pure number."""
         return self.units.get(name, "")
 
-    def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` can be varied continuously."""
-        super().check_parameter(name, field)
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        super().check_continued(name)
         if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
@@ -206,7 +222,7 @@ class ActuatorSystem(System):
         rest = {name: value for name, value in values.items() if name not in of_drive}
         for name in rest:
             if name not in PARAMETER_NAMES:
-                super().check_parameter(name)
+                self.check_parameter(name)
         return of_drive, rest
 
     @property
@@ -237,14 +253,11 @@ class ActuatorSystem(System):
         problem = "only systems made by mems_impact.System know it; give periods= or duration="
         raise InvalidParameter("until", None, "", problem=problem)
 
-    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
-        """Return where a run from `state` starts; the block must be between the stoppers."""
-        start = super().instant(state, problem)
-        x2 = self.out("x2", float(start.y[X2]))
-        delta = self.actuator.delta
-        if not abs(x2) <= delta * (1.0 + 1e-15):
+    def _check_state(self, field: str, state: State) -> None:
+        super()._check_state(field, state)
+        x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
+        if not abs(x2) <= delta:
             raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
-        return start
 
     def state_of(self, instant: Instant) -> State:
         """Return an instant as a state in the device's units."""

@@ -16,6 +16,7 @@ from mems_impact.tables.common import Labels, table, when, words
 __all__ = [
     "COLUMN_UNITS",
     "SWEEP_COLUMNS",
+    "SYMBOLS",
     "blows",
     "chart",
     "chart_points",
@@ -36,6 +37,9 @@ COLUMN_UNITS = {
     "voltage": "V",
 }
 """The SI unit of every column, and of every statistic, that is not a pure number."""
+
+SYMBOLS = {"amplitude": "$f$"}
+"""The paper's symbols, where they are not to be read off the names of parameters."""
 
 
 def impacts(

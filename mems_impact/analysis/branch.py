@@ -206,8 +206,7 @@ class Branch(Value):
         rows = [
             {
                 "value": self.system.out(self.parameter, point.value),
-                "piece": point.piece,
-                **_measures(orbit),
+                **_measures(orbit, piece=point.piece),
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
@@ -392,7 +391,7 @@ def continue_orbit(
     """
     _check(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
-    bounds = _bounds(system, parameter, "parameter", stop, back)
+    bounds = _bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
     # Where the branch begins, to the last digit of the numerics.
@@ -506,7 +505,7 @@ def continue_curve(
     system, first = special.orbit.system, special.parameter
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
-    bounds = _bounds(system, parameter, "parameter", stop, back)
+    bounds = _bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
         found = curves.follow_curve(
@@ -606,12 +605,13 @@ def curve_of(system: System, found: curves.OrbitCurve) -> Curve:
     )
 
 
-def _measures(orbit: Orbit) -> dict[str, Any]:
-    """Return what the tables say of an orbit, in the units of the numerics."""
+def _measures(orbit: Orbit, **place: int) -> dict[str, Any]:
+    """Return what the tables say of an orbit, in the units of the numerics; `place`: on what."""
     found, system = orbit.found, orbit.system
     return {
         "stable": found.stable,
         "admissible": found.admissible,
+        **place,
         "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
         "impacts": len(orbit.impact_speeds),
         "impact speed": max(orbit.impact_speeds, default=math.nan),
@@ -621,11 +621,9 @@ def _measures(orbit: Orbit) -> dict[str, Any]:
     }
 
 
-def _bounds(
-    system: System, parameter: str, field: str, stop: float, back: float | None
-) -> tuple[float, float]:
+def _bounds(system: System, parameter: str, stop: float, back: float | None) -> tuple[float, float]:
     """Return the bounds between which to go; InvalidParameter if there is no way to go."""
-    system.check_parameter(parameter, field)
+    system.check_continued(parameter)
     here = system.value(parameter)
     _value(system, parameter, "stop", stop)
     if stop == here:

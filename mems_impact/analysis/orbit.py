@@ -56,6 +56,7 @@ class Orbit(Value):
         The orbit as arrays.
     """
 
+    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not
     system: System = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
@@ -177,6 +178,11 @@ class Orbit(Value):
         return tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
 
     @cached_property
+    def corners(self) -> pd.DataFrame:
+        """One row a transition, with the columns of `Run.corners`."""
+        return tables.corners(self._log, self._problem.period, self.system)
+
+    @cached_property
     def segments(self) -> pd.DataFrame:
         """One row a stretch of the orbit within one mode and one forcing period.
 
@@ -255,7 +261,7 @@ class Orbit(Value):
         guards = self.system.automaton.guards
         m = len(guards)
         return [
-            -float(event.rates[segment.code % m])
+            abs(float(event.rates[segment.code % m]))
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
             if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
         ]
@@ -430,7 +436,7 @@ def find_orbit(
         raise InvalidParameter("period", None, "", problem=problem)
     chosen = ORBIT_OPTIONS if options is None else options
     if_stiff = IF_STIFF if options is None else None
-    start = system.instant(guess, system.problem(chosen))
+    start = system.instant(guess, system.problem(chosen), field="guess")
     try:
         found = orbits.find_orbit(
             system.family(chosen),

@@ -52,6 +52,7 @@ class Run(Value):
     options: Options = field(repr=False)
     keep: Keep
     window: tuple[float, float]
+    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
     _gatherer: Gatherer = field(repr=False, compare=False)
@@ -109,6 +110,14 @@ class Run(Value):
         log = self._log("impacts")
         hits = log[log.impacts(self.system.automaton)]
         return tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
+
+    @cached_property
+    def corners(self) -> pd.DataFrame:
+        """One row a transition: when, event, modes, whether it is an impact, states around it.
+
+        Where a curve of the motion has its corners and jumps.
+        """
+        return tables.corners(self._log("corners"), self.trajectory.period, self.system)
 
     def section(self, direction: int = 0) -> pd.DataFrame:
         """Return the crossings of the Poincaré section.

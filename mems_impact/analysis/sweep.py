@@ -122,7 +122,9 @@ def sweep(
         finally:
             results.close()
     found = [point for chain in points for point in chain]
-    table = tables.sweep(parameter, found, study.states, system.told, system)
+    table = tables.sweep(
+        parameter, found, study.states, system.told, system, quantities=system.quantities
+    )
     if interrupted:
         raise SweepInterrupted(table, len(found), total)
     return table

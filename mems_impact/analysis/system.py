@@ -330,6 +330,16 @@ class System(Value):
         """The statistics that a sweep tells of every value."""
         return ("impacts per period", *(each.name for each in self.observables))
 
+    @property
+    def quantities(self) -> Mapping[str, tuple[str, str]]:
+        """The statistics that the figure of a sweep shows: column and words, by a short name."""
+        return {each.name: (each.name, each.name) for each in self.observables}
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """Symbols of parameters in figures, where they are not to be read off the names."""
+        return {}
+
     def start_of(self, direction: str) -> State:
         """Return where a sweep "up" or "down" starts if nothing is said."""
         return self.initial
@@ -356,9 +366,13 @@ class System(Value):
         return self.forcing_period is not None
 
     def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` is a parameter that can be varied continuously."""
+        """Raise InvalidParameter unless `name` is a parameter."""
         if name not in self.parameters:
             raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
+
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        self.check_parameter(name)
 
     def value(self, name: str) -> float:
         """Return a parameter in the system's units."""
@@ -399,8 +413,12 @@ class System(Value):
         }
         return self.shifted(changes) if changes else self
 
-    def instant(self, state: State | Mapping[str, float] | None, problem: Problem) -> Instant:
+    def instant(
+        self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
+    ) -> Instant:
         """Return where a run from `state` starts, in the units of the numerics.
+
+        `field` is what errors call the state.
 
         Raises
         ------
@@ -412,9 +430,9 @@ class System(Value):
         elif not isinstance(state, State):
             if not isinstance(state, Mapping):
                 allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
-                raise InvalidParameter("initial", state, allowed)
+                raise InvalidParameter(field, state, allowed)
             state = state_from(state)
-        self._check_state("initial", state)
+        self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
         time = float(self.scales.into(state.time, "s"))
@@ -549,13 +567,15 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
         @functools.wraps(verb)
         def called(*arguments: Any, **named: Any) -> Any:
             rest = list(arguments)
-            model = rest.pop(0) if rest else named.pop(first, named.pop("actuator", None))
+            typed = "actuator" if "actuator" in named else first
+            model = rest.pop(0) if rest else named.pop(typed, None)
             if isinstance(getattr(model, "system", None), System):
                 return verb(model.system, *rest, **{start: model.final, **named})
             if isinstance(model, System):
                 return verb(model, *rest, **named)
             if not hasattr(model, "under"):
-                raise InvalidParameter(first, model, "a System, or an Actuator and a Drive")
+                allowed = "a System, or an Actuator (see load_actuator) and a Drive"
+                raise InvalidParameter(typed, model, allowed)
             drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
             return verb(model.under(drive), *rest, **named)
 

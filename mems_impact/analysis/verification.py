@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact.analysis.values import Value
 from mems_impact.engines.options import Options
@@ -129,14 +131,19 @@ class _Log:
         """Return how strong each event is, as a speed; infinity for a switch of the drive.
 
         An impact counts by its speed. A change of mode is as strong as the modes on either side of
-        it last: within a time T, accelerations of order one come to a speed T.
+        it last: within a time T, accelerations of order one come to a speed T. Where a rest begins
+        and ends counts by how long it lasts, whatever else changes before and in it.
         """
         events = self.events
         strength = np.where(np.isnan(speed), math.inf, speed)
         changes = np.flatnonzero((events.mode_before != events.mode_after) & np.isnan(speed))
-        instants = (events.cycle * self.period + events.time)[changes]
-        apart = np.concatenate([[math.inf], np.diff(instants), [math.inf]])
+        instants = events.cycle * self.period + events.time
+        apart = np.concatenate([[math.inf], np.diff(instants[changes]), [math.inf]])
         strength[changes] = np.minimum(apart[:-1], apart[1:])
+        for begins, ends in rests(events):
+            lasted = instants[ends] - instants[begins[: ends.size]]
+            strength[begins], strength[ends] = math.inf, lasted
+            strength[begins[: ends.size]] = lasted
         strength[events.kind == loop.SWITCH] = math.inf
         return strength
 
@@ -146,6 +153,22 @@ class _Log:
 
     def said(self, i: int) -> str:
         return f"'{self.words[self.what[i]]}' (period {self.at(i):.9g})"
+
+
+def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
+    """Give, guard by guard, the events with which rests begin, and those with which they end.
+
+    A rest follows a sequence of impacts, and lasts until the mode is one in which they occur. The
+    last one may not have ended.
+    """
+    accumulated = events.kind == loop.ACCUMULATION
+    for guard in np.unique(events.guard[accumulated]):
+        here = events.guard == guard
+        striking = np.unique(events.mode_before[here & (events.kind == loop.TRANSITION)])
+        free = np.flatnonzero(np.isin(events.mode_after, striking))
+        begins = np.flatnonzero(accumulated & here)
+        place = np.searchsorted(free, begins, side="right")
+        yield begins, free[place[place < free.size]]
 
 
 def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
@@ -250,7 +273,7 @@ class _Comparison:
         return there
 
     def _differences(self, i: int, j: int) -> Floats:
-        """Return the differences of instants, impact speeds, positions and velocities."""
+        """Return the differences of instants, impact speeds and components of the state."""
         run, other = self.run, self.other
         # Periods are counted in integers first, so that late ones lose no digits.
         late = (run.cycle[i] - other.cycle[j]) * run.period + (run.time[i] - other.time[j])

@@ -32,8 +32,8 @@ def command(
     Example:
       mems-impact drive zhao2004 --drive square --amplitude 0.3 --omega 0.5 --duty 0.3
     """  # noqa: D301 - click looks for the backspace itself
+    from mems_impact.actuator.figures.drive import plot_drive, seen
     from mems_impact.cli.output import Output
-    from mems_impact.plotting.drive import plot_drive, seen
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)

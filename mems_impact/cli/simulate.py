@@ -148,7 +148,7 @@ def _first_rows(table: pd.DataFrame) -> str:
 def _tables(run: ActuatorRun) -> dict[str, pd.DataFrame]:
     units = run.statistics.attrs["units"]
     statistics = run.statistics.rename_axis("quantity").reset_index(name="value")
-    statistics["unit"] = statistics["quantity"].map(units).fillna("")
+    statistics["unit"] = [units.get(name, "") for name in statistics["quantity"]]
     return {
         "impacts": run.impacts,
         "blows": run.blows,

@@ -127,8 +127,7 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _show(table: pd.DataFrame) -> None:
-    from mems_impact.plotting.bifurcation import switches
-    from mems_impact.tables.sweep import sweep_summary
+    from mems_impact.tables.sweep import sweep_summary, switches
 
     summary = sweep_summary(table)
     click.echo(text_of(summary, 6) + "\n")

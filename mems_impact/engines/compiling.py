@@ -11,6 +11,9 @@ from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
+# What `_Part` uses of numba beside what is documented.
+USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
+
 
 class _Part(JITCodeLibrary):
     """The code of a function that only other compiled code calls.
@@ -23,7 +26,8 @@ class _Part(JITCodeLibrary):
         """Put together what this function calls, and leave it at that."""
         self._raise_if_finalized()
         for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
+            if hasattr(library, "_reload_init"):  # numba 0.61 and later
+                self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True
 
@@ -55,7 +59,10 @@ class _PartCompiler(Compiler):
 # checks of divisors; and what only compiled code calls needs no entry from Python: it compiles
 # faster.
 JIT = {"_nrt": False, "error_model": "numpy"}
-INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "pipeline_class": _PartCompiler}
+INNER: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# A numba that is built in another way compiles as it likes, and takes twice as long.
+if all(hasattr(JITCodeLibrary, name) for name in USED):
+    INNER["pipeline_class"] = _PartCompiler
 # A C function is a wrapper around the function proper, whose arrays travel over the stack and whose
 # errors are looked for: a quarter of the time of a small one, unless it is inlined.
 FOR_C = {**JIT, "forceinline": True}

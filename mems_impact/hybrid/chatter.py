@@ -40,7 +40,7 @@ from mems_impact.hybrid.record import (
 # one, while the gap still has digits.
 WEAK = 5e-11
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
-STEADY = 1e-6  # the end of a sequence is known to about this part of its last flight
+STEADY = 1e-4  # the end of a sequence is known to about this part of its last flight
 BISECTIONS = 60
 
 
@@ -64,15 +64,16 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     if remaining > 0.0:
         # On average over the impacts that are left, the bodies keep in touch.
         arc.transition(engine, mode, code, t, entered)
-        # The closing acceleration changes a little: to first order, its mean is what counts.
+        # The closing acceleration changes a little, and has done so in the last flight: that is
+        # in its length and in the ratio of its speeds. To first order, all of it together is this.
         follow(engine, s, mode, t, entered, remaining, left)
         h = 0.125 * interval
         first = acceleration(engine, s, mode, t, entered, guard, h)
-        last = acceleration(engine, s, mode, t + remaining, left, guard, -h)
+        last = acceleration(engine, s, mode, t + remaining, left, guard, h)
         change = (last - first) / first if first != 0.0 else math.inf
-        if change <= -2.0 or not change * change * remaining <= STEADY * interval:
+        if not change * change * remaining <= STEADY * interval:
             return True
-        remaining /= 1.0 + 0.5 * change
+        remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
         if not carry(engine, s, t, remaining, guard):
             s.mode = mode
             return True

@@ -309,7 +309,9 @@ def late(engine: Any, s: Any, i: int, before: float, t: float) -> float:
     """
     now = row(s, NOW)
     rate = now[s.m + i]
-    by: float = (now[i] + arc.bias(engine, i)) / rate if rate < 0.0 else 0.0
+    if not rate < 0.0:
+        return 0.0
+    by: float = (now[i] + arc.bias(engine, i)) / rate
     return by if 8.0 * EPS * abs(t) < by < 1e-6 * (t - before) else 0.0
 
 

@@ -230,7 +230,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         passed[i] = 0.0
         hair = HAIR if lift else -HAIR
         arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
-        if lift and now[i] < 0.0:
+        if now[i] < 0.0:
             resolution(engine, s, s.mode, s.t, y)
             if now[i] < -clearly(s, i):
                 s.lifted = 1
@@ -253,13 +253,9 @@ def shift(s: Any, periods: int) -> None:
 def lower(engine: Any, s: Any) -> None:
     """Take the lift from margins that have become positive: from now on zero is their limit."""
     now = row(s, NOW)
-    s.lifted = 0
     for i in range(s.m):
-        if arc.bias(engine, i) > HAIR:
-            if now[i] > rounding_of(s, i):
-                arc.set_bias(engine, i, 0.0)
-            else:
-                s.lifted = 1
+        if arc.bias(engine, i) > HAIR and now[i] > rounding_of(s, i):
+            arc.set_bias(engine, i, 0.0)
 
 
 def still_below(s: Any) -> int:

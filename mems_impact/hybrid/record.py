@@ -87,7 +87,7 @@ CLOCK = np.dtype(
         ("rows", np.int64),  # rows written to the event buffer
         ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
         ("arc_start", np.float64),
-        ("lifted", np.int64),  # 1 while a margin that started clearly negative is lifted
+        ("lifted", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
         ("per_period", np.int64),  # samples per period, 0 for none
         ("sample_cycle", np.int64),

@@ -118,13 +118,11 @@ class _Run:
         self.consume, self.progress, self.on_stiff = consume, progress, on_stiff
         self.kept: list[Floats] = []
         self.bound = bind(problem)
-        first, rows = 0, 0
-        if per_period > 0:
-            # The epsilon keeps a sample that falls on the start itself.
-            first = math.ceil((start.time / problem.period - 1e-12) * per_period)
-            last = (end.cycle - start.cycle) * per_period
-            last += math.floor(end.time / problem.period * per_period + 1e-9)
-            rows = max(0, last - first + 1)
+        # The epsilon keeps a sample that falls on the start itself.
+        first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+        last = (end.cycle - start.cycle) * per_period
+        last += math.floor(end.time / problem.period * per_period + 1e-9)
+        rows = max(0, last - first + 1)
         switches = len(problem.switches)
         self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
         self.events = np.zeros((EVENT_ROWS + m, loop.HEAD + 2 * n))

@@ -30,7 +30,7 @@ class Segment:
         What ends it: a guard's number, a guard's number + m (the last of a sequence of impacts
         that accumulates), 2 m (the drive switches), or BOUNDARY.
     switch : int
-        For a switch of the drive, which of the switching times.
+        For a switch of the drive, which of the switching times; else -1.
     """
 
     mode: int

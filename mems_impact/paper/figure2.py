@@ -33,8 +33,8 @@ from mems_impact.analysis.simulate import simulate
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.paper import tables
+from mems_impact.paper.automaton import plot_automaton
 from mems_impact.paper.outcome import Devices, Effort, Outcome
-from mems_impact.plotting.automaton import plot_automaton
 
 __all__ = ["compute", "transitions"]
 

@@ -13,8 +13,8 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.analysis.simulate import simulate
 from mems_impact.paper import tables
+from mems_impact.paper.displacement import plot_displacement
 from mems_impact.paper.outcome import Devices, Effort, Outcome
-from mems_impact.plotting.displacement import plot_displacement
 
 __all__ = ["compute"]
 

@@ -8,13 +8,13 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from mems_impact.actuator.design.chart import Chart, operating_chart
+from mems_impact.actuator.figures.chart import plot_chart
 from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper import tables
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
 from mems_impact.paper.switching import JUST_ABOVE, Switching, period_of, switching
-from mems_impact.plotting.chart import plot_chart
 from mems_impact.plotting.style import new_figure
 
 __all__ = ["compute"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -9,8 +10,17 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables.common import bare, heading
+from mems_impact.plotting.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    new_figure,
+    on_section,
+    parameter_label,
+    tidy,
+    with_unit,
+)
+from mems_impact.tables.common import bare
 
 __all__ = ["plot_branch"]
 
@@ -32,9 +42,13 @@ class Diagram(Protocol):
 
 
 def plot_branch(
-    branch: Diagram | Sequence[Diagram], sweep: pd.DataFrame | None = None, ax: Any = None
+    branch: Diagram | Sequence[Diagram],
+    sweep: pd.DataFrame | None = None,
+    ax: Any = None,
+    *,
+    quantity: str | None = None,
 ) -> Any:
-    """Draw v2 on the section x2 = 0 over the parameter of one or more branches.
+    """Draw a state on the section over the parameter of one or more branches.
 
     Stable orbits are solid lines, unstable ones dashed, inadmissible ones left out. Special points
     are labelled as in the paper: G, CF, PD.
@@ -46,51 +60,81 @@ def plot_branch(
         From `mems_impact.sweep` over the same parameter, drawn as dots below.
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
+    quantity : str, optional
+        A state, or another column of the branch's table, such as ``"impact speed"``; the first
+        state that the system shows by default, of an actuator v2.
 
     Returns
     -------
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `branch` is none, there is no such quantity, or branches and sweep are over different
+        parameters.
+
+    Examples
+    --------
+    >>> plot_branch(branch, sweep=table).figure.savefig("branch.png")
     """
-    if ax is None:
-        ax = new_figure(7.0, 4.2).subplots()
     diagrams = list(branch) if isinstance(branch, Sequence) else [branch]
     for diagram in diagrams:
         if not hasattr(diagram, "special_table"):
             allowed = "a Branch, as mems_impact.continue_orbit returns it"
             raise InvalidParameter("branch", type(diagram).__name__, allowed)
     first = diagrams[0].table
-    label, ordinate = heading(first, first.columns[0]), heading(first, "v2")
-    if sweep is not None:
-        dots = bare(sweep)
+    parameter, state = first.columns[0], _ordinate(first, quantity)
+    dots = None if sweep is None else bare(sweep)
+    over = [diagram.table.columns[0] for diagram in diagrams]
+    over += [] if dots is None else [dots.columns[0]]
+    if set(over) != {parameter}:
+        raise InvalidParameter("parameter", ", ".join(over), "the same of all branches and sweep")
+    if ax is None:
+        ax = new_figure(7.0, 4.2).subplots()
+    if dots is not None:
+        if state not in dots:
+            raise InvalidParameter("quantity", state, f"one of the sweep's {', '.join(dots)}")
         ax.plot(
-            dots.iloc[:, 0], dots["v2"], linestyle="none", marker="o", color=DOTS,
+            dots[parameter], dots[state], linestyle="none", marker="o", color=DOTS,
             markersize=1.8 if len(dots) > 2000 else 3.2,
             markeredgewidth=0.0, label="brute force", rasterized=len(dots) > 20_000, zorder=1,
         )  # fmt: skip
     drawn: set[str] = set()
     for diagram in diagrams:
-        _lines(ax, diagram.table, drawn)
-    marks = pd.concat([_marks(diagram.special_table) for diagram in diagrams])
-    _points(ax, marks)
-    parameter = label.partition(" [")[0]
-    unit = label[len(parameter) :]
-    name = symbol(parameter)
-    ax.set_xlabel((name if name == parameter else f"{parameter} {name}") + unit)
-    ax.set_ylabel(f"$v_2${ordinate[2:]} at $x_2 = 0$")
+        _lines(ax, diagram.table, state, drawn)
+    found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
+    if found:
+        _points(ax, pd.concat([_marks(table, state) for table in found]))
+    ax.set_xlabel(parameter_label(first, parameter))
+    ax.ticklabel_format(axis="y", scilimits=(-3, 4))
+    shown = state in first.attrs.get("states", ())
+    ax.set_ylabel(on_section(first, state) if shown else with_unit(state, first, state))
     ax.margins(x=0.02, y=0.08)
     ax.legend(frameon=False)
     tidy(ax)
     return ax
 
 
-def _lines(ax: Any, table: pd.DataFrame, drawn: set[str]) -> None:
+def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:
+    """Return the column to draw."""
+    states: list[str] = table.attrs.get("states", [])
+    if quantity is None and states:
+        return states[0]
+    known = [name for name in table.columns[1:] if name not in ("stable", "admissible", "piece")]
+    if quantity not in known:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(known)}")
+    return str(quantity)
+
+
+def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
     """Draw each run of orbits of one stability; it ends where the next one begins."""
     values = table.iloc[:, 0].to_numpy()
     kind = np.where(table["stable"], "stable", "unstable")
     kind = np.where(table["admissible"], kind, "")
-    plain = bare(table)
-    columns = [name for name in plain.columns if name == "v2" or name.startswith("v2 ")]
+    # One column a crossing of the section: v2, v2 2, v2 3, …
+    columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
     pieces = table["piece"].to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
     for begin, end in zip(edges, [*edges[1:], len(table)], strict=True):
@@ -105,20 +149,19 @@ def _lines(ax: Any, table: pd.DataFrame, drawn: set[str]) -> None:
             style = {"color": ORANGE, "linewidth": 1.2, "linestyle": (0, (4, 2)), "zorder": 2}
         before = np.full(end + more - begin, np.nan)
         for column in columns:
-            v2 = plain[column].to_numpy()[rows]
+            y = table[column].to_numpy()[rows]
             # An orbit that repeats itself within the period of its branch is drawn once.
-            if np.isnan(v2).all() or np.allclose(v2, before, rtol=1e-9):
+            if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
                 continue
-            before = v2
+            before = y
             text = None if kind[begin] in drawn else f"{kind[begin]} orbit"
             drawn.add(str(kind[begin]))
-            ax.plot(values[rows], v2, label=text, **style)
+            ax.plot(values[rows], y, label=text, **style)
 
 
-def _marks(table: pd.DataFrame) -> pd.DataFrame:
-    plain = bare(table)
-    plain = plain[plain["label"].isin(MARKED) & plain["admissible"].astype(bool)]
-    return pd.DataFrame({"label": plain["label"], "value": plain.iloc[:, 2], "v2": plain["v2"]})
+def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
+    rows = table[table["label"].isin(MARKED) & table["admissible"].astype(bool)]
+    return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
 
 
 def _points(ax: Any, marks: pd.DataFrame) -> None:
@@ -126,18 +169,18 @@ def _points(ax: Any, marks: pd.DataFrame) -> None:
     x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
     taken: list[tuple[str, float, float]] = []
     for row in marks.itertuples():
-        here = (row.value / x, row.v2 / y)
+        here = (row.value / x, row.y / y)
         if any(t[0] == row.label and _within(0.01, t, here) for t in taken):
             continue
         near = [t for t in taken if _within(0.05, t, here)]
         ax.plot(
-            row.value, row.v2, marker="o", markersize=5.5, color=FACES[row.label],
+            row.value, row.y, marker="o", markersize=5.5, color=FACES[row.label],
             markeredgecolor="black", markeredgewidth=0.8, linestyle="none", zorder=4,
         )  # fmt: skip
         # Labels of points near each other stand on different sides.
         dx, dy = ((5, 5), (-5, -13), (-6, 5), (6, -13))[len(near) % 4]
         ax.annotate(
-            row.label, (row.value, row.v2), xytext=(dx, dy), textcoords="offset points",
+            row.label, (row.value, row.y), xytext=(dx, dy), textcoords="offset points",
             ha="left" if dx > 0 else "right", fontsize="small", zorder=5,
         )  # fmt: skip
         taken.append((row.label, *here))

@@ -1,79 +1,129 @@
-"""One periodic orbit in the phase plane of the block."""
+"""One periodic orbit in a phase plane."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from pkgutil import resolve_name
+from typing import Any
 
+import pandas as pd
+
+from mems_impact.analysis.orbit import Orbit
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables.common import heading
+from mems_impact.plotting.motion import JUMP, check_states, line, mode_colors, moves
+from mems_impact.plotting.style import GREY, crosses, new_figure, symbol, tidy, with_unit
+from mems_impact.tables.common import captions
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from mems_impact.actuator.parameters import Actuator
-
-__all__ = ["plot_orbit"]
+__all__ = ["PER_PERIOD", "plot_orbit"]
 
 PER_PERIOD = 1000
 
 
-class Closed(Protocol):
-    """What `plot_orbit` needs of a `mems_impact.analysis.orbit.Orbit`."""
+def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Any:
+    """Draw one state of a periodic orbit over another, with impacts and the section.
 
-    @property
-    def actuator(self) -> Actuator:
-        """Owner of the stoppers."""
-
-    @property
-    def impacts(self) -> pd.DataFrame:
-        """One row an impact."""
-
-    def samples(self, per_period: int) -> pd.DataFrame:
-        """Return the state at equal intervals."""
-
-
-def plot_orbit(orbit: Closed, ax: Any = None) -> Any:
-    """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips.
+    A dotted line joins the states before and after a jump. A diamond is where the orbit crosses
+    the Poincaré section, or where a forcing period begins if the system has none.
 
     Parameters
     ----------
     orbit : Orbit
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
+    x, y : str, optional
+        Which states, or ``"t"``; the first two that are not cyclic by default, and of a system that
+        has one alone, this one over time. Of an actuator its block between the stoppers, as it is
+        drawn if neither is given.
 
     Returns
     -------
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `orbit` is none, or has no such state.
+
+    Examples
+    --------
+    >>> plot_orbit(orbit, x="x", y="v").figure.savefig("orbit.png")
     """
-    if not hasattr(orbit, "samples"):
+    if not isinstance(orbit, Orbit):
         allowed = "an Orbit, as mems_impact.find_orbit returns it"
         raise InvalidParameter("orbit", type(orbit).__name__, allowed)
+    if orbit.figure and x is None and y is None:
+        return resolve_name(orbit.figure)(orbit, ax)
+    x, y = _plane(orbit, x, y)
     if ax is None:
         ax = new_figure(5.2, 4.4).subplots()
-    table = orbit.samples(PER_PERIOD)
-    x, v = "x2", "v2"
-    stuck = table["mode"].astype(str).str.startswith("stuck")
-    free, slips = table[v].where(stuck), table[v].where(~stuck)
-    # At an impact the velocity jumps: the line is broken there.
-    jumps = (table[x].diff().abs() < 1e-9) | (table[v].diff().abs() > 0.2 * table[v].abs().max())
-    ax.plot(table[x], free.mask(jumps), color=BLUE, linewidth=1.5, label="frame stuck")
-    if (~stuck).any():
-        ax.plot(table[x], slips, color=GREEN, linewidth=2.4, label="frame slips")
-    delta = orbit.actuator.delta
-    for stopper in (-delta, delta):
-        ax.axvline(stopper, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1)
-    hits = orbit.impacts
-    for place, (_, hit) in enumerate(hits.iterrows()):
-        side = delta if hit["stopper"] == "right" else -delta
-        jump = [hit["v2 before"], hit["v2 after"]]
-        ax.plot(
-            [side, side], jump, color=ORANGE, linewidth=1.2, linestyle=(0, (2, 1)), marker="o",
-            markersize=3.5, label=None if place else "impact", zorder=3,
-        )  # fmt: skip
-    ax.set_xlabel("$x_2$" + heading(table, x)[2:])
-    ax.set_ylabel("$v_2$" + heading(table, v)[2:])
-    ax.legend(frameon=False, loc="upper center", bbox_to_anchor=(0.5, 1.1), ncols=3)
+    samples, corners = _closed(orbit), orbit.corners
+    names = [name for name in (x, y) if name != "t"]
+    curve = line(samples, corners, names)
+    system = orbit.system
+    spent = curve["mode"].value_counts()
+    for mode, color in mode_colors(spent, system.modes).items():
+        here = curve[y].where(curve["mode"] == mode)
+        label = mode if len(system.modes) > 1 else None
+        ax.plot(curve[x], here, color=color, linewidth=1.5, label=label)
+    jumps = pd.Series(False, index=corners.index)
+    for name in names:
+        jumps |= moves(corners, name, samples)
+    for place, (_, row) in enumerate(corners[jumps].iterrows()):
+        ends = [
+            [row["t"]] * 2 if name == "t" else [row[f"{name} before"], row[f"{name} after"]]
+            for name in (x, y)
+        ]
+        label = None if place else ("impact" if corners["impact"].any() else "jump")
+        ax.plot(*ends, marker="o", markersize=3.5, label=label, **JUMP)
+    _mark_section(ax, orbit, x, y)
+    for name, put in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
+        put(with_unit("time" if name == "t" else symbol(name), samples, name))
+    ax.ticklabel_format(scilimits=(-3, 4))
+    if ax.get_legend_handles_labels()[0]:
+        ax.legend(
+            frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2
+        )
     tidy(ax)
     return ax
+
+
+def _plane(orbit: Orbit, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the states that span the plane."""
+    system = orbit.system
+    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
+    known = (*system.states, "t")
+    for field, name in (("x", x), ("y", y)):
+        if name is not None:
+            check_states(field, name, known)
+    if x is None:
+        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
+    if y is None:
+        y = next(name for name in (*free, *known) if name != x)
+    return x, y
+
+
+def _closed(orbit: Orbit) -> pd.DataFrame:
+    """Return the samples of an orbit, from its beginning to where it closes."""
+    samples = orbit.samples(PER_PERIOD)
+    last = samples.iloc[[0]].copy()
+    last["t"] += orbit.periods * orbit.period
+    for name, gain in orbit.gains.items():
+        last[name] += gain
+    closed = pd.concat([samples, last], ignore_index=True)
+    closed.attrs = samples.attrs
+    return closed
+
+
+def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
+    """Mark the crossings of the section, and the section itself where it is a line."""
+    rows, section = orbit.section(), captions(orbit.system)
+    label = crosses(section) or "period begins"
+    if section["section"]:
+        state, level = section["section"]
+        draw = ax.axvline if state == x else ax.axhline if state == y else None
+        if draw is not None:
+            draw(level, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+    ax.plot(
+        rows[x], rows[y], linestyle="none", marker="D", markersize=4.5, color="white",
+        markeredgecolor="black", markeredgewidth=0.9, zorder=5, label=label,
+    )  # fmt: skip

@@ -1,25 +1,65 @@
-"""What the figures share: colours, and a figure that belongs to no backend."""
+"""What the figures share: colours, labels, and a figure that belongs to no backend."""
 
 from __future__ import annotations
 
-from typing import Any
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from mems_impact.tables.common import heading
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "BLUE", "GREEN", "GREY", "MODE_COLORS", "ORANGE",
+    "crosses", "new_figure", "on_section", "parameter_label", "symbol", "tidy", "with_unit",
+]  # fmt: skip
 
 # Distinct in grey and to the colour-blind (after Wong, Nature Methods 8, 441, 2011).
 BLUE = "#0072b2"
 ORANGE = "#d55e00"
 GREEN = "#009e73"
 GREY = "0.45"
+MODE_COLORS = (GREEN, "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "0.6")
+"""Of modes beside the one that a motion spends most time in, which is blue."""
 
-SYMBOLS = {
-    "amplitude": "$f$",
-    "omega": r"$\omega$",
-    "delta": r"$\delta$",
-    "mu_s": r"$\mu_s$",
-    "mu_d": r"$\mu_d$",
-    "alpha": r"$\alpha$",
-    "m1": "$m_1$",
-    "m2": "$m_2$",
-}
+GREEK = [
+    "alpha",
+    "beta",
+    "gamma",
+    "delta",
+    "epsilon",
+    "zeta",
+    "eta",
+    "theta",
+    "iota",
+    "kappa",
+    "lambda",
+    "mu",
+    "nu",
+    "xi",
+    "pi",
+    "rho",
+    "sigma",
+    "tau",
+    "upsilon",
+    "phi",
+    "chi",
+    "psi",
+    "omega",
+    "Gamma",
+    "Delta",
+    "Theta",
+    "Lambda",
+    "Xi",
+    "Pi",
+    "Sigma",
+    "Phi",
+    "Psi",
+    "Omega",
+]
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -29,9 +69,64 @@ def new_figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def symbol(parameter: str) -> str:
-    """Return the paper's symbol of a parameter, for labels."""
-    return SYMBOLS.get(parameter, parameter)
+def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
+    r"""Return the symbol of a state or a parameter, for labels; the name where it is a word.
+
+    Parameters
+    ----------
+    name : str
+    symbols : mapping of str to str, optional
+        Those that are not to be read off the name.
+
+    Examples
+    --------
+    >>> symbol("x2"), symbol("v_max"), symbol("wall")
+    ('$x_2$', '$v_{\\mathrm{max}}$', 'wall')
+    """
+    if name in symbols:
+        return symbols[name]
+    found = re.fullmatch(rf"({'|'.join(GREEK)}|[A-Za-z])(?:_?(\d+)|_([A-Za-z0-9]+))?", name)
+    if not found:
+        return name
+    letter, index = found[1], found[2] or found[3] or ""
+    if len(letter) > 1:
+        letter = f"\\{letter}"
+    if len(index) > 1:
+        index = rf"{{\mathrm{{{index}}}}}"
+    return f"${letter}_{index}$" if index else f"${letter}$"
+
+
+def with_unit(words: str, table: pd.DataFrame, name: str) -> str:
+    """Return `words`, which stand for the column `name`, with its unit if it has one."""
+    return words + heading(table, name)[len(name) :]
+
+
+def parameter_label(table: pd.DataFrame, name: str) -> str:
+    """Return the label of an axis for a parameter: its name, its symbol, its unit."""
+    symbols = table.attrs.get("symbols", {})
+    sign = symbol(name, symbols)
+    # x2 is told by its symbol alone, omega needs the word as well.
+    told = sign == name or (name not in symbols and "\\" not in sign)
+    return with_unit(sign if told else f"{name} {sign}", table, name)
+
+
+def crosses(captions: Mapping[str, Any]) -> str:
+    """Return the equation of the Poincaré section from a table's ``attrs``; empty without one."""
+    if not captions.get("section"):
+        return ""
+    name, level = captions["section"]
+    sign = symbol(name)
+    sign = sign.strip("$") if sign != name else rf"\mathrm{{{name}}}"
+    return f"${sign} = {level:g}$"
+
+
+def on_section(table: pd.DataFrame, state: str) -> str:
+    """Return the label of an axis for a state where a table looks at it, with its unit."""
+    equation = crosses(table.attrs)
+    where = f" at {equation}" if equation else " where periods begin"
+    if "section" not in table.attrs:  # read back from a file
+        where = " on the section"
+    return with_unit(symbol(state), table, state) + where
 
 
 def tidy(ax: Any) -> None:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Section
 from mems_impact.hybrid.trajectory import Events, Floats
 from mems_impact.units import Scales
 
@@ -29,6 +30,7 @@ __all__ = [
     "END",
     "Labels",
     "bare",
+    "captions",
     "event_codes",
     "event_words",
     "heading",
@@ -67,6 +69,18 @@ class Labels(Protocol):
     def forced(self) -> bool:
         """Whether there are forcing periods to be counted."""
 
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The states by which orbits are shown."""
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction."""
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """Symbols of parameters, where they are not to be read off the names."""
+
 
 def table(
     columns: Mapping[str, Any],
@@ -99,6 +113,16 @@ def table(
         **attributes,
     }
     return result
+
+
+def captions(labels: Labels) -> dict[str, Any]:
+    """Return what figures say of a table of orbits or sweeps, for its ``attrs``."""
+    section = labels.section
+    equation: list[Any] = []
+    if section is not None:
+        name = labels.automaton.states[section[0]]
+        equation = [name, float(labels.scales.out(section[1], unit_of(name, labels.units)))]
+    return {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
 
 
 def unit_of(heading: str, units: Mapping[str, str]) -> str:

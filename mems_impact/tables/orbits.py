@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from mems_impact.tables.common import Labels, table
+from mems_impact.tables.common import Labels, captions, table
 
 __all__ = ["branch", "codimension_two", "curve", "special_points"]
 
@@ -26,7 +26,7 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
     labels : Labels
     """
     values = np.array([row["value"] for row in rows], dtype=float)
-    return table(_measures(rows), labels, given={parameter: values})
+    return table(_measures(rows), labels, given={parameter: values}, **captions(labels))
 
 
 def special_points(
@@ -38,14 +38,14 @@ def special_points(
         "kind": [row["kind"] for row in rows],
         parameter: np.array([row["value"] for row in rows], dtype=float),
     }
-    return table(_measures(rows), labels, given=given)
+    return table(_measures(rows), labels, given=given, **captions(labels))
 
 
 def curve(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row an orbit of a curve; `rows` with ``values`` of the two `parameters`."""
-    return table(_measures(rows), labels, given=_values(parameters, rows))
+    return table(_measures(rows), labels, given=_values(parameters, rows), **captions(labels))
 
 
 def codimension_two(
@@ -53,7 +53,7 @@ def codimension_two(
 ) -> pd.DataFrame:
     """Return one row a point of codimension two; as `curve`, with ``kind``."""
     given = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
-    return table(_measures(rows), labels, given=given)
+    return table(_measures(rows), labels, given=given, **captions(labels))
 
 
 def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -20,7 +20,16 @@ from mems_impact.tables.common import (
     words,
 )
 
-__all__ = ["events", "impacts", "samples", "section", "segments", "statistics", "verification"]
+__all__ = [
+    "corners",
+    "events",
+    "impacts",
+    "samples",
+    "section",
+    "segments",
+    "statistics",
+    "verification",
+]
 
 
 def events(
@@ -40,6 +49,23 @@ def events(
         **states(automaton.states, log.after),
         **{name: values[shown] for name, values in observed.items()},
     }
+    return table(columns, labels)
+
+
+def corners(log: Events, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a transition: when, event, modes, impact, the states before and after."""
+    automaton = labels.automaton
+    log = log[is_shown(log)]
+    before, after = (states(automaton.states, y) for y in (log.before, log.after))
+    columns: dict[str, Any] = {
+        **when(log.cycle, log.time, period, labels),
+        "event": words(event_words(automaton)[:-1], event_codes(log, automaton)),
+        "mode before": words(automaton.modes, log.mode_before),
+        "mode after": words(automaton.modes, log.mode_after),
+        "impact": log.impacts(automaton),
+    }
+    for name in automaton.states:
+        columns[f"{name} before"], columns[f"{name} after"] = before[name], after[name]
     return table(columns, labels)
 
 

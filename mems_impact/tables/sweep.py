@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mems_impact.tables.common import Labels, bare, table
+from mems_impact.tables.common import Labels, bare, captions, table
 
-__all__ = ["sweep", "sweep_summary"]
+__all__ = ["sweep", "sweep_summary", "switches"]
 
 # Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
 DIRECTION, PERIOD, STATUS = "direction", "period", "status"
@@ -23,6 +24,7 @@ def sweep(
     states: Sequence[str],
     statistics: Sequence[str],
     labels: Labels,
+    quantities: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> pd.DataFrame:
     """Return one row a crossing of the section, or one with NaN for a point without any.
 
@@ -36,6 +38,8 @@ def sweep(
     states, statistics : sequence of str
         What there is a column of.
     labels : Labels
+    quantities : mapping of str to tuple, optional
+        What figures show beside the states, for ``attrs``: the column and what an axis says.
     """
     crossings = [len(point["section"].get(PERIOD, ())) for point in points]
     repeats = [max(1, k) for k in crossings]
@@ -61,7 +65,9 @@ def sweep(
         },
         STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
     }
-    return table({}, labels, given=columns, states=list(states))
+    shown = {**captions(labels), "states": list(states)}
+    told = {name: list(pair) for name, pair in quantities.items()}
+    return table({}, labels, given=columns, **shown, quantities=told)
 
 
 def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
@@ -107,3 +113,23 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     shown = {name: unit for name, unit in units.items() if name in summary}
     summary.attrs = {**table.attrs, "units": shown}
     return summary
+
+
+def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
+    """Return where each chain first begins or ceases to impact: direction, value, begins.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `sweep`, or read back from a file. Values that failed are passed over.
+    """
+    summary = sweep_summary(table)
+    summary = summary[summary["status"] == "ok"]
+    found = []
+    for direction, rows in summary.groupby("direction", sort=False):
+        impacting = rows["impacting"].to_numpy()
+        changes = (impacting[1:] != impacting[:-1]).nonzero()[0]
+        if changes.size:
+            row = rows.iloc[changes[0] + 1]
+            found.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
+    return found

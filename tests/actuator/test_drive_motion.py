@@ -287,11 +287,11 @@ def test_engines_agree(name):
 @pytest.mark.parametrize("name", ["square with flanks", "burst of pulses", "two-sided", "custom"])
 def test_a_device_in_si_moves_as_the_dimensionless_one(name):
     """Any scales will do: the drive is scaled with the device."""
-    from mems_impact.actuator.units import Scales
+    from mems_impact.actuator.units import DeviceScales
 
     time, voltage = 2e-4, 300.0
     length, mass = 2e-6, 1e-8
-    scales = Scales(
+    scales = DeviceScales(
         mass=mass, stiffness=mass / time**2, length=length,
         alpha=mass / time**2 * length**3 / voltage**2, time=time, voltage=voltage,
     )  # fmt: skip

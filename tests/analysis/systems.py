@@ -50,7 +50,7 @@ def energy(mode, t, y, p):
     return 0.5 * (y.v * y.v + y.x * y.x)
 
 
-def oscillator(*, rates: bool = False, **parameters: float) -> mi.System:
+def oscillator(*, rates: bool = False, section=None, units=None, **parameters: float) -> mi.System:
     """A driven oscillator with a stop, on which it may rest."""
     closing, slackening = (_closing, _slackening) if rates else (None, None)
     return mi.System(
@@ -68,6 +68,8 @@ def oscillator(*, rates: bool = False, **parameters: float) -> mi.System:
             mi.Observable("speed", impact_speed, at=("wall",), reduce="max"),
             mi.Observable("energy", energy),
         ],
+        section=section,
+        units=units,
     )  # fmt: skip
 
 

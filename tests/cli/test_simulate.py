@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
+from mems_impact.tables.common import with_units
 
 ARGUMENTS = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "20"]
 
@@ -59,7 +60,7 @@ def test_blows_are_shown_and_written(cli, tmp_path):
     assert f"The first of the {len(run.blows)} blows that they make:" in done.out
     assert "displacement per blow std [m]" in done.out
     written = pd.read_csv(tmp_path / "out" / "simulate-blows.csv")
-    expected = run.blows.astype({"stopper": object})
+    expected = with_units(run.blows).astype({"stopper": object})
     pd.testing.assert_frame_equal(written, expected, check_dtype=False, rtol=1e-15)
     assert len(written) < len(run.impacts) == written["impacts"].sum()
     assert "Each is a blow of its own." in cli(*ARGUMENTS, "--no-figure").out

@@ -33,7 +33,7 @@ def test_sweep(cli, monkeypatch):
     table = mi.sweep(
         mi.load_actuator("mita2003"), drive, "amplitude", [20, 50], transient=1, periods=1
     )
-    table.loc[table["amplitude [V]"] == 50, "status"] = "it broke"
+    table.loc[table["amplitude"] == 50, "status"] = "it broke"
     monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
     vary = ["--parameter", "amplitude", "--start", "20", "--stop", "50", "--points", "2"]
     out = cli("sweep", "mita2003", *vary, *VOLTAGE).out

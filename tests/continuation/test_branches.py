@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.drive import Square
-from mems_impact.continuation.branch import Steps, follow
+from mems_impact.continuation.branch import OrbitBranch, SpecialPoint, Steps, _Walker, follow
 from mems_impact.continuation.corrector import step
 from mems_impact.continuation.monitors import Monitor, closest
 from mems_impact.continuation.resignature import reconnect
@@ -244,6 +244,23 @@ def test_events_that_cannot_pass_each_other(segment, reason):
     meeting = Monitor("simultaneous events", "length", segment)
     with pytest.raises(OrbitError, match=reason):
         reconnect(orbit, meeting, "amplitude")
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_what_changes_where_two_events_meet_is_listed_once(listed):
+    """The meeting itself changes nothing; a fold in it is named, if it has not been already."""
+    first = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16).points[0]
+    meeting = Monitor("simultaneous events", "length", 0)
+    met = SpecialPoint("fold", "CF", 0.16, first.orbit, first.direction, meeting)
+    fold = replace(met, monitor=Monitor("fold"))
+    special = [fold, met] if listed else [met]
+    found = OrbitBranch("amplitude", special_points=list(special))
+    walker = _Walker(found, 0.1, 0.3, Steps(), True)
+    before = {Monitor(kind): 1.0 for kind in ("fold", "period-doubling", "Neimark-Sacker")}
+    walker._rename(met, special, before, {**before, fold.monitor: -0.1})
+    assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
+        ("fold", 0.16, fold.monitor)
+    ]
 
 
 def test_progress_hears_every_value():

@@ -1,11 +1,14 @@
 """Both engines give the same events and states, on the actuator, wherever the motion is regular."""
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mems_impact.actuator.drive import Sine
+from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
+from mems_impact.hybrid.problem import is_compiled
 from tests.actuator.machine import ZHAO, simulate
 
 LONGEST = 60.0  # time units per example: the interpreted engine takes 3 ms for each
@@ -68,3 +71,11 @@ def test_engines_agree(amplitude, omega, mu, e, c, x2, v2):
     assert np.array_equal(a.cycle, b.cycle)
     np.testing.assert_allclose(a.before[~chatter], b.before[~chatter], rtol=0, atol=1e-8)
     np.testing.assert_allclose(a.after, b.after, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("engine", "compiled"), [("interpreted", False), ("compiled", True), ("auto", True)]
+)
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_runs_that_hold_no_lock(method, engine, compiled):
+    assert is_compiled(Options(method=method, engine=engine)) is compiled

@@ -60,6 +60,13 @@ def test_a_ball_comes_to_rest_at_any_tolerance(rtol, engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_impacts_that_lose_nothing_come_at_equal_times(engine):
+    """A solver that stops some hundred roundings after a root adds them up: here to 2e-10."""
+    impacts = times(simulate(BALL, ball(1.0), [0.5, 0.0], 200.0, period=1.0, engine=engine))
+    assert impacts == pytest.approx(np.arange(1.0, 200.0, 2.0), rel=0.0, abs=2e-12)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_a_resting_ball_is_released_where_gravity_changes_sign(engine):
     """Weight 0.5 + cos t: rest until cos t = -0.5; then the exact flight."""
     run_ = simulate(BALL, ball(0.0, 0.5, 1.0), [0.0, 0.0], 0.5, mode=RESTING, engine=engine)

@@ -118,6 +118,11 @@ def test_the_last_sample_of_a_broken_period(periods):
     assert len(run_.samples(10).cycle) == round(10 * periods) + 1
 
 
+def test_half_a_period_that_is_short_is_sampled_to_its_end():
+    run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.5, period=0.125, engine="interpreted")
+    assert run_.samples(8).time.tolist() == [0.0, 0.015625, 0.03125, 0.046875, 0.0625]
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_samples_lie_on_the_closed_form(engine):
     """A harmonic oscillator without impacts, and a ball between two."""

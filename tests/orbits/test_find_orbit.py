@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.run import run
 from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.signature import BOUNDARY, Segment
 from tests.continuation import free_block
 from tests.orbits.families import (
     actuator,
@@ -46,6 +48,27 @@ def test_unstable_orbit_without_impacts_is_found_from_a_near_guess():
     state, _ = free_block.orbit(0.23, 0.45, np.array([0.20, 0.05]))
     orbit = find_orbit(actuator(0.23, 0.45), at((0.0, 0.0, *state)))
     np.testing.assert_allclose(orbit.state[2:], state, atol=1e-9)
+
+
+def test_a_segment_that_no_switch_ends_names_none():
+    assert Segment(0, 0, BOUNDARY) == Segment(0, 0, BOUNDARY, -1)
+
+
+@pytest.mark.parametrize("periods", [1, 2, 3])
+def test_an_orbit_under_a_square_wave_is_cut_at_every_switch(periods):
+    """Without impacts: half a period later it is its own negative."""
+    omega, amplitude, c = 0.7, 0.3, 0.1
+    half = expm(np.array([[0.0, 1.0], [-1.0, -c]]) * math.pi / omega)
+    pulled = np.array([amplitude, 0.0])
+    start = np.linalg.solve(np.eye(2) + half, (half - np.eye(2)) @ pulled)
+    family = oscillator(c=c, square=1.0, amplitude=amplitude, omega=omega, d=10.0)
+    orbit = find_orbit(family, at(start + 1e-4), periods=periods)
+    assert [segment.switch for segment in orbit.segments] == [0, 1] * periods
+    assert orbit.state == pytest.approx(start, abs=1e-10)
+    expected = np.linalg.eigvals(np.linalg.matrix_power(half, 2 * periods))
+    np.testing.assert_allclose(
+        np.sort_complex(orbit.multipliers), np.sort_complex(expected), atol=1e-9
+    )
 
 
 @pytest.mark.parametrize("periods", [2, 3])

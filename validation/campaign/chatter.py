@@ -52,8 +52,9 @@ def pressed_for_long(seed: int, small: bool) -> Result:
     findings = []
     drive = mi.Square(amplitude=0.5, omega=0.1, duty=0.8)
     device = mi.load_actuator("zhao2004")
-    problem = mi.studies.run.problem_of(device, drive, mi.Options(engine="compiled"))
-    state = mi.studies.simulate.instant_of_state(device, drive, mi.State())
+    system = device.under(drive)
+    problem = system.problem(mi.Options(engine="compiled"))
+    state = system.instant(None, problem)
     run(problem, state, 2.0)  # compiled and warm
     times, events, steps = [], [], []
     for _ in range(10):

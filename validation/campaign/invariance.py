@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.actuator.units import Scales
-from mems_impact.analysis.run import problem_of
-from mems_impact.analysis.simulate import instant_of_state
+from mems_impact.actuator.units import DeviceScales
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.run import run
@@ -51,7 +49,7 @@ def same(a: Any, b: Any) -> bool:
 
 def units(seed: int, small: bool) -> Result:
     """SI and dimensionless: one and the same to rounding, as far as rounding does not grow."""
-    scales = Scales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
+    scales = DeviceScales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
     tried = apart = events = 0
     findings = []
     for case in drawn(seed, 12 if small else 200):
@@ -134,9 +132,9 @@ def order_of_guards(seed: int, small: bool) -> Result:
     findings, tried = [], 0
     for case in drawn(seed + 2, 4 if small else 60):
         options = mi.Options(**{**case.options, "engine": "interpreted"})
-        drive = case.drive.build()
-        problem = problem_of(case.actuator, drive, options)
-        start = instant_of_state(case.actuator, drive, case.initial)
+        system = case.actuator.under(case.drive.build())
+        problem = system.problem(options)
+        start = system.instant(case.initial, problem)
         places = tuple(int(i) for i in rng.permutation(len(problem.automaton.guards)))
         logs = []
         for automaton in (problem.automaton, permuted(problem.automaton, places)):

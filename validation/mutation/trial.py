@@ -16,7 +16,7 @@ from validation.mutation.mutants import Mutant
 COPIED = ("mems_impact", "tests", "validation", "docs", "pyproject.toml", "README.md")
 
 HYBRID = ["closed_forms", "odd_automata", "events", "switches", "samples", "scan"]
-HYBRID += ["agreement", "long_runs"]
+HYBRID += ["record", "hidden", "sequences", "agreement", "long_runs"]
 RUNS = [f"tests/hybrid/test_{name}.py" for name in HYBRID]
 RUNS += ["tests/campaign/test_stories.py", "tests/campaign/test_families.py"]
 ORBITS = ["audit", "linear_oscillator", "find_orbit", "stickslip"]

@@ -174,12 +174,14 @@ def speed_over_voltage(
         One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
         displacement per period, per impact and per blow, mean speed.
     """
+    from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.analysis.sweep import sweep
     from mems_impact.tables.sweep import sweep_summary
 
+    system = ActuatorSystem(actuator, drive)
     table = sweep(
-        actuator, drive, parameter, amplitudes, direction="down", transient=transient,
-        periods=periods, initial=initial, options=options, workers=workers,
+        system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
+        initial=initial, options=options, workers=workers,
     )  # fmt: skip
     summary = sweep_summary(table).iloc[::-1]
     return tables.speed(
@@ -189,7 +191,7 @@ def speed_over_voltage(
         summary["blows per period"].to_numpy(),
         summary["displacement per period"].to_numpy(),
         drive.period,
-        actuator.under(drive),
+        system,
     )
 
 

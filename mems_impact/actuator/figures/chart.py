@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import pandas as pd
 
+from mems_impact.actuator.tables import SYMBOLS
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, symbol, tidy
 from mems_impact.tables.common import heading
 
@@ -96,7 +97,7 @@ def plot_chart(chart: Boundaries, ax: Any = None) -> Any:
     ax.margins(y=0.14)
     units = {name: heading(table, name).removeprefix(name) for name in (omega, amplitude)}
     ax.set_xlabel(f"omega {symbol(omega)}{units[omega]}")
-    ax.set_ylabel(f"amplitude {symbol(amplitude)}{units[amplitude]}")
+    ax.set_ylabel(f"amplitude {symbol(amplitude, SYMBOLS)}{units[amplitude]}")
     ax.legend(frameon=False, loc="lower left")
     tidy(ax)
     return ax

@@ -9,18 +9,19 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
-    from mems_impact.plotting.timeseries import Motion
+    from mems_impact.actuator.results import ActuatorRun
 
 __all__ = ["plot_displacement"]
 
 PER_PERIOD = 2000
+MEASURED = (100.0, 20.0)
+"""Amplitude [V] and displacement per blow [nm] at 1 Hz that the paper measured."""
 
 
 def plot_displacement(
-    table: pd.DataFrame, run: Motion, pull_in: float, axes: Any = None
+    table: pd.DataFrame, run: ActuatorRun, pull_in: float, axes: Any = None
 ) -> tuple[Any, Any, Any]:
     """Draw displacement per blow over the amplitude, and the motion over one voltage cycle.
 
@@ -28,7 +29,7 @@ def plot_displacement(
     ----------
     table : DataFrame
         From `tables.displacement`: frequency, amplitude, displacement per blow.
-    run : Run
+    run : ActuatorRun
         Of at least two forcing periods after the transient, in SI.
     pull_in : float
         [V]
@@ -57,13 +58,13 @@ def plot_displacement(
                       xytext=(-3, -3), textcoords="offset points", ha="right", va="top",
                       color=GREY, fontsize="small")  # fmt: skip
     measured: dict[str, Any] = {"marker": "x", "color": "black", "linestyle": "none"}
-    response.plot([100.0], [20.0], markersize=9, zorder=5, label="measured, 1 Hz", **measured)
+    response.plot(*MEASURED, markersize=9, zorder=5, label="measured, 1 Hz", **measured)
     response.set_xlabel("amplitude [V]")
     response.set_ylabel("displacement per blow [nm]")
     response.legend(frameon=False)
 
     begin = run.extent[1] - 2.0
-    samples = bare(run.samples(PER_PERIOD, begin, None))
+    samples = run.samples(PER_PERIOD, begin, None)
     time = samples["t"] - samples["t"].iloc[0]
     block.plot(time, 1e6 * samples["x2"], color=BLUE, linewidth=1.0)
     voltage = block.twinx()

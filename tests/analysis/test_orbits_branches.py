@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from mems_impact.studies import chart as chart_module
 
 import mems_impact as mi
+from mems_impact.actuator.design import chart as chart_module
 from mems_impact.actuator.design.chart import crisis
-from mems_impact.actuator.units import Scales
-from mems_impact.analysis.orbit import ORBIT_OPTIONS, System
+from mems_impact.actuator.units import DeviceScales
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 
 ZHAO = mi.load_actuator("zhao2004")
 
@@ -134,7 +134,7 @@ def test_table(branch):
     assert len(table) == len(branch) == len(branch.orbits)
     assert list(table.columns) == [
         "amplitude", "stable", "admissible", "piece", "largest multiplier", "impacts",
-        "impact speed", "step", "closest approach", "v2",
+        "impact speed", "closest approach", "step", "energy lost", "v2",
     ]  # fmt: skip
     assert table["amplitude"].iloc[[0, -1]].tolist() == pytest.approx([0.24, 0.16])
     assert branch.ended == "amplitude reached its bound"
@@ -270,7 +270,7 @@ def test_chart_from_curves_alone():
     assert (off["amplitude"] <= np.interp(off["omega"], on["omega"], on["amplitude"]) + 1e-4).all()
 
 
-SCALES = Scales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
+SCALES = DeviceScales.of_device(2.1e-6, 4.7, 5e-6, 8.9e-20)
 
 
 def test_a_chart_in_si_finds_its_band_and_speaks_its_units():
@@ -294,7 +294,7 @@ def test_the_band_of_a_chart_is_about_the_resonance():
 
 def default_band(device, bias=0.0):
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    return chart_module._band(System.of(device, drive, ORBIT_OPTIONS))
+    return chart_module._band(device.under(drive))
 
 
 def test_a_chart_without_a_band_says_what_it_found():
@@ -305,7 +305,8 @@ def test_a_chart_without_a_band_says_what_it_found():
 def test_a_stopper_before_pull_in_bounds_the_search():
     device = ZHAO.replace(delta=0.2)
     maker = chart_module._Maker(
-        System.of(device, mi.Sine(amplitude=0.0, omega=1.0), ORBIT_OPTIONS),
+        device.under(mi.Sine(amplitude=0.0, omega=1.0)),
+        ORBIT_OPTIONS,
         mi.Steps(),
         print,
         (0.44, 0.51),

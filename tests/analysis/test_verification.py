@@ -14,7 +14,8 @@ from mems_impact.hybrid.trajectory import Events
 ZHAO = mi.load_actuator("zhao2004")
 PERIODIC = mi.Sine(amplitude=0.24, omega=0.5)
 CHAOTIC = mi.Sine(amplitude=0.26, omega=0.45)
-DIFFERENCES = ["time apart", "impact speed apart", "position apart", "velocity apart"]
+STATES = ["x1 apart", "v1 apart", "x2 apart", "v2 apart"]
+DIFFERENCES = ["time apart", "impact speed apart", *STATES]
 
 
 @pytest.fixture(scope="module")
@@ -147,8 +148,10 @@ def test_weak_impacts_that_one_run_has_alone_are_counted():
     chatter = (run.events["event"] == "chatter ends").sum()
     assert table.loc["chatter ends", "matched"] == chatter
     # In SI, like all tables of this device: nanometres, microseconds.
-    assert table["position apart [m]"].max() < 1e-11
-    assert table["time apart [s]"].max() < 1e-5
+    assert table[["x1 apart", "x2 apart"]].max(axis=None) < 1e-11
+    assert table["time apart"].max() < 1e-5
+    units = dict(zip(DIFFERENCES, ["s", "m/s", "m", "m/s", "m", "m/s"], strict=True))
+    assert found.table.attrs["units"] == units
 
 
 def test_a_lost_rest_is_found():
@@ -195,7 +198,7 @@ def test_the_same_start_and_length_are_verified():
     found = run.verify()
     assert found.agrees
     assert found.until == pytest.approx(run.extent[1], abs=1e-12)
-    other = replace(run, drive=mi.Sine(amplitude=0.2401, omega=0.5))
+    other = replace(run, system=run.system.changed(amplitude=0.2401))
     assert not other.verify().agrees
 
 
@@ -218,7 +221,7 @@ def test_a_start_on_a_stopper_strikes_in_both_runs():
 def test_a_run_of_another_automaton_does_not_agree():
     """An error of the model in one run shows from the first impact on."""
     run = mi.simulate(ZHAO, PERIODIC, periods=30)
-    assert not replace(run, actuator=ZHAO.replace(e=0.81)).verify().agrees
+    assert not replace(run, system=run.system.changed(e=0.81)).verify().agrees
 
 
 @pytest.mark.parametrize(

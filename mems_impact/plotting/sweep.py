@@ -1,4 +1,4 @@
-"""The sweep as in Fig. 4 of the paper: block speed on the section, step and speed of the frame."""
+"""A sweep over its parameter: the state on the Poincaré section, and statistics below it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,20 @@ from typing import Any
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables.common import bare, heading
-from mems_impact.tables.sweep import sweep_summary
+from mems_impact.plotting.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    crosses,
+    new_figure,
+    on_section,
+    parameter_label,
+    symbol,
+    tidy,
+    with_unit,
+)
+from mems_impact.tables.common import bare
+from mems_impact.tables.sweep import sweep_summary, switches
 
 __all__ = ["plot_sweep"]
 
@@ -20,30 +31,29 @@ MARKS: dict[str, dict[str, Any]] = {
     "down": {"color": ORANGE, "marker": "o", "markersize": 4.6, "fillstyle": "none", "zorder": 2},
 }
 WORDS = {"up": "increased", "down": "decreased"}
-QUANTITIES = {
-    "v2": ("v2", "$v_2$ at $x_2 = 0$"),
-    "step": ("displacement per impact", "step per impact"),
-    "speed": ("mean speed", "mean speed"),
-}
-"""What may be drawn: its column, and what the axis says."""
+COLUMNS = ("direction", "period", "status")
+"""What a table of a sweep has beside the parameter, states and statistics."""
 
 
 def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = None) -> Any:
-    """Draw a sweep over its parameter: v2 on the section x2 = 0, step and speed of the frame.
+    """Draw a sweep over its parameter: the first state where the section cuts it, and statistics.
 
-    The first value at which a chain begins or ceases to impact is marked by a thin line. At the
-    foot of v2 stand the values without: triangles where the block never crosses the section,
-    crosses where the value failed. Where nothing strikes there is no step.
+    Of an actuator v2 on the section x2 = 0, step and speed of the frame; of any system its first
+    shown state and its observables. The first value at which a chain begins or ceases to impact is
+    marked by a thin line. At the foot of the state stand the values without: triangles where the
+    motion never crosses the section, crosses where the value failed. Where nothing strikes there
+    is no step.
 
     Parameters
     ----------
     table : DataFrame
-        From `mems_impact.sweep`, or read back from a file.
+        From `mems_impact.sweep`, or read back from a file; then with the state alone by default.
     ax : matplotlib Axes, optional
         Where to draw one quantity; a new figure by default.
-    quantity : {"v2", "step", "speed"}, optional
-        What to draw: v2 on the section, displacement of the frame per impact, or its mean speed. By
-        default all of them, one below the other, on a new figure, and v2 on given axes.
+    quantity : str, optional
+        What to draw: a column of the table, or a short name such as an actuator's "step" and
+        "speed". By default all that the system shows, one below the other, on a new figure, and
+        the first state on given axes.
 
     Returns
     -------
@@ -60,43 +70,55 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
     >>> plot_sweep(table).figure.savefig("sweep.png")
     >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
     """
-    if "v2" not in bare(table):
+    table = bare(table)
+    if not set(COLUMNS) <= set(table.columns):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)
-    drawn = [name for name, (column, _) in QUANTITIES.items() if column in bare(table)]
-    if quantity is not None and quantity not in drawn:
-        raise InvalidParameter("quantity", quantity, f"one of {', '.join(drawn)}")
-    if quantity is not None or ax is not None:
-        drawn = [quantity or "v2"]
+    quantities = _quantities(table)
+    if quantity is not None and quantity not in quantities:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")
+    first = next(iter(quantities))
+    shown = [name for name in table.attrs.get("quantities", {}) if name in quantities]
+    drawn = [first, *shown] if quantity is None and ax is None else [quantity or first]
     if ax is not None:
         panels = [ax]
     else:
-        figure = new_figure(7.0, 4.2 if len(drawn) == 1 else 7.4)
-        heights = [2.0 if name == "v2" and len(drawn) > 1 else 1.0 for name in drawn]
+        figure = new_figure(7.0, 4.2 if len(drawn) == 1 else 4.2 + 1.6 * (len(drawn) - 1))
+        heights = [2.0 if name == first and len(drawn) > 1 else 1.0 for name in drawn]
         grid = {"height_ratios": heights}
         panels = figure.subplots(len(drawn), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
-    first = panels[0]
     for panel, name in zip(panels, drawn, strict=True):
-        size = _draw_dots(panel, table, name)
-        _draw_switches(panel, table, named=panel is first)
-        if panel is first and panel.get_legend_handles_labels()[0]:
+        size = _draw_dots(panel, table, *quantities[name])
+        _draw_switches(panel, table, named=panel is panels[0])
+        if panel is panels[0] and panel.get_legend_handles_labels()[0]:
             panel.legend(frameon=False, markerscale=1.0 / size)
         tidy(panel)
-    parameter = bare(table).columns[0]
-    name = symbol(parameter)
-    panels[-1].set_xlabel(
-        (name if name == parameter else f"{parameter} {name}")
-        + _unit(heading(bare(table), parameter))
-    )
-    return first
+    panels[-1].set_xlabel(parameter_label(table, table.columns[0]))
+    return panels[0]
 
 
-def _draw_dots(ax: Any, table: pd.DataFrame, quantity: str) -> float:
-    """Draw one quantity, and below v2 the values that have none; return the size of its dots."""
-    column, words = QUANTITIES[quantity]
-    ax.set_ylabel(words + _unit(heading(bare(table), column)))
-    rows = bare(table if quantity == "v2" else sweep_summary(table))
+def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
+    """Return what may be drawn, the first state first: the column and what the axis says."""
+    columns = [name for name in table.columns[1:] if name not in COLUMNS]
+    states: list[str] = table.attrs.get("states", [table.columns[3]])
+    found = {states[0]: (states[0], on_section(table, states[0]))}
+    for name, (column, words) in table.attrs.get("quantities", {}).items():
+        if column in columns:
+            found[name] = (column, with_unit(words, table, column))
+    for name in columns:
+        words = on_section(table, name) if name in states else with_unit(name, table, name)
+        found.setdefault(name, (name, words))
+    return found
+
+
+def _draw_dots(ax: Any, table: pd.DataFrame, column: str, words: str) -> float:
+    """Draw one quantity, and below a state the values without; return the size of its dots."""
+    ax.set_ylabel(words)
+    summary = sweep_summary(table)
+    of_crossings = column not in summary
+    rows = table if of_crossings else summary
     parameter = rows.columns[0]
+    sign = _symbol(table)
     # Many dots are drawn small, or the rings run into a band; those that coincide count once.
     spread = max(1e-300, rows[column].max() - rows[column].min())
     places = (rows[column] / spread * 300.0).round()
@@ -106,25 +128,25 @@ def _draw_dots(ax: Any, table: pd.DataFrame, quantity: str) -> float:
         mark = {**style, "markersize": scale * style["markersize"], "linestyle": "none"}
         chain = rows[rows["direction"] == direction]
         if len(chain):
-            label = f"{symbol(parameter)} {WORDS[direction]}"
+            label = f"{sign} {WORDS[direction]}"
             ax.plot(
                 chain[parameter], chain[column], label=label, markeredgewidth=0.7 * scale,
                 rasterized=len(chain) > 20_000, **mark,
             )  # fmt: skip
-    if quantity == "v2":
-        _draw_feet(ax, rows, scale)
+    if of_crossings:
+        _draw_feet(ax, rows, column, scale)
     else:
         ax.ticklabel_format(axis="y", scilimits=(-2, 4))
     return scale
 
 
-def _draw_feet(ax: Any, rows: pd.DataFrame, scale: float) -> None:
-    """Mark the values that have no v2 on the axis, as what lies below all that is drawn."""
+def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
+    """Mark the values without a crossing on the axis, as what lies below all that is drawn."""
     parameter, good = rows.columns[0], rows["status"] == "ok"
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
-    label = "never crosses $x_2 = 0$"
+    label = f"never crosses {crosses(rows.attrs) or 'the section'}"
     for direction, style in MARKS.items():
-        here = good & rows["v2"].isna() & (rows["direction"] == direction)
+        here = good & rows[state].isna() & (rows["direction"] == direction)
         values = rows.loc[here, parameter]
         if len(values):
             mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
@@ -137,9 +159,13 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, scale: float) -> None:
         ax.plot(failed, [0.02] * len(failed), **foot, **cross)
 
 
+def _symbol(table: pd.DataFrame) -> str:
+    return symbol(table.columns[0], table.attrs.get("symbols", {}))
+
+
 def _draw_switches(ax: Any, table: pd.DataFrame, *, named: bool) -> None:
     """Draw a line where each chain begins or ceases to impact, maybe with its value above it."""
-    parameter = symbol(bare(table).columns[0])
+    parameter = _symbol(table)
     marks = sorted(switches(table), key=lambda mark: mark[1])
     for place, (direction, value, impacting) in enumerate(marks):
         color = MARKS[direction]["color"]
@@ -153,22 +179,3 @@ def _draw_switches(ax: Any, table: pd.DataFrame, *, named: bool) -> None:
             text, (value, 1.0), xycoords=ax.get_xaxis_transform(), xytext=(0, 3),
             textcoords="offset points", ha=side, va="bottom", color=color, fontsize="small",
         )  # fmt: skip
-
-
-def _unit(name: str) -> str:
-    """Return the unit of a heading, as an axis shows it."""
-    return f" {name[name.index('[') :]}" if " [" in name else ""
-
-
-def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
-    """Return where each chain first begins or ceases to impact: direction, value, begins."""
-    summary = sweep_summary(bare(table))
-    summary = summary[summary["status"] == "ok"]
-    found = []
-    for direction, rows in summary.groupby("direction", sort=False):
-        impacting = rows["impacting"].to_numpy()
-        changes = (impacting[1:] != impacting[:-1]).nonzero()[0]
-        if changes.size:
-            row = rows.iloc[changes[0] + 1]
-            found.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
-    return found

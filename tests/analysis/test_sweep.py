@@ -6,9 +6,9 @@ import threading
 import numpy as np
 import pandas as pd
 import pytest
-from mems_impact.studies import chains
 
 import mems_impact as mi
+from mems_impact.analysis import chains
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -118,6 +118,16 @@ def test_parameter_of_the_actuator():
     assert set(table["e"]) == {0.6, 0.8}
 
 
+def test_bias_from_zero():
+    # The forcing period doubles where the bias sets in; the phase is carried over.
+    table = swept((0.0, 0.1), "bias", initial=mi.State(v2=1.0))
+    assert (table["status"] == "ok").all()
+    run = mi.simulate(ZHAO, DRIVE, 14, initial=mi.State(v2=1.0))
+    more = mi.simulate(ZHAO, DRIVE.replace(bias=0.1), 14, initial=run.final)
+    expected = more.section(1).query("period >= 10")["v2"]
+    assert table.loc[table["bias"] == 0.1, "v2"].tolist() == expected.tolist()
+
+
 def test_initial():
     states = {"up": mi.State(v2=0.5), "down": mi.State(v2=0.9)}
     both = swept(direction="both", initial=states)
@@ -131,11 +141,11 @@ def test_initial():
 def test_failed_values_are_rows(monkeypatch):
     simulate, starts = chains.simulate, []
 
-    def failing(actuator, drive, *rest, **more):
+    def failing(system, *rest, **more):
         starts.append(more["initial"])
-        if drive.amplitude == 0.22:
-            return simulate(actuator, drive, *rest, **more | {"options": mi.Options(max_events=1)})
-        return simulate(actuator, drive, *rest, **more)
+        if system.value("amplitude") == 0.22:
+            return simulate(system, *rest, **more | {"options": mi.Options(max_events=1)})
+        return simulate(system, *rest, **more)
 
     monkeypatch.setattr(chains, "simulate", failing)
     table = swept(initial=mi.State(v2=1.0), workers=1)

@@ -48,7 +48,7 @@ def test_paper_one_impact_a_forcing_period(walking):
 def test_impacts(walking):
     hits = walking.impacts
     assert list(hits.columns) == [
-        "period", "time", "phase", "stopper", "v1 before", "v1 after", "v2 before", "v2 after",
+        "period", "time", "t", "phase", "stopper", "v1 before", "v1 after", "v2 before", "v2 after",
         "energy lost", "x1", "step",
     ]  # fmt: skip
     assert hits["phase"].between(0, 1, inclusive="left").all()
@@ -262,7 +262,7 @@ def test_frictionless_frame_never_sticks():
 # Arguments.
 
 
-@pytest.mark.parametrize("periods", [0, -1, math.nan, math.inf, "10", None])
+@pytest.mark.parametrize("periods", [0, -1, math.nan, math.inf, "10"])
 def test_periods_refused(periods):
     assert refused(periods=periods).field == "periods"
 
@@ -276,10 +276,34 @@ def test_window_refused(window):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("actuator", "zhao2004"), ("drive", 0.24), ("initial", (0, 1)), ("keep", "all")],
-)
+    [
+        ("actuator", "zhao2004"), ("actuator", None), ("drive", 0.24), ("drive", None),
+        ("initial", (0, 1)), ("keep", "all"), ("duration", 3.0),
+    ],
+)  # fmt: skip
 def test_arguments_refused(name, value):
     assert refused(**{name: value}).field == name
+
+
+@pytest.mark.parametrize("duration", [0, -1, math.nan, "10"])
+def test_duration_refused(duration):
+    assert refused(periods=None, duration=duration).field == "duration"
+
+
+def test_a_duration_is_so_many_periods():
+    run = mi.simulate(ZHAO, DRIVE, duration=2.5 * DRIVE.period)
+    assert run.extent == pytest.approx((0.0, 2.5), rel=1e-15)
+
+
+def test_300_periods_where_nothing_is_said():
+    assert mi.simulate(ZHAO, DRIVE).periods == 300
+
+
+@pytest.mark.parametrize("name", ["x3", "v"])
+def test_a_state_of_another_system_is_refused(name):
+    error = refused(initial=mi.State(**{name: 0.0}))
+    assert (error.field, error.value) == ("initial", name)
+    assert "x1, v1, x2, v2" in str(error)
 
 
 # What goes wrong on the way.

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.actuator.design.impacts import concatenate, energy_lost, frame_steps, is_impact
+from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
 from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.hybrid import loop
@@ -90,10 +90,3 @@ def test_energy_lost_is_that_of_both_bodies():
     after = m1 * w1**2 / 2 + m2 * (w1 + w2) ** 2 / 2
     events = log((*IMPACT, SLIDING, 0.0, v2, w2))
     assert energy_lost(events, actuator)[0] == pytest.approx(before - after, rel=1e-13)
-
-
-def test_concatenate():
-    events = log((*IMPACT, SLIDING, 1.0, 0.5, -0.4), (*REST, STILL, 1.25, 0.0, 0.0))
-    joined = concatenate([events[:1], events[1:]])
-    assert joined.time.tolist() == events.time.tolist()
-    assert joined.after.tolist() == events.after.tolist()

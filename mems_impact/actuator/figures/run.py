@@ -3,52 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
+from mems_impact.plotting.run import PER_PERIOD, SHOWN
 from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.actuator.drive import Drive
-    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.results import ActuatorRun
 
 __all__ = ["plot_run"]
 
-SHOWN = 6  # forcing periods by default
-PER_PERIOD = 400
-
-
-class Motion(Protocol):
-    """What `plot_run` needs of a `mems_impact.analysis.run.Run`."""
-
-    @property
-    def actuator(self) -> Actuator:
-        """Owner of the stoppers."""
-
-    @property
-    def drive(self) -> Drive:
-        """Owner of the forcing period."""
-
-    @property
-    def extent(self) -> tuple[float, float]:
-        """Forcing periods at which the run begins and ends."""
-
-    @property
-    def impacts(self) -> pd.DataFrame:
-        """One row an impact."""
-
-    @property
-    def events(self) -> pd.DataFrame:
-        """One row a transition."""
-
-    def samples(self, per_period: int, first: float | None, last: float | None) -> pd.DataFrame:
-        """Return the state at equal intervals."""
-
 
 def plot_run(
-    run: Motion,
+    run: ActuatorRun,
     first: float | None = None,
     last: float | None = None,
     axes: Sequence[Any] | None = None,
@@ -57,7 +26,7 @@ def plot_run(
 
     Parameters
     ----------
-    run : Run
+    run : ActuatorRun
         With its events kept.
     first, last : float, optional
         Forcing periods between which to draw; the last 6 of the run by default.
@@ -80,7 +49,7 @@ def plot_run(
         begin, end = run.extent
         end = end if last is None else last
         first = max(begin, end - SHOWN)
-    samples = bare(run.samples(PER_PERIOD, first, last))
+    samples = run.samples(PER_PERIOD, first, last)
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]
     if axes is None:
@@ -88,7 +57,7 @@ def plot_run(
         axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
     block, frame = axes
 
-    for slip in _slips(bare(run.events), period, left, right, samples["mode"].iloc[0]):
+    for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
         for ax in (block, frame):
             # The edge keeps a slip visible that is thinner than a dot.
             ax.axvspan(*slip, color=GREEN, alpha=0.3, linewidth=1.0, zorder=0)
@@ -98,18 +67,12 @@ def plot_run(
     hits = run.impacts
     hits = hits.assign(t=hits["period"] + hits["phase"])
     hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
-    block.plot(
-        hits["t"],
-        hits["stopper"].map({"right": delta, "left": -delta}).astype(float),
-        linestyle="none",
-        marker="o",
-        markersize=5,
-        color=ORANGE,
-        markeredgecolor="white",
-        markeredgewidth=0.6,
-        zorder=3,
-        clip_on=False,
-    )
+    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+        sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
+        block.plot(
+            hits["t"], sides, linestyle="none", marker="o", markersize=5, color=ORANGE,
+            markeredgecolor="white", markeredgewidth=0.6, zorder=3, clip_on=False,
+        )  # fmt: skip
     frame.plot(time, samples["x1"], color=BLUE, linewidth=1.4)
 
     block.set_ylabel("$x_2$, block in frame" + unit)

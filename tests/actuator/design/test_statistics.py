@@ -8,12 +8,14 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.analysis.statistics import Window
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 # Chatter, rest contact and slips that are long enough to lie across borders.
 SLIPPERY = ZHAO.replace(mu_s=0.01, mu_d=0.01)
 SLOW = mi.Sine(amplitude=0.45, omega=0.1)
+BORDERS = (np.zeros(4), np.array([1.0, 0.0, 0.0, 0.0]))  # between them the frame moves by 1
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +26,7 @@ def chattering():
 def gathered(run, window, sizes):
     """Return the accumulator of a run whose events come in chunks of these sizes."""
     start = run.trajectory.start
-    accumulator = Accumulator(run.actuator, run.drive.period, start, window)
+    accumulator = Accumulator(run.actuator, start, Window(*window, run.drive.period))
     events, done = run.trajectory.events, 0
     for size in sizes:
         accumulator(events[done : done + size])
@@ -118,8 +120,8 @@ def test_shares_of_time(chattering):
 @pytest.mark.parametrize("sizes", [[1] * 400, [7] * 50, [3, 500, 1, 1, 20]])
 def test_chunks_do_not_matter(chattering, sizes):
     run = chattering
-    whole = gathered(run, (2, 12), []).result(run.trajectory.final, (0.0, 1.0))
-    split = gathered(run, (2, 12), sizes).result(run.trajectory.final, (0.0, 1.0))
+    whole = gathered(run, (2, 12), []).measured(run.trajectory.final, BORDERS)
+    split = gathered(run, (2, 12), sizes).measured(run.trajectory.final, BORDERS)
     assert dataclasses.asdict(split) == pytest.approx(
         dataclasses.asdict(whole), rel=1e-12, abs=1e-15, nan_ok=True
     )
@@ -129,8 +131,8 @@ def test_a_step_may_end_in_the_next_chunk():
     run = mi.simulate(ZHAO, DRIVE, 20, initial=mi.State(v2=1.0))
     kinds = run.trajectory.events.kind
     first = int(np.flatnonzero(kinds == 0)[0]) + 1  # cut between an impact and the rest after it
-    whole = gathered(run, (0, 20), []).result(run.trajectory.final, (0, 1))
-    split = gathered(run, (0, 20), [first]).result(run.trajectory.final, (0, 1))
+    whole = gathered(run, (0, 20), []).measured(run.trajectory.final, BORDERS)
+    split = gathered(run, (0, 20), [first]).measured(run.trajectory.final, BORDERS)
     assert split.blows == whole.blows
     assert split.displacement_per_impact_std == pytest.approx(
         whole.displacement_per_impact_std, rel=1e-12

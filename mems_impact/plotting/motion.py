@@ -1,0 +1,105 @@
+"""The motion of any system as lines: exact at transitions, broken where it jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.style import BLUE, MODE_COLORS, ORANGE
+
+__all__ = ["JUMP", "between", "check_states", "line", "mode_colors", "moves", "spans"]
+
+JUMP: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "linestyle": (0, (2, 1.2)), "zorder": 3}
+"""How a jump is drawn."""
+
+SMALL = 1e-9  # a jump that is none, as a part of the largest value
+
+
+def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of states as a tuple; InvalidParameter where one is none of the system's."""
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names or [""]:
+        if name not in known:
+            raise InvalidParameter(field, name, f"one of {', '.join(known)}")
+    return names
+
+
+def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
+    """Return the transitions from the first sample to the last."""
+    first, last = samples["t"].iloc[0], samples["t"].iloc[-1]
+    return corners[(corners["t"] >= first) & (corners["t"] <= last)]
+
+
+def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
+    """Return at which transitions a state jumps."""
+    size = SMALL * float(samples[name].abs().max())
+    return (corners[f"{name} after"] - corners[f"{name} before"]).abs() > size
+
+
+def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Return a line through samples and transitions: t, the states `names`, mode.
+
+    At a transition stand the states before and after it; between them a row of NaN where one jumps.
+    """
+    names, period = list(names), samples["t"].iloc[-1] - samples["t"].iloc[0]
+    taken = corners["t"].to_numpy()
+    time = samples["t"].to_numpy()
+    # A sample at the instant of a transition may stand on either side of it.
+    place = np.searchsorted(taken, time)
+    near = np.full(time.size, np.inf)
+    for beside in (place - 1, place):
+        inside = (beside >= 0) & (beside < taken.size)
+        near[inside] = np.minimum(near[inside], np.abs(time[inside] - taken[beside[inside]]))
+    parts = [samples.loc[near > 1e-12 * period, ["t", *names]].assign(
+        mode=samples["mode"].astype(str), order=-1)]  # fmt: skip
+    jumps = np.zeros(len(corners), dtype=bool)
+    for name in names:
+        jumps |= moves(corners, name, samples).to_numpy()
+    order = 3 * np.arange(len(corners))
+    for step, side in enumerate(("before", "after")):
+        rows = {name: corners[f"{name} {side}"].to_numpy() for name in names}
+        modes = corners[f"mode {side}"].astype(str).to_numpy()
+        parts.append(pd.DataFrame({"t": taken, **rows, "mode": modes, "order": order + 2 * step}))
+    gaps = parts[-1][jumps].assign(order=order[jumps] + 1)
+    gaps[names] = np.nan
+    parts.append(gaps)
+    whole = pd.concat([part for part in parts if len(part)], ignore_index=True)
+    whole = whole.iloc[np.lexsort((whole["order"], whole["t"]))].drop(columns="order")
+    return whole.reset_index(drop=True)
+
+
+def mode_colors(spent: pd.Series, modes: Sequence[str]) -> dict[str, str]:
+    """Return the colours of the modes in which time is spent, in the order of the system.
+
+    Parameters
+    ----------
+    spent : Series
+        By mode, the time in it; the longest is blue.
+    modes : sequence of str
+        All of the system's.
+    """
+    most = spent.idxmax()
+    others = [mode for mode in modes if mode in spent.index and mode != most]
+    colors = {mode: MODE_COLORS[i % len(MODE_COLORS)] for i, mode in enumerate(others)}
+    return {str(most): BLUE, **colors}
+
+
+def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
+    """Return the stretches of time in one mode: mode, start, end; without those of no length."""
+    changes = corners[corners["mode before"].astype(str) != corners["mode after"].astype(str)]
+    first, last = samples["t"].iloc[0], samples["t"].iloc[-1]
+    # The mode of the first sample is that before the first change, if there is one.
+    begin = changes["mode before"].iloc[0] if len(changes) else samples["mode"].iloc[0]
+    borders = np.concatenate([[first], changes["t"].to_numpy(), [last]])
+    found = pd.DataFrame(
+        {
+            "mode": [str(begin), *changes["mode after"].astype(str)],
+            "start": borders[:-1],
+            "end": borders[1:],
+        }
+    )
+    return found[found["end"] > found["start"]].reset_index(drop=True)

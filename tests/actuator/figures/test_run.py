@@ -1,0 +1,63 @@
+"""A run of an actuator: block between its stoppers, and frame."""
+
+import pytest
+from matplotlib.figure import Figure
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return mi.simulate(ZHAO, DRIVE, 40, initial=mi.State(v2=1.0))
+
+
+def test_run_shows_its_last_periods(run, tmp_path):
+    block, frame = mi.plot_run(run)
+    assert block.figure is frame.figure
+    assert frame.get_xlim() == pytest.approx((34, 40))
+    hits = next(line for line in block.lines if line.get_marker() == "o")
+    assert len(hits.get_xdata()) == 6
+    assert set(hits.get_ydata()) == {ZHAO.delta}
+    assert len(block.patches) == 6  # slips
+    block.figure.savefig(tmp_path / "run.png")
+    assert (tmp_path / "run.png").stat().st_size > 10_000
+
+
+def test_run_on_given_axes(run):
+    axes = Figure().subplots(2)
+    block, frame = mi.plot_run(run, 10, 12, axes=axes)
+    assert block is axes[0]
+    assert frame is axes[1]
+    assert frame.get_xlim() == pytest.approx((10, 12))
+
+
+def test_run_without_impacts(tmp_path):
+    block, frame = mi.plot_run(mi.simulate(ZHAO, DRIVE.replace(amplitude=0.1), 3))
+    assert len(block.patches) == 0
+    block.figure.savefig(tmp_path / "run.png")
+    assert block.get_position().y0 > frame.get_position().y1
+
+
+def test_run_that_kept_nothing():
+    with pytest.raises(mi.InvalidParameter, match="keep='events'"):
+        mi.plot_run(mi.simulate(ZHAO, DRIVE, 3, keep="statistics"))
+
+
+def test_chosen_states_are_drawn_as_those_of_any_system(run):
+    axes = mi.plot_run(run, states=("v1", "v2"))
+    assert [ax.get_ylabel() for ax in axes] == ["$v_1$", "$v_2$"]
+    texts = [text.get_text() for text in axes[0].get_legend().get_texts()]
+    assert texts == ["impact", "forward-free", "stuck-free"]
+
+
+def test_units_are_those_of_the_device():
+    device = mi.load_actuator("mita2003")
+    run = mi.simulate(device, mi.Sine(amplitude=100, omega=6.283), periods=2)
+    assert mi.plot_run(run)[1].get_ylabel() == "$x_1$, frame [m]"
+    (ax,) = mi.plot_run(run, states=["x2"])
+    assert ax.get_ylabel() == "$x_2$ [m]"
+    low, high = ax.get_ylim()
+    assert -1.3 * device.delta < low < high < 1.3 * device.delta

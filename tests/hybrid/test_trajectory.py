@@ -1,0 +1,63 @@
+"""The log of events: its parts put together, and what its rows are."""
+
+from dataclasses import fields
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.trajectory import Events
+
+
+def nothing(*_):
+    return 0
+
+
+AUTOMATON = Automaton(
+    states=("x", "v"),
+    modes=("free", "held"),
+    guards=(Guard("release", order=0), Guard("wall", order=1, impact=True)),
+    flow=nothing,
+    margins=nothing,
+    transition=nothing,
+)
+KINDS = [loop.TRANSITION, loop.TRANSITION, loop.ACCUMULATION, loop.APPROACH, loop.SECTION_CROSSING,
+         loop.SECTION_CROSSING, loop.SWITCH]  # fmt: skip
+GUARDS = [0, 1, 1, 1, 1, -1, loop.NONE]
+
+
+@pytest.fixture
+def log():
+    n = len(KINDS)
+    states = np.arange(2.0 * n).reshape(n, 2)
+    modes = np.zeros(n, dtype=int)
+    return Events(
+        np.arange(n), np.full(n, 0.5), np.array(KINDS), np.array(GUARDS), modes, modes + 1,
+        states, states + 0.25,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("cuts", [(), (3,), (0, 2, 2, 7)])
+def test_parts_make_the_whole(log, cuts):
+    borders = [0, *cuts, len(log)]
+    parts = [log[a:b] for a, b in pairwise(borders)]
+    joined = Events.joined(parts)
+    for column in fields(Events):
+        whole = getattr(log, column.name)
+        np.testing.assert_array_equal(getattr(joined, column.name), whole, strict=True)
+
+
+def test_what_is_an_impact(log):
+    assert np.flatnonzero(log.impacts(AUTOMATON)).tolist() == [1]
+    assert len(log[log.impacts(AUTOMATON)]) == 1
+
+
+def test_what_begins_an_arc(log):
+    assert np.flatnonzero(log.begin_arcs).tolist() == [0, 1, 2, 6]
+
+
+@pytest.mark.parametrize(("direction", "rows"), [(0, [4, 5]), (1, [4]), (-1, [5])])
+def test_crossings_by_direction(log, direction, rows):
+    assert log.crossings(direction).cycle.tolist() == rows

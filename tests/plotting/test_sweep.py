@@ -1,0 +1,99 @@
+"""Sweeps of any system."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import mems_impact as mi
+from mems_impact.tables.common import with_units
+from tests.analysis.systems import oscillator
+from tests.plotting.sweeps import made_table, silent_table
+
+
+def drawn(ax, marker):
+    lines = [line for line in ax.lines if line.get_marker() == marker]
+    return sorted(x for line in lines for x in line.get_xdata())
+
+
+@pytest.mark.parametrize("section", [None, ("x", 0.5)])
+def test_own_system(section, tmp_path):
+    units = {"A": "N", "x": "m", "v": "m/s", "speed": "m/s"}
+    system = oscillator(section=section, units=units)
+    table = mi.sweep(system, "A", np.linspace(0.35, 0.4, 3), transient=60, periods=4)
+    ax = mi.plot_sweep(table)
+    above, speed, energy = ax.figure.axes
+    assert above is ax
+    words = "$x$ [m] where periods begin" if section is None else "$v$ [m/s] at $x = 0.5$"
+    assert above.get_ylabel() == words
+    assert (speed.get_ylabel(), energy.get_ylabel()) == ("speed [m/s]", "energy")
+    assert energy.get_xlabel() == "$A$ [N]"
+    assert drawn(above, "o") == list(table["A"])
+    assert mi.plot_sweep(table, quantity="impacts per period").figure.axes[1:] == []
+    ax.figure.savefig(tmp_path / "sweep.png")
+
+
+@pytest.mark.parametrize("statuses", [("ok", "ok", "ok"), ("ok", "lost", "ok")])
+def test_switches_are_marked(statuses, tmp_path):
+    ax = mi.plot_sweep(made_table(statuses))
+    labels = [text.get_text() for text in ax.texts]
+    assert labels == ["off at $f$ = 0.1", "on at $f$ = 0.3"]
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend[:2] == ["$f$ increased", "$f$ decreased"]
+    assert ("failed" in legend) == ("lost" in statuses)
+    ax.figure.savefig(tmp_path / "sweep.png")
+
+
+def test_values_that_never_cross_the_section(tmp_path):
+    ax = mi.plot_sweep(silent_table())
+    assert drawn(ax, "v") == [0.1, 0.1]  # one for each direction
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["$f$ increased", "$f$ decreased", "never crosses $x_2 = 0$"]
+    ax.figure.savefig(tmp_path / "sweep.png")
+
+
+def test_statistics_stand_below_the_state():
+    top, step, speed = mi.plot_sweep(silent_table()).figure.axes
+    assert [ax.get_ylabel() for ax in (top, step, speed)] == [
+        "$v_2$ at $x_2 = 0$", "step per impact", "mean speed"]  # fmt: skip
+    for ax, expected in ((step, [1e-4] * 3), (speed, [0, 0, 0, 2e-5, 2e-5, 2e-5])):
+        dots = [line for line in ax.lines if line.get_marker() == "o"]
+        values = np.concatenate([line.get_ydata() for line in dots])
+        assert sorted(values[~np.isnan(values)]) == expected
+        assert len(ax.texts) == 0
+    assert speed.get_xlabel() == "amplitude $f$"
+
+
+def test_one_quantity():
+    ax = mi.plot_sweep(silent_table(), quantity="speed")
+    assert ax.figure.axes == [ax]
+    assert ax.get_ylabel() == "mean speed"
+    given = Figure().subplots()
+    assert mi.plot_sweep(silent_table(), given, quantity="step") is given
+    assert mi.plot_sweep(silent_table(), quantity="v1").get_ylabel() == "$v_1$ at $x_2 = 0$"
+    with pytest.raises(mi.InvalidParameter, match="one of v2, step, speed"):
+        mi.plot_sweep(silent_table(), quantity="x1")
+    # A table of an earlier version has neither step nor speed.
+    with pytest.raises(mi.InvalidParameter, match="one of v2, v1, impacts per period"):
+        mi.plot_sweep(made_table(), quantity="speed")
+
+
+def test_a_table_from_a_file(tmp_path):
+    table = made_table(units={"amplitude": "V", "v2": "m/s"})
+    with_units(table).to_csv(tmp_path / "sweep.csv", index=False)
+    ax = mi.plot_sweep(pd.read_csv(tmp_path / "sweep.csv"))
+    assert ax.get_ylabel() == "$v_2$ [m/s] on the section"
+    assert ax.get_xlabel() == "amplitude [V]"
+    assert drawn(ax, "o") == sorted(table["amplitude"])
+
+
+def test_no_table_of_a_sweep():
+    with pytest.raises(mi.InvalidParameter, match=r"not a table of mems_impact\.sweep"):
+        mi.plot_sweep(mi.sweep_summary(made_table()))
+
+
+def test_one_direction_on_given_axes():
+    table = made_table()
+    ax = Figure().subplots()
+    assert mi.plot_sweep(table[table["direction"] == "up"], ax) is ax
+    assert len(ax.texts) == 1
