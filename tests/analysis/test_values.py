@@ -215,6 +215,11 @@ def test_tables_are_there_without_the_system(saved, tables):
         assert again.equals(one)
 
 
+@pytest.mark.parametrize("saved", ["branch"], indirect=True)
+def test_a_branch_is_drawn_without_the_system(saved):
+    assert len(mi.plot_branch(mi.load(saved[2])).lines) == len(mi.plot_branch(saved[1]).lines)
+
+
 @pytest.mark.parametrize(
     ("saved", "ask"),
     [
