@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.state import State
+    from mems_impact.analysis.storing.file import load
     from mems_impact.analysis.sweep import sweep
     from mems_impact.analysis.system import System, modes
     from mems_impact.analysis.verification import Verification
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
         EngineUnavailable,
         FileNotWritten,
         FitWarning,
+        FunctionsMissing,
         Interrupted,
         InvalidFile,
         InvalidParameter,
@@ -87,6 +89,7 @@ __all__ = [
     "FileNotWritten",
     "Fit",
     "FitWarning",
+    "FunctionsMissing",
     "GrazingType",
     "Guard",
     "Impact",
@@ -118,6 +121,7 @@ __all__ = [
     "fit",
     "grazing_type",
     "kicked",
+    "load",
     "load_actuator",
     "load_drive",
     "modes",
@@ -155,6 +159,7 @@ _HOMES = {
         "EngineUnavailable",
         "FileNotWritten",
         "FitWarning",
+        "FunctionsMissing",
         "Interrupted",
         "InvalidFile",
         "InvalidParameter",
@@ -202,6 +207,7 @@ _HOMES = {
     "analysis.state": ("State",),
     "actuator.system": ("kicked",),
     "analysis.observable": ("Observable",),
+    "analysis.storing.file": ("load",),
     "analysis.sweep": ("sweep",),
     "analysis.system": ("System", "modes"),
     "hybrid.automaton": ("Guard", "Impact"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class _OfActuator:
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
+    kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
     figure = "mems_impact.actuator.figures.run:plot_run"
 
     @cached_property
@@ -109,5 +110,5 @@ class ActuatorOrbit(_OfActuator, Orbit):
         steps = frame_steps(log)[1]
         hits = self._log[is_impact(self._log)]
         lost = energy_lost(hits, self.system.inner_actuator)
-        period = self._problem.period
+        period = self.found.point.period
         return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)

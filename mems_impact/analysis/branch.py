@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.state import is_number
 from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
@@ -65,7 +66,7 @@ class GrazingType(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SpecialPoint:
+class SpecialPoint(Value):
     """A point of a branch at which something happens.
 
     Attributes
@@ -92,6 +93,22 @@ class SpecialPoint:
     bounds: tuple[float, float] = field(repr=False)
     found: branches.SpecialPoint = field(repr=False)
     beyond: PeriodicOrbit | None = field(repr=False, default=None)
+
+    def __repr__(self) -> str:
+        return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.orbit})"
+
+    @property
+    def system(self) -> System:
+        """The orbit's."""
+        return self.orbit.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which orbit."""
+        return {
+            "kind": self.kind,
+            self.system.label(self.parameter): self.value,
+            **self.orbit.summary(),
+        }
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
@@ -122,7 +139,7 @@ class SpecialPoint:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Branch:
+class Branch(Value):
     """Periodic orbits over one parameter.
 
     Attributes
@@ -144,6 +161,29 @@ class Branch:
     special_points: tuple[SpecialPoint, ...]
     ended: str
     found: branches.OrbitBranch = field(repr=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        return (
+            f"Branch({self.parameter} {low:g} to {high:g}, {len(self)} orbits, "
+            f"special points: {self._special()}; ended: {self.ended})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the range, the special points and why the branch ends."""
+        low, high = self.bounds
+        return {
+            "system": repr(self.system),
+            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            "orbits": len(self),
+            "special points": self._special(),
+            "ended": self.ended,
+        }
+
+    def _special(self) -> str:
+        return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
 
     def __len__(self) -> int:
         return len(self.found.points)
@@ -190,7 +230,7 @@ class Branch:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CodimensionTwo:
+class CodimensionTwo(Value):
     """A point of a curve at which a second thing happens.
 
     Attributes
@@ -208,9 +248,22 @@ class CodimensionTwo:
     values: dict[str, float]
     orbit: Orbit
 
+    def __repr__(self) -> str:
+        where = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
+        return f"CodimensionTwo({self.kind} at {where})"
+
+    @property
+    def system(self) -> System:
+        """The orbit's."""
+        return self.orbit.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which orbit."""
+        return {"kind": self.kind, **self.values, **self.orbit.summary()}
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
+class Curve(Value):
     """A special point followed in a second parameter.
 
     Attributes
@@ -232,6 +285,32 @@ class Curve:
     special_points: tuple[CodimensionTwo, ...]
     ended: str
     found: curves.OrbitCurve = field(repr=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    def __repr__(self) -> str:
+        return (
+            f"Curve({self.label} over {' and '.join(self.parameters)}, {len(self)} orbits, "
+            f"special points: {self._special()}; ended: {self.ended})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what is followed, the points of codimension two and why the curve ends."""
+        return {
+            "system": repr(self.system),
+            "kind": self.kind,
+            "parameters": ", ".join(map(self.system.label, self.parameters)),
+            "orbits": len(self),
+            "special points": self._special(),
+            "ended": self.ended,
+        }
+
+    def _special(self) -> str:
+        found = [
+            f"{s.kind} ({', '.join(f'{value:.6g}' for value in s.values.values())})"
+            for s in self.special_points
+        ]
+        return ", ".join(found) or "none"
 
     def __len__(self) -> int:
         return len(self.found.points)

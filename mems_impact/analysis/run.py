@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from mems_impact.analysis.state import State, is_number
 from mems_impact.analysis.statistics import Gatherer, Span, observed
 from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -28,7 +29,7 @@ Keep = Literal["events", "statistics"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
+class Run(Value):
     """A run of a system; its tables are made when they are first asked for.
 
     Results are in the units of the system, which stand in ``table.attrs["units"]``.
@@ -54,7 +55,9 @@ class Run:
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
-    _gatherer: Gatherer = field(repr=False)
+    _gatherer: Gatherer = field(repr=False, compare=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
     def __repr__(self) -> str:
         first, last = self.extent
@@ -63,6 +66,19 @@ class Run:
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
             f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps, {self.final})"
         )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was run, how long, and where it ended."""
+        first, last = self.extent
+        return {
+            "system": repr(self.system),
+            "periods" if self.system.forced else "time": f"{first:g} to {last:g}",
+            "events": len(self.trajectory.events),
+            "steps": self.trajectory.steps,
+            "method": f"{self.options.method}, rtol {self.options.rtol:g}",
+            "final": repr(self.final),
+            "ended": self.ended,
+        }
 
     @property
     def periods(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,11 +124,28 @@ class Gathering:
     """What is told of any system: events by guard, shares of modes, and its observables."""
 
     def __init__(self, system: System, problem: Problem, start: Instant, window: Span) -> None:
-        self._system, self._problem, self._window = system, problem, window
+        self.resume(system, problem)
+        self._window = window
         self._anchors = Anchors(window, start, len(system.modes))
         self._counts = np.zeros(len(system.automaton.guards), dtype=np.int64)
         self._chatter = 0
         self._moments = {each.name: Moments() for each in system.observables if each.at}
+
+    def resume(self, system: System, problem: Problem) -> None:
+        """Go on for a system and what is integrated of it."""
+        self._system, self._problem = system, problem
+
+    def gathered(self) -> dict[str, Any]:
+        """Return what was gathered so far, from which `of` goes on."""
+        linked = ("_system", "_problem")
+        return {name: value for name, value in vars(self).items() if name not in linked}
+
+    @classmethod
+    def of(cls, **gathered: Any) -> Gathering:
+        """Return what had gathered this; it waits for `resume`."""
+        gathering = cls.__new__(cls)
+        vars(gathering).update(gathered)
+        return gathering
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""

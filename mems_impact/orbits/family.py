@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Floats
 
@@ -27,6 +28,10 @@ class Family:
         array, the period and the switching times must be smooth in the values.
     values : mapping of str to float
         Names and present values.
+
+    Notes
+    -----
+    Where `build` has an attribute ``automaton``, this is the automaton of all its problems.
     """
 
     build: Callable[[Mapping[str, float]], Problem]
@@ -67,6 +72,12 @@ class Family:
             known = ", ".join(self.values)
             raise InvalidParameter(field="parameter", value=name, allowed=f"one of {known}")
         return self.values[name]
+
+    @property
+    def automaton(self) -> Automaton:
+        """The automaton, which does not depend on the values."""
+        known: Automaton | None = getattr(self.build, "automaton", None)
+        return self.problem().automaton if known is None else known
 
     def problem(self) -> Problem:
         """Return the problem at the present values."""

@@ -76,8 +76,7 @@ class Shooting:
         self, family: Family, segments: tuple[Segment, ...], active: tuple[str, ...]
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
-        problem = family.problem()
-        self.automaton = problem.automaton
+        self.automaton = family.automaton
         self.free = list(free_components(self.automaton))
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
         self.events = [
@@ -93,8 +92,18 @@ class Shooting:
         count = np.asarray(problem.parameters).size
         return Variational(problem, np.zeros((max(1, len(self.active)), count)))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Shooting):
+            return NotImplemented
+        return self._key() == other._key()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _key(self) -> tuple[Any, ...]:
+        return self.family, self.segments, self.active, self.pinned
+
     def __reduce__(self) -> Any:
-        return _shooting, (self.family, self.segments, self.active, self.pinned)
+        return shooting_of, self._key()
 
     def pack(self, guess: Guess) -> Floats:
         """Return the unknowns of a guess.
@@ -376,9 +385,10 @@ class Shooting:
         )
 
 
-def _shooting(
+def shooting_of(
     family: Family, segments: tuple[Segment, ...], active: tuple[str, ...], pinned: list[int]
 ) -> Shooting:
+    """Return the equations of orbits of which some components keep their values."""
     shooting = Shooting(family, segments, active)
     shooting.pinned = pinned
     return shooting
