@@ -26,7 +26,7 @@ from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
-from mems_impact.analysis.statistics import Gatherer, Window
+from mems_impact.analysis.statistics import Gatherer, Span
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -279,7 +279,7 @@ class ActuatorSystem(System):
         code = automaton.switch_code
         return int(automaton.transition(0, code, time, y, problem.parameters))
 
-    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+    def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Accumulator(self.inner_actuator, start, window)
 

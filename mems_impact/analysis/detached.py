@@ -9,7 +9,7 @@ import numpy as np
 
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State
-from mems_impact.analysis.statistics import Window
+from mems_impact.analysis.statistics import Span
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
 from mems_impact.errors import FunctionsMissing, InvalidParameter
@@ -227,6 +227,6 @@ class DetachedSystem(System):
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 
-    def gatherer(self, problem: Problem, start: Instant, window: Window) -> NoReturn:
+    def gatherer(self, problem: Problem, start: Instant, window: Span) -> NoReturn:
         """Refuse."""
         raise FunctionsMissing(self._refusal())

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 import numpy as np
 
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Gatherer, Window, observed
+from mems_impact.analysis.statistics import Gatherer, Span, observed
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.analysis.verification import Verification, compare, other_family
@@ -233,7 +233,7 @@ class Run(Value):
         """Return the state where the window begins (0) or ends (1)."""
         final, period = self.trajectory.final, self.trajectory.period
         first, last = (value / self._unit for value in self.window)
-        cycle, time = Window(first, last, period).instant(border)
+        cycle, time = Span(first, last, period).instant(border)
         if (final.cycle, final.time) <= (cycle, time):
             return final.y
         anchor = self._gatherer.anchor(border)

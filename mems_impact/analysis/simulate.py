@@ -8,7 +8,7 @@ from typing import Any, get_args
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Window
+from mems_impact.analysis.statistics import Span
 from mems_impact.analysis.system import System, takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
@@ -86,7 +86,7 @@ def simulate(
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     first, last = _window(window, start.time / problem.period, periods, unit)
-    gatherer = system.gatherer(problem, start, Window(first, last, problem.period))
+    gatherer = system.gatherer(problem, start, Span(first, last, problem.period))
     kept: list[Events] = []
 
     def consume(events: Events) -> None:

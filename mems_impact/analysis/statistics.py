@@ -18,7 +18,7 @@ from mems_impact.hybrid.trajectory import Events, Floats, Instant
 if TYPE_CHECKING:
     from mems_impact.analysis.system import System
 
-__all__ = ["Gatherer", "Gathering", "Window", "observed"]
+__all__ = ["Gatherer", "Gathering", "Span", "observed"]
 
 
 class Gatherer(Protocol):
@@ -38,7 +38,7 @@ class Gatherer(Protocol):
 
 
 @dataclass(frozen=True)
-class Window:
+class Span:
     """The part of a run that statistics are about.
 
     Attributes
@@ -70,16 +70,16 @@ class Window:
         inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
         return inside & (self.since(1, events.cycle, events.time) < 0.0)
 
-    def until(self, final: Instant) -> Window:
+    def until(self, final: Instant) -> Span:
         """Return what lies before `final`: a run that failed may have ended within, or before."""
         reached = final.cycle + final.time / self.period
-        return Window(self.first, max(self.first, min(self.last, reached)), self.period)
+        return Span(self.first, max(self.first, min(self.last, reached)), self.period)
 
 
 class Anchors:
     """Where the arcs begin in which a window begins and ends, and how long each mode has lasted."""
 
-    def __init__(self, window: Window, start: Instant, modes: int) -> None:
+    def __init__(self, window: Span, start: Instant, modes: int) -> None:
         self._window = window
         self._anchors = [start, start]
         self._last = start  # the latest event, whose mode lasts until the next one
@@ -123,7 +123,7 @@ class Anchors:
 class Gathering:
     """What is told of any system: events by guard, shares of modes, and its observables."""
 
-    def __init__(self, system: System, problem: Problem, start: Instant, window: Window) -> None:
+    def __init__(self, system: System, problem: Problem, start: Instant, window: Span) -> None:
         self.resume(system, problem)
         self._window = window
         self._anchors = Anchors(window, start, len(system.modes))

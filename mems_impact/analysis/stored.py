@@ -94,7 +94,7 @@ register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Segment, Monitor,
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
-    statistics.Window, orbit.Orbit, branch.Branch, branch.SpecialPoint, branch.CodimensionTwo,
+    statistics.Span, orbit.Orbit, branch.Branch, branch.SpecialPoint, branch.CodimensionTwo,
     branch.Curve, verification.Verification,
 )  # fmt: skip
 for kind in KINDS:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, is_number, state_from
-from mems_impact.analysis.statistics import Gatherer, Gathering, Window
+from mems_impact.analysis.statistics import Gatherer, Gathering, Span
 from mems_impact.analysis.values import Value, same
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -295,7 +295,7 @@ class System(Value):
         other._definition = ending(self._definition, _function("until", until))
         return other
 
-    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+    def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Gathering(self, problem, start, window)
 
