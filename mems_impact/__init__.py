@@ -28,21 +28,13 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
-    from mems_impact.analysis.branch import (
-        Branch,
-        Curve,
-        GrazingType,
-        SpecialPoint,
-        Steps,
-        continue_curve,
-        continue_orbit,
-        grazing_type,
-        switch_branch,
-    )
+    from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
+    from mems_impact.analysis.curve import Curve, continue_curve
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit, find_orbit
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
+    from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
     from mems_impact.analysis.state import State
     from mems_impact.analysis.storing.file import load
     from mems_impact.analysis.sweep import sweep
@@ -173,17 +165,9 @@ _HOMES = {
     ),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),
-    "analysis.branch": (
-        "Branch",
-        "Curve",
-        "GrazingType",
-        "SpecialPoint",
-        "Steps",
-        "continue_curve",
-        "continue_orbit",
-        "grazing_type",
-        "switch_branch",
-    ),
+    "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),
+    "analysis.curve": ("Curve", "continue_curve"),
+    "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
     "actuator.design.chart": ("Chart", "operating_chart"),
     "analysis.orbit": ("Orbit", "find_orbit"),
     "plotting.sweep": ("plot_sweep",),

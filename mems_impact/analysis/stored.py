@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mems_impact.analysis import branch, orbit, run, state, statistics, verification
+from mems_impact.analysis import branch, curve, orbit, run, special, state, statistics, verification
 from mems_impact.analysis.detached import DetachedSystem, check_same, description
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.storing.coding import Reader, register
@@ -84,9 +84,9 @@ register(
     whole=lambda values, time, mode: state.state_from(values, time, mode),
 )
 register(
-    branch.GrazingType,
+    special.GrazingType,
     parts=lambda each: {"value": each.value},
-    whole=branch.GrazingType,
+    whole=special.GrazingType,
 )
 register(Shooting, parts=lambda s: {"family": s.family, "segments": s.segments,
          "active": s.active, "pinned": s.pinned}, whole=shooting_of)  # fmt: skip
@@ -94,8 +94,8 @@ register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Segment, Monitor,
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
-    statistics.Span, orbit.Orbit, branch.Branch, branch.SpecialPoint, branch.CodimensionTwo,
-    branch.Curve, verification.Verification,
+    statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
+    curve.Curve, verification.Verification,
 )  # fmt: skip
 for kind in KINDS:
     register(kind)

@@ -16,9 +16,10 @@ from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked
-from mems_impact.analysis.branch import CodimensionTwo, GrazingType, curve_of
+from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.orbit import IF_STIFF, ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.special import CodimensionTwo, GrazingType
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.analysis.values import Value
