@@ -28,22 +28,15 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
-    from mems_impact.analysis.branch import (
-        Branch,
-        Curve,
-        GrazingType,
-        SpecialPoint,
-        Steps,
-        continue_curve,
-        continue_orbit,
-        grazing_type,
-        switch_branch,
-    )
+    from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
+    from mems_impact.analysis.curve import Curve, continue_curve
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit, find_orbit
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
+    from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
     from mems_impact.analysis.state import State
+    from mems_impact.analysis.storing.file import load
     from mems_impact.analysis.sweep import sweep
     from mems_impact.analysis.system import System, modes
     from mems_impact.analysis.verification import Verification
@@ -54,6 +47,7 @@ if TYPE_CHECKING:
         EngineUnavailable,
         FileNotWritten,
         FitWarning,
+        FunctionsMissing,
         Interrupted,
         InvalidFile,
         InvalidParameter,
@@ -87,6 +81,7 @@ __all__ = [
     "FileNotWritten",
     "Fit",
     "FitWarning",
+    "FunctionsMissing",
     "GrazingType",
     "Guard",
     "Impact",
@@ -118,6 +113,7 @@ __all__ = [
     "fit",
     "grazing_type",
     "kicked",
+    "load",
     "load_actuator",
     "load_drive",
     "modes",
@@ -155,6 +151,7 @@ _HOMES = {
         "EngineUnavailable",
         "FileNotWritten",
         "FitWarning",
+        "FunctionsMissing",
         "Interrupted",
         "InvalidFile",
         "InvalidParameter",
@@ -168,17 +165,9 @@ _HOMES = {
     ),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),
-    "analysis.branch": (
-        "Branch",
-        "Curve",
-        "GrazingType",
-        "SpecialPoint",
-        "Steps",
-        "continue_curve",
-        "continue_orbit",
-        "grazing_type",
-        "switch_branch",
-    ),
+    "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),
+    "analysis.curve": ("Curve", "continue_curve"),
+    "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
     "actuator.design.chart": ("Chart", "operating_chart"),
     "analysis.orbit": ("Orbit", "find_orbit"),
     "plotting.sweep": ("plot_sweep",),
@@ -202,6 +191,7 @@ _HOMES = {
     "analysis.state": ("State",),
     "actuator.system": ("kicked",),
     "analysis.observable": ("Observable",),
+    "analysis.storing.file": ("load",),
     "analysis.sweep": ("sweep",),
     "analysis.system": ("System", "modes"),
     "hybrid.automaton": ("Guard", "Impact"),

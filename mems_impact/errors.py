@@ -17,6 +17,7 @@ __all__ = [
     "EngineUnavailable",
     "FileNotWritten",
     "FitWarning",
+    "FunctionsMissing",
     "Interrupted",
     "InvalidFile",
     "InvalidParameter",
@@ -118,6 +119,25 @@ class InvalidFile(MemsImpactError, ValueError):
         self.reason = reason
         self.remedy = remedy
         super().__init__(f"{_label(self.path)}: {reason}; {remedy}")
+
+
+class FunctionsMissing(MemsImpactError, RuntimeError):
+    """What is asked for needs the functions of a system, and a result was loaded without them.
+
+    Parameters
+    ----------
+    reason : str
+        Which file does not hold which functions.
+
+    Attributes
+    ----------
+    reason : str
+        As given.
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(f"{reason}; give the system: mems_impact.load(path, system=…)")
 
 
 class FileNotWritten(MemsImpactError):

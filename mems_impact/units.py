@@ -34,7 +34,12 @@ class Scales:
 
     def __reduce__(self) -> Any:
         """Pickle the factors as a dict: a mapping proxy cannot be."""
-        return _scales, (dict(self.factors), self.named)
+        return Scales.of, (dict(self.factors), self.named)
+
+    @staticmethod
+    def of(factors: Mapping[str, float], named: bool) -> Scales:
+        """Return scales with these factors; where nothing has a unit, `DIMENSIONLESS` itself."""
+        return Scales(factors=factors, named=named) if factors or named else DIMENSIONLESS
 
     def unit(self, name: str) -> float:
         """Return the unit of the numerics for what has the unit `name`."""
@@ -51,10 +56,6 @@ class Scales:
     def label(self, heading: str, name: str) -> str:
         """Return a heading with its unit, or alone where there is none."""
         return f"{heading} [{name}]" if self.named and name else heading
-
-
-def _scales(factors: Mapping[str, float], named: bool) -> Scales:
-    return Scales(factors=factors, named=named)
 
 
 DIMENSIONLESS = Scales(named=False)

@@ -8,6 +8,7 @@ from mems_impact.errors import (
     EngineFallbackWarning,
     EngineUnavailable,
     FileNotWritten,
+    FunctionsMissing,
     Interrupted,
     InvalidFile,
     InvalidParameter,
@@ -35,6 +36,7 @@ ERRORS = [
     InvalidFile("my.toml", "is a directory", "give a file"),
     RUN_ERROR,
     EngineUnavailable("no C API", "use the interpreted engine"),
+    FunctionsMissing("run.zip does not hold the functions of its system"),
     FileNotWritten("table.csv", "no space left on device", "make room"),
     OrbitError("no orbit", "take another guess", [1, 2, 3]),
 ]

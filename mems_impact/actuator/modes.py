@@ -254,4 +254,5 @@ def actuator_automaton(
         transition=transition,
         jacobian=jacobian,
         cyclic=(X1,),
+        recipe=(actuator_automaton, (voltage, voltage_rate, left, left_rate)),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -46,6 +46,7 @@ class _OfActuator:
 class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
+    kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
     figure = "mems_impact.actuator.figures.run:plot_run"
 
     @cached_property
@@ -85,9 +86,10 @@ class ActuatorRun(_OfActuator, Run):
     @cached_property
     def measured(self) -> Statistics:
         """The statistics as numbers with names, dimensionless like the trajectory."""
-        assert isinstance(self._gatherer, Accumulator)
+        gatherer = self.gatherer
+        assert isinstance(gatherer, Accumulator)
         borders = [self._state_at(border) for border in (0, 1)]
-        return self._gatherer.measured(self.trajectory.final, borders)
+        return gatherer.measured(self.trajectory.final, borders)
 
 
 class ActuatorOrbit(_OfActuator, Orbit):
@@ -109,5 +111,5 @@ class ActuatorOrbit(_OfActuator, Orbit):
         steps = frame_steps(log)[1]
         hits = self._log[is_impact(self._log)]
         lost = energy_lost(hits, self.system.inner_actuator)
-        period = self._problem.period
+        period = self.found.point.period
         return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)

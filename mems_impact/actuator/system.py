@@ -11,6 +11,8 @@ import numpy as np
 
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.modes import (
     GUARDS,
     STATES,
@@ -25,10 +27,11 @@ from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
-from mems_impact.analysis.statistics import Gatherer, Window
+from mems_impact.analysis.statistics import Gatherer, Span
 from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.units import DIMENSIONLESS, Scales
@@ -84,6 +87,25 @@ class ActuatorSystem(System):
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         self.name = ""
         self.actuator, self.drive, self._scales = actuator, drive, scales
+
+    def _key(self) -> tuple[Any, ...]:
+        return dict(self.actuator), self.drive, self._scales
+
+    def restored(self, values: Mapping[str, float], scales: Scales) -> ActuatorSystem:
+        """Return the system at the values of a file, and in the scales in which it counted."""
+        other = self.shifted(values)
+        other._put(other.actuator, other.drive, scales)
+        return other
+
+    @property
+    def told_by_numbers(self) -> bool:
+        """Whether the waveform is the package's own."""
+        return not own_functions(self.drive)
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where functions of the drive are defined that are not the package's own."""
+        return own_functions(self.drive)
 
     def __repr__(self) -> str:
         return f"{self.actuator!r} under {self.drive!r}"
@@ -269,7 +291,7 @@ class ActuatorSystem(System):
         code = automaton.switch_code
         return int(automaton.transition(0, code, time, y, problem.parameters))
 
-    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+    def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Accumulator(self.inner_actuator, start, window)
 
@@ -293,6 +315,27 @@ class ActuatorSystem(System):
     def moves(self, instant: Instant) -> bool:
         """Return whether the frame slides."""
         return direction_of(instant.mode) != 0
+
+
+def kind_of(drive: Drive) -> str:
+    """Return the kind of a waveform, as files name it; empty if it is none of the package's."""
+    kinds = {name: kind for kind, name in WAVEFORMS.items()}
+    kind = kinds.get(type(drive).__name__, "")
+    return kind if kind and drive_of_kind(kind) is type(drive) else ""
+
+
+def own_functions(drive: Drive) -> dict[str, str]:
+    """Return where the functions of a drive are defined that its numbers do not tell."""
+    if kind_of(drive) == "":
+        return {type(drive).__name__: f"{type(drive).__module__}:{type(drive).__qualname__}"}
+    found: dict[str, str] = {}
+    for name in type(drive).model_fields:
+        value = getattr(drive, name)
+        if isinstance(value, Drive):
+            found |= {f"{name}.{inner}": place for inner, place in own_functions(value).items()}
+        elif callable(value):
+            found[name] = reference(value)
+    return found
 
 
 def kicked(actuator: Actuator) -> State:

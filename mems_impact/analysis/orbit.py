@@ -16,6 +16,7 @@ from mems_impact.analysis.run import check_direction
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.statistics import observed, reduced
 from mems_impact.analysis.system import System, takes_system
+from mems_impact.analysis.values import Value
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid import loop
@@ -44,7 +45,7 @@ PERIOD_ENDS = "period ends"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Orbit:
+class Orbit(Value):
     """A periodic orbit of a system, stable or not.
 
     Attributes
@@ -59,6 +60,14 @@ class Orbit:
     system: System = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
+    kept: ClassVar[tuple[str, ...]] = (
+        "events",
+        "impacts",
+        "observables",
+        "crossings",
+        "shown_states",
+    )
+
     def __repr__(self) -> str:
         kind = "stable" if self.stable else "unstable"
         kind += "" if self.admissible else ", inadmissible"
@@ -67,10 +76,23 @@ class Orbit:
             f"{type(self).__name__}(periods={self.periods}, impacts={hits}, {kind}, {self.state})"
         )
 
+    def summary(self) -> dict[str, Any]:
+        """Return where it is, and whether it is stable and one of the system's."""
+        largest = self.multipliers[:3].tolist()
+        return {
+            "system": repr(self.system),
+            "periods": self.periods,
+            "state": repr(self.state),
+            "impacts": len(self._hits),
+            "stable": self.stable,
+            "multipliers": ", ".join(f"{each:.6g}" for each in largest),
+            "admissible": self.admissible or "; ".join(self.defects),
+        }
+
     @property
     def period(self) -> float:
         """The forcing period; the orbit takes `periods` of them."""
-        return float(self.system.scales.out(self._problem.period, "s"))
+        return float(self.system.scales.out(self.found.point.period, "s"))
 
     @property
     def options(self) -> Options:
@@ -146,14 +168,14 @@ class Orbit:
     def events(self) -> pd.DataFrame:
         """One row a transition, with the columns of `Run.events`."""
         return tables.events(
-            self._log, self._problem.period, self.system, self._observed(self._log)
+            self._log, self.found.point.period, self.system, self._observed(self._log)
         )
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
         """One row an impact, with the columns of `Run.impacts`."""
         hits = self._hits
-        return tables.impacts(hits, self._problem.period, self.system, self._observed(hits))
+        return tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
 
     @cached_property
     def corners(self) -> pd.DataFrame:
@@ -189,7 +211,7 @@ class Orbit:
         if self.system.section is None:
             return self.samples(1).iloc[: self.periods]
         log = self.crossings.crossings(direction)
-        return tables.section(log, self._problem.period, self.system)
+        return tables.section(log, self.found.point.period, self.system)
 
     def samples(self, per_period: int = 200) -> pd.DataFrame:
         """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
@@ -197,12 +219,12 @@ class Orbit:
         An inadmissible orbit is sampled as it was solved, through what is in its way.
         """
         grid = self.grid(whole("per_period", per_period, 1))
-        return tables.samples(grid, self._problem.period, self.system)
+        return tables.samples(grid, self.found.point.period, self.system)
 
     def grid(self, per_period: int) -> Samples:
         """Return the samples in the units of the numerics."""
         parts: list[Samples] = []
-        last, period = -1, self._problem.period
+        last, period = -1, self.found.point.period
         for cycle, offset, trajectory in self._arcs():
             grid = trajectory.samples(per_period)
             number = np.rint((cycle + grid.cycle + grid.time / period) * per_period)
@@ -280,6 +302,8 @@ class Orbit:
         return self._log[self._log.impacts(self.system.automaton)]
 
     def _observed(self, log: Events) -> dict[str, Floats]:
+        if not any(each.at for each in self.system.observables):
+            return {}
         return observed(self.system, self._problem, log)
 
     @cached_property

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Deferred, Gatherer, Window, observed
+from mems_impact.analysis.statistics import Deferred, Gatherer, Span, observed
 from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -28,7 +29,7 @@ Keep = Literal["events", "statistics"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run:
+class Run(Value):
     """A run of a system; its tables are made when they are first asked for.
 
     Results are in the units of the system, which stand in ``table.attrs["units"]``.
@@ -54,7 +55,9 @@ class Run:
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
-    _deferred: Deferred = field(repr=False)
+    _gatherer: Gatherer | Deferred = field(repr=False, compare=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
     def __repr__(self) -> str:
         first, last = self.extent
@@ -63,6 +66,19 @@ class Run:
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
             f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps, {self.final})"
         )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was run, how long, and where it ended."""
+        first, last = self.extent
+        return {
+            "system": repr(self.system),
+            "periods" if self.system.forced else "time": f"{first:g} to {last:g}",
+            "events": len(self.trajectory.events),
+            "steps": self.trajectory.steps,
+            "method": f"{self.options.method}, rtol {self.options.rtol:g}",
+            "final": repr(self.final),
+            "ended": self.ended,
+        }
 
     @property
     def periods(self) -> float:
@@ -204,11 +220,13 @@ class Run:
     def gathered(self) -> Mapping[str, float]:
         """The statistics as numbers by name, in the units of the numerics."""
         borders = [self._state_at(border) for border in (0, 1)]
-        return self._gatherer.result(self.trajectory.final, borders)
+        return self.gatherer.result(self.trajectory.final, borders)
 
     @property
-    def _gatherer(self) -> Gatherer:
-        return self._deferred.ready
+    def gatherer(self) -> Gatherer:
+        """What has gathered the statistics, with all events."""
+        waiting = self._gatherer
+        return waiting.ready if isinstance(waiting, Deferred) else waiting
 
     @property
     def _unit(self) -> float:
@@ -221,10 +239,10 @@ class Run:
         """Return the state where the window begins (0) or ends (1)."""
         final, period = self.trajectory.final, self.trajectory.period
         first, last = (value / self._unit for value in self.window)
-        cycle, time = Window(first, last, period).instant(border)
+        cycle, time = Span(first, last, period).instant(border)
         if (final.cycle, final.time) <= (cycle, time):
             return final.y
-        anchor = self._gatherer.anchor(border)
+        anchor = self.gatherer.anchor(border)
         wait = (cycle - anchor.cycle) + (time - anchor.time) / period
         if wait <= 0.0 or not self.system.moves(anchor):
             return anchor.y

@@ -8,7 +8,7 @@ from typing import Any, get_args
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Deferred, Window
+from mems_impact.analysis.statistics import Deferred, Span
 from mems_impact.analysis.system import System, takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
@@ -86,7 +86,7 @@ def simulate(
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     first, last = _window(window, start.time / problem.period, periods, unit)
-    gatherer = system.gatherer(problem, start, Window(first, last, problem.period))
+    gatherer = system.gatherer(problem, start, Span(first, last, problem.period))
     kept: list[Events] = []
 
     def consume(events: Events) -> None:
@@ -106,7 +106,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _deferred=Deferred(gatherer, trajectory.events, lengths),
+            _gatherer=Deferred(gatherer, trajectory.events, lengths) if kept else gatherer,
         )
 
     with progress_bar(progress, "periods", periods) as report:

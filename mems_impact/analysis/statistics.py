@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from mems_impact.hybrid.trajectory import Events, Floats, Instant
 if TYPE_CHECKING:
     from mems_impact.analysis.system import System
 
-__all__ = ["Gatherer", "Gathering", "Window", "observed"]
+__all__ = ["Gatherer", "Gathering", "Span", "observed"]
 
 
 class Gatherer(Protocol):
@@ -63,7 +63,7 @@ class Deferred:
 
 
 @dataclass(frozen=True)
-class Window:
+class Span:
     """The part of a run that statistics are about.
 
     Attributes
@@ -95,16 +95,16 @@ class Window:
         inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
         return inside & (self.since(1, events.cycle, events.time) < 0.0)
 
-    def until(self, final: Instant) -> Window:
+    def until(self, final: Instant) -> Span:
         """Return what lies before `final`: a run that failed may have ended within, or before."""
         reached = final.cycle + final.time / self.period
-        return Window(self.first, max(self.first, min(self.last, reached)), self.period)
+        return Span(self.first, max(self.first, min(self.last, reached)), self.period)
 
 
 class Anchors:
     """Where the arcs begin in which a window begins and ends, and how long each mode has lasted."""
 
-    def __init__(self, window: Window, start: Instant, modes: int) -> None:
+    def __init__(self, window: Span, start: Instant, modes: int) -> None:
         self._window = window
         self._anchors = [start, start]
         self._last = start  # the latest event, whose mode lasts until the next one
@@ -148,12 +148,29 @@ class Anchors:
 class Gathering:
     """What is told of any system: events by guard, shares of modes, and its observables."""
 
-    def __init__(self, system: System, problem: Problem, start: Instant, window: Window) -> None:
-        self._system, self._problem, self._window = system, problem, window
+    def __init__(self, system: System, problem: Problem, start: Instant, window: Span) -> None:
+        self.resume(system, problem)
+        self._window = window
         self._anchors = Anchors(window, start, len(system.modes))
         self._counts = np.zeros(len(system.automaton.guards), dtype=np.int64)
         self._chatter = 0
         self._moments = {each.name: Moments() for each in system.observables if each.at}
+
+    def resume(self, system: System, problem: Problem) -> None:
+        """Go on for a system and what is integrated of it."""
+        self._system, self._problem = system, problem
+
+    def gathered(self) -> dict[str, Any]:
+        """Return what was gathered so far, from which `of` goes on."""
+        linked = ("_system", "_problem")
+        return {name: value for name, value in vars(self).items() if name not in linked}
+
+    @classmethod
+    def of(cls, **gathered: Any) -> Gathering:
+        """Return what had gathered this; it waits for `resume`."""
+        gathering = cls.__new__(cls)
+        vars(gathering).update(gathered)
+        return gathering
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""

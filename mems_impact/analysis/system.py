@@ -6,17 +6,19 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, TypeVar, overload
 
 import numpy as np
 
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, is_number, state_from
-from mems_impact.analysis.statistics import Gatherer, Gathering, Window
+from mems_impact.analysis.statistics import Gatherer, Gathering, Span
+from mems_impact.analysis.values import Value, same
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.portable import portable
+from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.hybrid.written import (
@@ -69,7 +71,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
     return tuple(Mode(number, names) for number in range(len(names)))
 
 
-class System:
+class System(Value):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -238,6 +240,28 @@ class System:
         other._parameters = {**self._parameters, **_numbers(values)}
         return other
 
+    def restored(self, values: Mapping[str, float], scales: Scales) -> System:
+        """Return the system at the values of a file, and in the scales in which it counted."""
+        return self.shifted(values)
+
+    @property
+    def told_by_numbers(self) -> bool:
+        """Whether names and numbers say all of it; a file cannot hold functions."""
+        return False
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where its functions are defined, as ``module:name``: to be shown."""
+        definition = self._definition
+        found: dict[str, Any] = {"flow": definition.flow, "settle": definition.settle}
+        found |= {"jacobian": definition.jacobian, "period": self._period}
+        found |= {"switches": self._switches, "time_scale": self._time_scale}
+        for guard in definition.guards:
+            for role in ("margin", "transition", "rate", "rest"):
+                found[f"{role} of {guard.name}"] = getattr(guard, role)
+        found |= {f"observable {each.name}": each.function for each in self.observables}
+        return {role: reference(given) for role, given in found.items() if callable(given)}
+
     def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
         """Return what of the problem depends on the parameters, in the units of the numerics.
 
@@ -275,7 +299,7 @@ class System:
         other._definition = ending(self._definition, _function("until", until))
         return other
 
-    def gatherer(self, problem: Problem, start: Instant, window: Window) -> Gatherer:
+    def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Gathering(self, problem, start, window)
 
@@ -383,8 +407,7 @@ class System:
 
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in the units of the numerics."""
-        here = self.inner_parameters
-        return Family(_Build(self, options), here, _Count(self, here))
+        return Family(Build(self, options), self.inner_parameters)
 
     def at(self, inner: Mapping[str, float]) -> System:
         """Return the system at values in the units of the numerics, allowed or not."""
@@ -447,10 +470,37 @@ class System:
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
         return f"{type(self).__name__}({self.name or ', '.join(self.states)}; {values})"
 
+    def summary(self) -> dict[str, Any]:
+        """Return states, modes, guards and parameters."""
+        return {
+            "states": ", ".join(self.states),
+            "modes": ", ".join(self.modes),
+            "guards": ", ".join(guard.name for guard in self.automaton.guards),
+            **{self.label(name): value for name, value in self.parameters.items()},
+        }
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, System):
+            return NotImplemented
+        return type(self) is type(other) and same(self._key(), other._key())
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash((type(self), *self.parameters.items()))
+
+    def __copy__(self) -> System:
+        return self  # it does not change
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> System:
+        return self
+
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, with functions fit to go to another process."""
         state: dict[str, Any] = portable(vars(self))
         return state
+
+    def _key(self) -> tuple[Any, ...]:
+        """Return all by which systems differ."""
+        return tuple(vars(self)[name] for name in sorted(vars(self)))
 
     def _copy(self) -> System:
         other = object.__new__(type(self))
@@ -483,24 +533,28 @@ class System:
         return None if value is None else float(value)
 
 
-class _Build:
+@dataclass(frozen=True)
+class Build:
     """The problem of a system at any values of its parameters."""
 
-    def __init__(self, system: System, options: Options) -> None:
-        self.system, self.options = system, options
+    system: System
+    options: Options
+
+    @property
+    def automaton(self) -> Automaton:
+        """The same for all values."""
+        return self.system.automaton
 
     def __call__(self, values: Mapping[str, float]) -> Problem:
         return self.system.at(values).problem(self.options)
 
+    @functools.cached_property
+    def _here(self) -> dict[str, float]:
+        return self.system.inner_parameters
 
-class _Count:
-    """The numbers of a system's problem at any values of its parameters, as `_Build` has them."""
-
-    def __init__(self, system: System, here: Mapping[str, float]) -> None:
-        self.system, self.here = system, here
-
-    def __call__(self, values: Mapping[str, float]) -> Numbers:
-        return self.system.numbers(self.system.changes_to(values, self.here))
+    def numbers(self, values: Mapping[str, float]) -> Numbers:
+        """Return what of that problem depends on the values, without making it."""
+        return self.system.numbers(self.system.changes_to(values, self._here))
 
 
 R = TypeVar("R")

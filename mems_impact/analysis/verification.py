@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.values import Value
 from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
@@ -41,7 +42,7 @@ MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verification:
+class Verification(Value):
     """A run beside the same run by an unrelated method.
 
     Attributes
@@ -59,10 +60,14 @@ class Verification:
         The same in one line.
     """
 
-    table: pd.DataFrame
+    table: pd.DataFrame = field(repr=False)
     agrees: bool
     until: float
     verdict: str
+
+    def summary(self) -> dict[str, Any]:
+        """Return the verdict."""
+        return {"agrees": self.agrees, "until": self.until, "verdict": self.verdict}
 
     def __str__(self) -> str:
         table = self.table.to_string(index=False, na_rep="", float_format="{:.1e}".format)

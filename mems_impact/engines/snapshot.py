@@ -15,6 +15,7 @@ import operator
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from dis import get_instructions
 from enum import Enum, EnumMeta
 from functools import cache
 from pathlib import Path
@@ -135,9 +136,25 @@ def _names(code: CodeType) -> tuple[str, ...]:
     return tuple(sorted({*code.co_names, *inner}))
 
 
+@cache
+def _global_names(code: CodeType) -> tuple[str, ...]:
+    """Return the names of the globals that `code` reads, or what is defined within.
+
+    Not those of attributes: ``p.e`` has nothing to do with a global ``e``.
+    """
+    inner = [
+        name
+        for part in code.co_consts
+        if isinstance(part, CodeType)
+        for name in _global_names(part)
+    ]
+    own = [step.argval for step in get_instructions(code) if step.opname == "LOAD_GLOBAL"]
+    return tuple(sorted({*own, *inner}))
+
+
 def _globals(function: FunctionType) -> Iterator[tuple[str, Any]]:
     """Yield the globals that `function` may read."""
-    for name in _names(function.__code__):
+    for name in _global_names(function.__code__):
         if name in function.__globals__:
             yield name, function.__globals__[name]
 
@@ -237,7 +254,8 @@ class _Reader:
         self.put(function.__qualname__, _text(function.__code__))
         for name in ("__code__", "__defaults__", "__kwdefaults__"):
             self.reads.append((function.__getattribute__, name, getattr(function, name)))
-        self.reads += [(function.__globals__.get, n, function.__globals__.get(n)) for n in names]
+        scope, read = function.__globals__, _global_names(function.__code__)
+        self.reads += [(scope.get, name, scope.get(name)) for name in read]
         for cell, (_, value) in zip(function.__closure__ or (), _contents(function), strict=True):
             if value is not None:
                 self.reads.append((cell.__getattribute__, "cell_contents", value))

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, dataclass, field, fields
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.portable import portable
 
 
 @dataclass(frozen=True)
@@ -147,7 +148,8 @@ class Automaton:
     def __reduce__(self) -> Any:
         """Pickle the recipe; without one, the functions by their names."""
         if self.recipe is not None:
-            return self.recipe
+            make, arguments = self.recipe
+            return make, portable(arguments)
         return _automaton, tuple(getattr(self, each.name) for each in fields(self))
 
     @property

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.hybrid.guards import follow, violated
 from mems_impact.hybrid.record import (
     ACCUMULATION,
@@ -63,7 +63,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         left[j] = y[j]
     if remaining > 0.0:
         # On average over the impacts that are left, the bodies keep in touch.
-        arc.transition(engine, mode, code, t, entered)
+        contract.transition(engine, mode, code, t, entered)
         # The closing acceleration changes a little, and has done so in the last flight: that is
         # in its length and in the ratio of its speeds. To first order, all of it together is this.
         follow(engine, s, mode, t, entered, remaining, left)
@@ -78,7 +78,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
             s.mode = mode
             return True
     t += remaining
-    s.mode = arc.transition(engine, s.mode, code, t, left)
+    s.mode = contract.transition(engine, s.mode, code, t, left)
     row(s, HIT_TIME)[guard] = -math.inf
     note(s, t, ACCUMULATION, guard, mode, past, left)
     for j in range(s.n):
@@ -142,10 +142,10 @@ def acceleration(
     g, ahead = row(s, G), row(s, AHEAD)
     m = s.m
     h = min(h, 0.5 * (next_switch(s, t) - t))
-    arc.margins(engine, mode, t, y, g)
+    contract.margins(engine, mode, t, y, g)
     rate = g[m + guard]
     follow(engine, s, mode, t, y, h, ahead)
-    arc.margins(engine, mode, t + h, ahead, g)
+    contract.margins(engine, mode, t + h, ahead, g)
     result: float = (g[m + guard] - rate) / h
     return result
 
@@ -172,13 +172,13 @@ def carry(engine: Any, s: Any, t: float, remaining: float, guard: int) -> bool:
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         follow(engine, s, mode, t, entered, middle, left)
-        arc.margins(engine, mode, t + middle, left, g)
+        contract.margins(engine, mode, t + middle, left, g)
         if g[ended] > 0.0:
             low = middle
         else:
             high = middle
     follow(engine, s, mode, t, entered, high, left)
-    s.mode = arc.transition(engine, mode, ended, t + high, left)
+    s.mode = contract.transition(engine, mode, ended, t + high, left)
     follow(engine, s, s.mode, t + high, left, remaining - high, left)
     return violated(engine, s, s.mode, t + remaining, left, guard, NONE) == NONE
 
@@ -187,22 +187,22 @@ def concerns(engine: Any, s: Any, mode: int, t: float, other: int, guard: int) -
     """Return whether an impact without rebound at `guard`, PAST to ENTERED, moves `other`."""
     g = row(s, G)
     past, entered = row(s, PAST), row(s, ENTERED)
-    arc.margins(engine, mode, t, past, g)
+    contract.margins(engine, mode, t, past, g)
     margin, rate = g[other], g[s.m + other]
-    arc.margins(engine, mode, t, entered, g)
+    contract.margins(engine, mode, t, entered, g)
     return bool(g[other] != margin or g[s.m + other] != rate)
 
 
 def shares(engine: Any, s: Any, t: float, y: Any, guard: int, other: int) -> bool:
     """Return whether the margins of two guards depend on the same component of the state."""
     g, moved = row(s, G), row(s, MOVED)
-    arc.margins(engine, s.mode, t, y, g)
+    contract.margins(engine, s.mode, t, y, g)
     one, two = g[guard], g[other]
     for j in range(s.n):
         moved[j] = y[j]
     for j in range(s.n):
         moved[j] += 2.0**-26 * abs(y[j]) + s.atol
-        arc.margins(engine, s.mode, t, moved, g)
+        contract.margins(engine, s.mode, t, moved, g)
         if g[guard] != one and g[other] != two:
             return True
         moved[j] = y[j]

@@ -8,7 +8,7 @@ An arc is integrated step by step until a guard fires. What fires is found in fo
 engine's own root finding (a margin changes sign over a step), the rate guards (a margin dipped
 below zero and came back within a step, so its closest approach is a root too), a look inside the
 step where the margin may have done so twice, and a look at all margins after every transition
-(what fires in the same instant). The first three are in `guards`, with the last; `chatter`
+(what fires in the same instant). The first three are in `search`, the last in `guards`; `chatter`
 completes sequences of impacts; `record` holds what the loop remembers.
 """
 
@@ -17,14 +17,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.engines import contract as arc
+from mems_impact.engines import contract
 from mems_impact.hybrid.chatter import complete_chatter
 from mems_impact.hybrid.guards import (
     HAIR,
     clearly,
-    first_guard,
     inside,
-    look,
     resolution,
     rounding_of,
     surely_falling,
@@ -81,6 +79,7 @@ from mems_impact.hybrid.record import (
     sample_row,
     whole_periods,
 )
+from mems_impact.hybrid.search import first_guard, look
 
 __all__ = [
     "ACCUMULATION", "APPROACH", "BUFFER_FULL", "CLOCK", "CYCLE", "CYCLING", "DONE", "ENDED",
@@ -138,26 +137,26 @@ def advance(engine: Any, s: Any, quota: int) -> int:
         if s.restart == 1:
             begin_arc(engine, s, y)
 
-        status = arc.step(engine)
+        status = contract.step(engine)
         quota -= 1
         s.steps += 1
         s.arc_steps += 1
-        if status == arc.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
-            status = arc.STOPPED  # the last step has ended at the switch already
-        if status == arc.CLOSE_ROOTS and s.arc_steps > 1:
-            arc.state(engine, y)
+        if status == contract.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
+            status = contract.STOPPED  # the last step has ended at the switch already
+        if status == contract.CLOSE_ROOTS and s.arc_steps > 1:
+            contract.state(engine, y)
             note(s, s.t, REBASE, 0, s.mode, y, y)
             s.restart = 1
             s.fresh = s.doubt  # a margin in doubt is looked at again
             continue
         if status < 0 or s.arc_steps > s.max_steps:
             if s.arc_steps > 1:  # else y is where the arc, and its first step, began
-                s.t = arc.time(engine)
-                arc.state(engine, y)
+                s.t = contract.time(engine)
+                contract.state(engine, y)
             s.failure = min(status, 0)
             return FAILED if status < 0 else STEP_BUDGET
         before = s.t
-        t = arc.time(engine)
+        t = contract.time(engine)
         something = look(engine, s, status, before, t)
         if s.lifted == 1:
             lower(engine, s)
@@ -165,30 +164,30 @@ def advance(engine: Any, s: Any, quota: int) -> int:
         guard, t_event = NONE, t
         if something:
             guard, t_event = first_guard(engine, s, status, before, t)
-        if s.doubt == 1 and guard == NONE and status != arc.STOPPED:
-            arc.state(engine, y)
+        if s.doubt == 1 and guard == NONE and status != contract.STOPPED:
+            contract.state(engine, y)
             guard = violated(engine, s, s.mode, t, y, NONE, NONE)
             s.doubt = still_below(s)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         take_samples(engine, s, min(t_event, end), t_event >= end)
         if t_event > end or (t_event == end and guard == NONE):
-            arc.interpolate(engine, end, y)
+            contract.interpolate(engine, end, y)
             s.t = end
             return DONE
 
         s.t = t_event
-        if status == arc.ROOT and t_event == t:
-            arc.state(engine, y)
+        if status == contract.ROOT and t_event == t:
+            contract.state(engine, y)
             note_passages(engine, s, t, y)
         if guard != NONE:
             if t_event < t:
-                arc.interpolate(engine, t_event, y)
+                contract.interpolate(engine, t_event, y)
             status = resolve(engine, s, y, guard)
             if status != DONE:
                 return status
-        elif status == arc.STOPPED:
-            arc.state(engine, y)
+        elif status == contract.STOPPED:
+            contract.state(engine, y)
             if t > s.period:
                 # The first switch of the next period, whatever its sum with the period rounds to.
                 shift(s, 1)
@@ -197,7 +196,7 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             if status != DONE:
                 return status
         elif t > REBASE_PERIODS * s.period:
-            arc.state(engine, y)
+            contract.state(engine, y)
             note(s, t, REBASE, 0, s.mode, y, y)
             s.restart = 1
 
@@ -218,7 +217,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
     # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
     now, bend = row(s, NOW), row(s, BEND)
-    arc.margins(engine, s.mode, s.t, y, now)
+    contract.margins(engine, s.mode, s.t, y, now)
     # One that still falls has had its transition, which changed nothing: it is left alone. One that
     # has been recorded falls no second time, though rounding may have left it above zero.
     m, passed = s.m, row(s, PASSED)
@@ -229,12 +228,12 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
         passed[i] = 0.0
         hair = HAIR if lift else -HAIR
-        arc.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        contract.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
         if now[i] < 0.0:
             resolution(engine, s, s.mode, s.t, y)
             if now[i] < -clearly(s, i):
                 s.lifted = 1
-    arc.restart(engine, s.mode, s.t, y, s.stop)
+    contract.restart(engine, s.mode, s.t, y, s.stop)
     s.restart = 0
     s.doubt = 0
     s.arc_start = s.t
@@ -254,8 +253,8 @@ def lower(engine: Any, s: Any) -> None:
     """Take the lift from margins that have become positive: from now on zero is their limit."""
     now = row(s, NOW)
     for i in range(s.m):
-        if arc.bias(engine, i) > HAIR and now[i] > rounding_of(s, i):
-            arc.set_bias(engine, i, 0.0)
+        if contract.bias(engine, i) > HAIR and now[i] > rounding_of(s, i):
+            contract.set_bias(engine, i, 0.0)
 
 
 def still_below(s: Any) -> int:
@@ -290,7 +289,7 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
         impact = guard < m and row(s, IMPACT)[guard] == 1
         code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
         if impact:
-            arc.margins(engine, mode, s.t, y, looked)
+            contract.margins(engine, mode, s.t, y, looked)
             closing = surely_falling(s, m + guard, looked[m + guard])
             if not closing:
                 resolution(engine, s, mode, s.t, y)
@@ -298,7 +297,7 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
             if not closing:
                 # A contact that is not closing: a rebound would throw the body through the wall.
                 code, kind = m + guard, ACCUMULATION
-        s.mode = arc.transition(engine, mode, code, s.t, y)
+        s.mode = contract.transition(engine, mode, code, s.t, y)
         s.failure = guard
         if s.mode == ENDS:
             s.mode = mode
@@ -362,14 +361,14 @@ def comes_back(s: Any, y: Any) -> bool:
 
 
 def note_passages(engine: Any, s: Any, t: float, y: Any) -> None:
-    """Record closest approaches and crossings of the section: roots that end no arc."""
+    """Record closest approaches and crossings of the section: roots that end no contract."""
     m = s.m
     now = row(s, NOW)
     for i in range(m):
         # What approaches a wall without leaving it by more than rounding is in contact.
-        if row(s, IMPACT)[i] == 1 and arc.fired(engine, m + i) > 0 and now[i] > 0.0:
+        if row(s, IMPACT)[i] == 1 and contract.fired(engine, m + i) > 0 and now[i] > 0.0:
             note(s, t, APPROACH, i, s.mode, y, y)
-    side = arc.fired(engine, 2 * m)
+    side = contract.fired(engine, 2 * m)
     if side != 0:
         note(s, t, SECTION_CROSSING, side, s.mode, y, y)
 
@@ -385,7 +384,7 @@ def take_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
         t = (cycle - s.cycle) * s.period + phase
         if t > limit or (t == limit and not last):
             return
-        arc.interpolate(engine, max(t, s.arc_start), y)
+        contract.interpolate(engine, max(t, s.arc_start), y)
         sample = sample_row(s)
         sample[0] = cycle
         sample[1] = phase

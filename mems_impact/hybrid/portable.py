@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass, replace
+from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
-__all__ = ["portable"]
+__all__ = ["portable", "reference", "same_function"]
+
+SHARED = 512  # functions that are remembered, so that what shares one goes on sharing it
 
 
 def portable(value: Any) -> Any:
@@ -22,8 +25,9 @@ def portable(value: Any) -> Any:
     if type(value) is tuple:
         return tuple(portable(part) for part in value)
     if isinstance(value, FunctionType) and not is_importable(value):
-        return _Carried(value)
-    if is_dataclass(value) and not isinstance(value, type):
+        return _carried(value)
+    by_parts = is_dataclass(value) and "__reduce__" not in vars(type(value))
+    if by_parts and not isinstance(value, type):
         inner = {key: portable(part) for key, part in vars(value).items()}
         changed = {key: part for key, part in inner.items() if part is not getattr(value, key)}
         return replace(value, **changed) if changed else value
@@ -41,6 +45,22 @@ def is_importable(function: Callable[..., Any]) -> bool:
     return found is function
 
 
+def reference(function: Callable[..., Any]) -> str:
+    """Return where a function was defined, as ``module:name``: to be shown, not to be imported."""
+    return f"{function.__module__}:{function.__qualname__}"
+
+
+def same_function(one: Callable[..., Any], other: Callable[..., Any]) -> bool:
+    """Return whether two functions are one text that draws on the same values."""
+    if one is other:
+        return True
+    if not (isinstance(one, FunctionType) and isinstance(other, FunctionType)):
+        return bool(one == other)
+    from mems_impact.engines.snapshot import take  # which imports numba
+
+    return take(one).name == take(other).name
+
+
 @dataclass(frozen=True)
 class _Carried:
     """A function that is pickled with its code, and comes back as the function itself."""
@@ -53,7 +73,15 @@ class _Carried:
         return _unpacked, (cloudpickle.dumps(self.function),)
 
 
+@lru_cache(SHARED)
+def _carried(function: FunctionType) -> _Carried:
+    """Return the same object for the same function: then a pickle holds its code once."""
+    return _Carried(function)
+
+
+@lru_cache(SHARED)
 def _unpacked(packed: bytes) -> Any:
+    """Return the same function for the same code: what is made of it is made once."""
     import cloudpickle
 
     return cloudpickle.loads(packed)

@@ -14,7 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact.engines.options import FOLDERS, Options
-from mems_impact.errors import EngineFallbackWarning, EngineUnavailable, InvalidParameter
+from mems_impact.errors import (
+    EngineFallbackWarning,
+    EngineUnavailable,
+    FunctionsMissing,
+    InvalidParameter,
+)
 from mems_impact.hybrid.automaton import Automaton
 
 # No internal step is longer than this part of a period (or time scale), so that no two extrema of a
@@ -64,6 +69,8 @@ class Problem:
     time_scale : float or None
         Time within which whatever acts on the system shows all that it does; the period by
         default.
+    refusal : str
+        Why it cannot be run, if it cannot: the functions of its automaton are elsewhere.
     """
 
     automaton: Automaton
@@ -73,6 +80,7 @@ class Problem:
     section: Section | None = None
     options: Options = field(default_factory=Options)
     time_scale: float | None = None
+    refusal: str = ""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.period) and self.period > 0.0):
@@ -131,7 +139,11 @@ def bind(problem: Problem) -> Bound:
     EngineUnavailable
         If the compiled engine is asked for and can't be had. With engine="auto" the interpreted
         one takes over, with an `EngineFallbackWarning`.
+    FunctionsMissing
+        If the problem has no functions.
     """
+    if problem.refusal:
+        raise FunctionsMissing(problem.refusal)
     automaton, options = problem.automaton, problem.options
     arguments: dict[str, Any] = {
         "flow": automaton.flow,

@@ -156,7 +156,7 @@ class Trajectory:
         Whether a transition ended the run.
     """
 
-    problem: Problem = field(repr=False)
+    problem: Problem = field(repr=False, compare=False)
     start: Instant
     final: Instant
     events: Events

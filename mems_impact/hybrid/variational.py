@@ -227,7 +227,7 @@ class Variational:
             jump_by_state=by_jump[:, :, 1 : n + 1],
             jump_by_time=by_jump[:, :, n + 1],
             jump_by_parameter=by_jump[:, :, n + 2 :],
-            mode=codes[:, 2],
+            mode=codes[:, 2].tolist(),
         )
         return arcs, events
 

@@ -38,6 +38,7 @@ from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.portable import portable
 from mems_impact.hybrid.record import ENDS, NO_REST
 
 __all__ = ["RATE_STEP", "Definition", "ending", "hidden_parameters", "named", "written"]
@@ -76,9 +77,11 @@ class Definition:
 
     def __reduce__(self) -> Any:
         """Pickle functions by their names where they can be imported, and else with their code."""
-        from mems_impact.hybrid.portable import portable
-
         return _definition, (portable(vars(self)),)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Definition:
+        """Return itself: it does not change, and its automaton is made once."""
+        return self
 
 
 def _definition(values: dict[str, Any]) -> Definition:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Numbers, Problem
 from mems_impact.hybrid.trajectory import Floats
 
@@ -27,21 +28,23 @@ class Family:
         array, the period and the switching times must be smooth in the values.
     values : mapping of str to float
         Names and present values.
-    count : callable, optional
-        ``count(values)`` returns the `Numbers` of that problem alone, where they are to be had
-        without making one: corrections and differences by a parameter ask for them by thousands.
+
+    Notes
+    -----
+    Where `build` has an attribute ``automaton``, this is the automaton of all its problems. Where
+    it has a method ``numbers(values)``, this returns the `Numbers` of a problem without making one:
+    corrections and differences by a parameter ask for them by thousands.
     """
 
     build: Callable[[Mapping[str, float]], Problem]
     values: Mapping[str, float]
-    count: Callable[[Mapping[str, float]], Numbers] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 
     def __reduce__(self) -> Any:
         """Pickle the values as a dict: a mapping proxy cannot be."""
-        return Family, (self.build, dict(self.values), self.count)
+        return Family, (self.build, dict(self.values))
 
     def at(self, **changes: float) -> Family:
         """Return the family at other values.
@@ -53,11 +56,11 @@ class Family:
         """
         for name in changes:
             self.value(name)
-        return Family(self.build, {**self.values, **changes}, self.count)
+        return Family(self.build, {**self.values, **changes})
 
     def by(self, method: str) -> Family:
         """Return the family integrated by another method."""
-        return Family(_By(self.build, method), self.values, self.count)
+        return Family(_By(self.build, method), self.values)
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter.
@@ -72,6 +75,12 @@ class Family:
             raise InvalidParameter(field="parameter", value=name, allowed=f"one of {known}")
         return self.values[name]
 
+    @property
+    def automaton(self) -> Automaton:
+        """The automaton, which does not depend on the values."""
+        known: Automaton | None = getattr(self.build, "automaton", None)
+        return self.problem().automaton if known is None else known
+
     def problem(self) -> Problem:
         """Return the problem at the present values."""
         return self.build(self.values)
@@ -79,7 +88,7 @@ class Family:
     def numbers(self, **changes: float) -> Numbers:
         """Return what of the problem depends on the values, at some other ones."""
         values = {**self.values, **changes}
-        return self.build(values).numbers if self.count is None else self.count(values)
+        return _numbers_of(self.build, values)
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.
@@ -102,6 +111,13 @@ class Family:
         return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))
 
 
+def _numbers_of(
+    build: Callable[[Mapping[str, float]], Problem], values: Mapping[str, float]
+) -> Numbers:
+    known: Callable[[Mapping[str, float]], Numbers] | None = getattr(build, "numbers", None)
+    return build(values).numbers if known is None else known(values)
+
+
 @dataclass(frozen=True)
 class _By:
     """What builds the same problems, to be integrated by another method."""
@@ -112,3 +128,6 @@ class _By:
     def __call__(self, values: Mapping[str, float]) -> Problem:
         problem = self.build(values)
         return replace(problem, options=replace(problem.options, method=self.method))
+
+    def numbers(self, values: Mapping[str, float]) -> Numbers:
+        return _numbers_of(self.build, values)

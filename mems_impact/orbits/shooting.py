@@ -94,8 +94,7 @@ class Shooting:
         pinned: Sequence[int] = (),
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
-        problem = family.problem()
-        self.automaton, self._period = problem.automaton, problem.period
+        self.automaton = family.automaton
         self.free = list(free_components(self.automaton))
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
         switch = self.automaton.switch_code
@@ -105,14 +104,29 @@ class Shooting:
         self._last: Setting | None = None
 
     @cached_property
+    def _near(self) -> float:
+        """A period of the family, from which others are not far."""
+        return self.family.numbers().period
+
+    @cached_property
     def _variational(self) -> Variational:
         """The engine of arcs and their sensitivities, made when it is first needed."""
         problem = self.family.problem()
         count = np.asarray(problem.parameters).size
         return Variational(problem, np.zeros((max(1, len(self.active)), count)))
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Shooting):
+            return NotImplemented
+        return self._key() == other._key()
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _key(self) -> tuple[Any, ...]:
+        return self.family, self.segments, self.active, self.pinned
+
     def __reduce__(self) -> Any:
-        return Shooting, (self.family, self.segments, self.active, self.pinned)
+        return Shooting, self._key()
 
     def pack(self, guess: Guess) -> Floats:
         """Return the unknowns of a guess.
@@ -142,7 +156,7 @@ class Shooting:
         """
         # Corrections at fixed values ask again and again.
         if self._last is None or not np.array_equal(self._last.values, values):
-            self._last = Setting.of(self.family, self.active, values, self._period)
+            self._last = Setting.of(self.family, self.active, values, self._near)
         return self._last
 
     def variational(self, setting: Setting) -> Variational:

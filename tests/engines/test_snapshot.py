@@ -37,6 +37,12 @@ class Side(IntEnum):
     RIGHT = 1
 
 
+def test_an_attribute_is_no_global_of_the_same_name():
+    source = "def f(p):\n    return p.e"
+    assert name(source) == name(source, e=object())
+    assert take(function(source, e=object())).lasting
+
+
 READS = "def f():\n    return RATE"
 ATTRIBUTE = "def f():\n    return constants.RATE"
 INNER_ATTRIBUTE = "def f():\n    return package.constants.RATE"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,11 +16,13 @@ from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked
-from mems_impact.analysis.branch import CodimensionTwo, GrazingType, curve_of
+from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.orbit import IF_STIFF, ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.special import CodimensionTwo, GrazingType
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.threads import Watch, stoppable_threads
+from mems_impact.analysis.values import Value
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
@@ -53,7 +55,7 @@ Point = tuple[float, float]  # omega and amplitude
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Chart:
+class Chart(Value):
     """On- and off-boundaries over the frequency.
 
     Attributes
@@ -73,6 +75,26 @@ class Chart:
     notes: tuple[str, ...]
     regions: tuple[tuple[GrazingType, float, float], ...]
     pieces: tuple[tuple[str, GrazingType, str, tuple[Point, ...]], ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        low, high = self.omega
+        notes = f"; {len(self.notes)} notes" if self.notes else ""
+        return f"Chart({OMEGA} {low:g} to {high:g}, types {self._types()}{notes})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the range, the types and what separates them."""
+        low, high = self.omega
+        found = [f"{s.kind} at {s.values[OMEGA]:.6g}" for s in self.special_points]
+        return {
+            "system": repr(self.system),
+            self.system.label(OMEGA): f"{low:g} to {high:g}",
+            "types": self._types(),
+            "special points": ", ".join(found) or "none",
+            "notes": "; ".join(self.notes) or "none",
+        }
+
+    def _types(self) -> str:
+        return ", ".join(region.paper for region, _, _ in self.regions) or "none"
 
     @cached_property
     def table(self) -> pd.DataFrame:

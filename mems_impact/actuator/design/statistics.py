@@ -18,7 +18,7 @@ from mems_impact.actuator.design.impacts import SLIPPING, energy_lost, is_impact
 from mems_impact.actuator.modes import MODES, V2, X1, X2, side_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.moments import Moments
-from mems_impact.analysis.statistics import Anchors, Window, ratio
+from mems_impact.analysis.statistics import Anchors, Span, ratio
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 
@@ -107,10 +107,10 @@ class Accumulator:
         In the units of the numerics.
     start : Instant
         Where the run begins.
-    window : Window
+    window : Span
     """
 
-    def __init__(self, actuator: Actuator, start: Instant, window: Window) -> None:
+    def __init__(self, actuator: Actuator, start: Instant, window: Span) -> None:
         self._actuator, self._window = actuator, window
         self._anchors = Anchors(window, start, len(MODES))
         self._waiting: Events | None = None  # from an impact on whose step has not ended

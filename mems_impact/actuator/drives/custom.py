@@ -16,6 +16,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from mems_impact.actuator.checked import Positive
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.portable import portable, same_function
 
 __all__ = ["Custom"]
 
@@ -154,6 +155,21 @@ class Custom(Drive):
             at = times[np.argmin(np.isfinite(values))]
             raise InvalidParameter(name, what, "", problem=f"is not finite at t = {at:.6g}")
         return values
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Custom):
+            return NotImplemented
+        one, two = dict(self), dict(other)
+        functions = [(one.pop(name), two.pop(name)) for name in ("function", "rate")]
+        return one == two and all(same_function(*pair) for pair in functions)
+
+    def __hash__(self) -> int:
+        return hash((self.period, self.values, self.switches))
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what is pickled, with functions fit to go to another process."""
+        state = super().__getstate__()
+        return {**state, "__dict__": portable(state["__dict__"])}
 
     @property
     def time_scale(self) -> float:

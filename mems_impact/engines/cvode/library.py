@@ -111,6 +111,15 @@ def load() -> ctypes.CDLL:
     return library
 
 
+def sundials_version() -> str:
+    """Return the version of SUNDIALS that scikit-sundae brings; empty if there is none."""
+    try:
+        from sksundae import _cy_common
+    except ImportError:
+        return ""
+    return str(_cy_common.config.get("SUNDIALS_VERSION", ""))
+
+
 def check(config: dict[str, str]) -> None:
     """Raise EngineUnavailable unless scikit-sundae's `config` is one that is declared here."""
     expected = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}

@@ -1,0 +1,82 @@
+"""What of the actuator's room may stand in a file: devices and drives as in files of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from mems_impact.actuator.design.blows import BlowCounter
+from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem, kind_of, own_functions
+from mems_impact.actuator.units import DeviceScales
+from mems_impact.analysis.detached import check_same, description
+from mems_impact.analysis.stored import register_object, register_run, restored
+from mems_impact.analysis.storing.coding import Reader, register
+from mems_impact.analysis.system import System
+from mems_impact.hybrid.portable import reference
+
+SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
+
+
+def table_of(drive: Drive) -> dict[str, Any]:
+    """Return a drive as the table ``[drive]`` of a file; functions by where they are defined."""
+    table: dict[str, Any] = {"kind": kind_of(drive)}
+    for name in type(drive).model_fields:
+        value = getattr(drive, name)
+        if isinstance(value, Drive):
+            value = table_of(value)
+        elif isinstance(value, FunctionType):
+            value = reference(value)
+        elif isinstance(value, tuple) and value and isinstance(value[0], float):
+            value = np.array(value)
+        table[name] = value
+    return table
+
+
+def drive_of(table: Mapping[str, Any]) -> Drive:
+    """Return the drive of a table that names no functions."""
+    values = {name: value for name, value in table.items() if name != "kind"}
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            values[name] = tuple(value.tolist())
+        elif isinstance(value, Mapping):
+            values[name] = drive_of(value)
+    return drive_of_kind(table["kind"])(**values)
+
+
+def _parts(system: ActuatorSystem) -> dict[str, Any]:
+    own = not system.told_by_numbers
+    return {
+        "actuator": dict(system.actuator),
+        "drive": table_of(system.drive),
+        "scales": system.scales,
+        "told": description(system, own_functions(system.drive)) if own else None,
+    }
+
+
+def _system(parts: dict[str, Any], reader: Reader) -> System:
+    if parts["told"] is not None:
+        return restored(parts["told"], reader)
+    system = ActuatorSystem(Actuator(**parts["actuator"]), drive_of(parts["drive"]))
+    system = system.restored({}, parts["scales"])
+    if reader.system is not None:
+        check_same(reader.system, description(system, {}), reader.path)
+    return system
+
+
+register(ActuatorSystem, parts=_parts, reading=_system)
+register(Actuator, parts=dict)
+register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})
+register_run(ActuatorRun)
+register(ActuatorOrbit)
+register(Chart)
+register_object(Accumulator)
+register_object(BlowCounter)

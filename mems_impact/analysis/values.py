@@ -1,0 +1,124 @@
+"""Results are values: compared, copied, pickled, shown and saved as what they are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from html import escape
+from numbers import Number
+from os import PathLike
+from types import FunctionType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mems_impact.hybrid.portable import same_function
+
+__all__ = ["Value", "same"]
+
+KEPT = "_kept"  # what a result that came without its system's functions brought along
+
+
+class Value:
+    """What a result can do beside what it tells.
+
+    Two results are equal if they are of one kind, and their systems, options and arrays are. They
+    have no hash, as arrays have none. A copy or a pickle holds what the result was made of; its
+    tables are made again when they are asked for.
+    """
+
+    kept: ClassVar[tuple[str, ...]] = ()
+    """What needs the system's functions, and is saved where these cannot be."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return _same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        brought = vars(self).get(KEPT, ())
+        return {
+            **{each.name: getattr(self, each.name) for each in fields(self)},  # type: ignore[arg-type]
+            **{name: vars(self)[name] for name in (*brought, KEPT) if brought},
+        }
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Save in one file, from which `mems_impact.load` makes it again.
+
+        A zip file of arrays (``.npy``) and one ``header.json``: all numbers exactly, the system's
+        definition and options, versions. Functions of your own are named in it, not kept: see
+        `mems_impact.load`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            An older file is replaced when the new one is whole.
+
+        Raises
+        ------
+        InvalidFile
+            If a file cannot stand there.
+        FileNotWritten
+            If it cannot be written, because the disk is full for example.
+
+        Examples
+        --------
+        >>> run.save("run.zip")
+        >>> mi.load("run.zip") == run
+        True
+        """
+        from mems_impact.analysis.storing.file import save  # which need not be read for a run
+
+        save(self, path)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what matters of it, by name, for a small table."""
+        return {}
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{escape(str(name))}</th>"
+            f"<td style='text-align:left'>{escape(_told(value))}</td></tr>"
+            for name, value in self.summary().items()
+        )
+        return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"
+
+    def take_over(self, tables: Mapping[str, Any]) -> None:
+        """Take over what was saved since it cannot be made here."""
+        vars(self).update(tables)
+        vars(self)[KEPT] = tuple(tables)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two values are equal through and through: arrays, numbers, functions."""
+    if one is other:
+        return True
+    if isinstance(one, FunctionType) and isinstance(other, FunctionType):
+        return same_function(one, other)
+    if isinstance(one, Number) and isinstance(other, Number):
+        return bool(one == other or (one != one and other != other))
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        numeric = one.dtype.kind in "fc" and other.dtype.kind in "fc"
+        return np.array_equal(one, other, equal_nan=numeric)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(same(one[name], other[name]) for name in one)
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    if is_dataclass(one):
+        return _same_fields(one, other)
+    if hasattr(one, "equals"):  # a table, whose == is a table
+        return bool(one.equals(other))
+    return bool(one == other)
+
+
+def _same_fields(one: Any, other: Any) -> bool:
+    names = [each.name for each in fields(one) if each.compare]
+    return all(same(getattr(one, name), getattr(other, name)) for name in names)
+
+
+def _told(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else str(value)

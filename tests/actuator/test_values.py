@@ -1,0 +1,208 @@
+"""Results of an actuator as values: whatever the drive, by pickle and by file."""
+
+import json
+import pickle
+import subprocess
+import sys
+import zipfile
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+from mems_impact.actuator.system import ActuatorSystem
+from tests.actuator.waveforms import DRIVES, cosine, cosine_rate
+
+ZHAO = mi.load_actuator("zhao2004")
+SINE = mi.Sine(amplitude=0.24, omega=0.5)
+PLAIN = mi.Options(method="dop853", engine="interpreted", rtol=1e-6, atol=1e-8)
+
+
+def custom(**changes):
+    values = {"amplitude": 0.24, "omega": 0.5}
+    period = np.pi / 0.5
+    return mi.Custom(
+        **{"function": cosine, "rate": cosine_rate, "period": period, "values": values, **changes}
+    )
+
+
+def local_custom():
+    """A custom drive whose functions no other process can import."""
+
+    def voltage(t, q):
+        return cosine(t, q)
+
+    return custom(function=voltage, rate=lambda t, q: cosine_rate(t, q))
+
+
+OWN = {
+    "custom": custom(),
+    "local custom": local_custom(),
+    "two-sided custom": mi.TwoSided(right=custom(), left=SINE),
+    "burst of a custom one": mi.Burst(wave=local_custom(), on=4, off=2),
+}
+ALL = {**DRIVES, **OWN}
+
+
+def is_own(drive):
+    return not ActuatorSystem(ZHAO, drive).told_by_numbers
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_system_travels_whatever_its_drive(name):
+    system = ZHAO.under(ALL[name])
+    other = pickle.loads(pickle.dumps(system))
+    assert other == system
+    assert hash(other) == hash(system)
+    assert other.units == system.units
+    other = pickle.loads(pickle.dumps(system.problem(PLAIN)))
+    np.testing.assert_array_equal(other.parameters, system.problem(PLAIN).parameters)
+    assert other.automaton.states == system.automaton.states
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_run_comes_back_from_a_file_whatever_its_drive(name, tmp_path):
+    drive = ALL[name]
+    run = mi.simulate(ZHAO, drive, 0.3, options=PLAIN)
+    run.save(tmp_path / "run")
+    loaded = mi.load(tmp_path / "run")
+    assert loaded.final.as_dict() == run.final.as_dict()
+    if is_own(drive):
+        with pytest.raises(mi.FunctionsMissing):
+            loaded.samples(5)
+        loaded = mi.load(tmp_path / "run", system=ZHAO.under(drive))
+    assert loaded == run
+    assert type(loaded) is type(run)
+    pd.testing.assert_frame_equal(loaded.samples(9), run.samples(9), check_exact=True)
+
+
+def test_the_file_tells_device_and_drive_as_files_of_their_own_do(tmp_path):
+    drive = mi.TwoSided(right=SINE, left=mi.Burst(wave=SINE, on=1, pause=SINE.period))
+    ZHAO.under(drive).save(tmp_path / "system")
+    with zipfile.ZipFile(tmp_path / "system") as file:
+        told = json.loads(file.read("header.json"))["result"]
+    assert told["is"] == "ActuatorSystem"
+    assert told["actuator"]["dict"]["m1"] == 5.0
+    sides = told["drive"]["dict"]
+    assert sides["kind"] == "two-sided"
+    assert sides["left"]["dict"]["wave"]["dict"]["kind"] == "sine"
+
+
+def test_another_drive_is_refused(tmp_path):
+    run = mi.simulate(ZHAO, custom(), 0.3, options=PLAIN)
+    run.save(tmp_path / "run")
+    other = custom(values={"amplitude": 0.24, "frequency": 0.5})
+    with pytest.raises(mi.InvalidParameter, match="parameters are amplitude, frequency"):
+        mi.load(tmp_path / "run", system=ZHAO.under(other))
+    with pytest.raises(mi.InvalidParameter, match="period are"):
+        mi.load(tmp_path / "run", system=ZHAO.under(custom(period=2 * np.pi / 0.5)))
+
+
+def test_a_given_system_is_checked_where_none_is_needed(tmp_path):
+    run = mi.simulate(ZHAO, SINE, 0.3, options=PLAIN)
+    run.save(tmp_path / "run")
+    assert mi.load(tmp_path / "run", system=ZHAO.under(SINE.replace(omega=0.6))) == run
+    with pytest.raises(mi.InvalidParameter, match="parameters are amplitude, omega, duty"):
+        mi.load(tmp_path / "run", system=ZHAO.under(DRIVES["square"]))
+
+
+def test_a_wrong_number_in_a_file_is_told(tmp_path):
+    mi.simulate(ZHAO, SINE, 0.3, options=PLAIN).save(tmp_path / "run")
+    with zipfile.ZipFile(tmp_path / "run") as file:
+        members = {name: file.read(name) for name in file.namelist()}
+    header = json.loads(members["header.json"])
+    header["result"]["system"]["actuator"]["dict"]["e"] = 2.0
+    with zipfile.ZipFile(tmp_path / "run", "w") as file:
+        for name, content in {**members, "header.json": json.dumps(header)}.items():
+            file.writestr(name, content)
+    with pytest.raises(mi.InvalidFile, match=r"damaged .*e = 2: must be"):
+        mi.load(tmp_path / "run")
+
+
+@cache
+def results():
+    """One of each kind, of a device in SI."""
+    mita = mi.load_actuator("mita2003")
+    run = mi.simulate(ZHAO, SINE, 40)
+    orbit = mi.find_orbit(run)
+    branch = mi.continue_orbit(orbit, "amplitude", 0.16, back=0.24)
+    fold = branch.special_points[0]
+    return {
+        "run": run,
+        "si": mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), 2, keep="statistics"),
+        "orbit": orbit,
+        "branch": branch,
+        "fold": fold,
+        "curve": mi.continue_curve(fold, "omega", 0.503),
+        "system": run.system,
+    }
+
+
+NAMES = ("run", "si", "orbit", "branch", "fold", "curve", "system")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_results_come_back_whole(name, tmp_path):
+    value = results()[name]
+    assert pickle.loads(pickle.dumps(value)) == value
+    value.save(tmp_path / "result")
+    loaded = mi.load(tmp_path / "result")
+    assert type(loaded) is type(value)
+    assert loaded == value
+    assert repr(loaded) == repr(value)
+    assert loaded._repr_html_() == value._repr_html_()
+    for table in ("events", "blows", "statistics", "table", "special_table"):
+        if hasattr(type(value), table) and not (name == "si" and table != "statistics"):
+            one, other = getattr(loaded, table), getattr(value, table)
+            assert one.equals(other)
+            assert one.attrs == other.attrs
+
+
+@pytest.mark.slow
+def test_a_loaded_orbit_is_continued_bit_for_bit(tmp_path):
+    results()["orbit"].save(tmp_path / "orbit")
+    loaded = mi.load(tmp_path / "orbit")
+    assert mi.continue_orbit(loaded, "amplitude", 0.16, back=0.24) == results()["branch"]
+
+
+@pytest.mark.slow
+def test_another_process_goes_on(tmp_path):
+    results()["orbit"].save(tmp_path / "orbit")
+    program = "import sys, mems_impact as mi; print(mi.load(sys.argv[1]).samples(4).to_csv())"
+    done = subprocess.run(
+        [sys.executable, "-c", program, tmp_path / "orbit"],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+    )
+    assert done.stdout.strip() == results()["orbit"].samples(4).to_csv().strip()
+
+
+@pytest.mark.slow
+def test_a_chart_is_a_value(tmp_path):
+    chart = mi.operating_chart(ZHAO, omega=(0.499, 0.505), crises=0)
+    assert pickle.loads(pickle.dumps(chart)) == chart
+    chart.save(tmp_path / "chart")
+    loaded = mi.load(tmp_path / "chart")
+    assert loaded == chart
+    assert loaded.table.equals(chart.table)
+    assert loaded.types.equals(chart.types)
+    assert repr(chart).startswith("Chart(omega 0.499 to 0.505, types ")
+    assert "<table>" in chart._repr_html_()
+
+
+def simulated(drive):
+    return mi.simulate(ZHAO, drive, 0.3, options=PLAIN)
+
+
+def test_results_return_from_a_pool_of_processes():
+    drives = [SINE, OWN["local custom"], OWN["burst of a custom one"]]
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        for run, drive in zip(pool.map(simulated, drives), drives, strict=True):
+            assert run == simulated(drive)
