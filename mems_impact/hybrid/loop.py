@@ -40,6 +40,7 @@ from mems_impact.hybrid.record import (
     DONE,
     ENDED,
     ENDS,
+    EPS,
     EVENT_BUDGET,
     FAILED,
     GUARD,
@@ -382,6 +383,8 @@ def take_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
         phase = (s.sample % s.per_period) * s.period / s.per_period
         cycle = s.sample_cycle + s.sample // s.per_period
         t = (cycle - s.cycle) * s.period + phase
+        if last and limit < t <= limit * (1.0 + 4.0 * EPS):
+            t = limit  # the end of the run, rounded in another way
         if t > limit or (t == limit and not last):
             return
         contract.interpolate(engine, max(t, s.arc_start), y)

@@ -118,6 +118,12 @@ def test_the_last_sample_of_a_broken_period(periods):
     assert len(run_.samples(10).cycle) == round(10 * periods) + 1
 
 
+def test_the_end_is_sampled_however_it_is_rounded():
+    # 0.3 periods of 0.1 are 0.03, three tenths of 0.1 a rounding more.
+    grid = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.3, period=0.1).samples(10)
+    assert grid.time.tolist() == pytest.approx([0.0, 0.01, 0.02, 0.03])
+
+
 def test_half_a_period_that_is_short_is_sampled_to_its_end():
     run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.5, period=0.125, engine="interpreted")
     assert run_.samples(8).time.tolist() == [0.0, 0.015625, 0.03125, 0.046875, 0.0625]
