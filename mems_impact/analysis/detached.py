@@ -213,6 +213,10 @@ class DetachedSystem(System):
             refusal=self._refusal(),
         )
 
+    def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
+        """Refuse: period and switches may be functions."""
+        raise FunctionsMissing(self._refusal())
+
     def ending(self, until: Callable[..., float]) -> System:
         """Refuse."""
         raise FunctionsMissing(self._refusal())
