@@ -1,6 +1,7 @@
 """Runs in SI are the dimensionless runs, with units beside the headings."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -116,7 +117,8 @@ def test_sweep(parameter, tmp_path):
     assert summary.attrs["units"]["v2 max"] == "m/s"
     axes = mi.plot_sweep(scaled).figure.axes
     assert axes[-1].get_xlabel().endswith(f"[{unit}]")
-    assert [ax.get_ylabel().rpartition(" ")[2] for ax in axes] == ["[m/s]", "[m]", "[m/s]"]
+    units = [re.search(r"\[.*\]", ax.get_ylabel()).group() for ax in axes]
+    assert units == ["[m/s]", "[m]", "[m/s]"]
 
 
 def test_plot_of_a_run(pair):
