@@ -30,15 +30,17 @@ if TYPE_CHECKING:
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
+    from mems_impact.analysis.finding import find_orbit
+    from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
-    from mems_impact.analysis.orbit import Orbit, find_orbit
+    from mems_impact.analysis.orbit import Orbit
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
     from mems_impact.analysis.state import State
     from mems_impact.analysis.storing.file import load
     from mems_impact.analysis.sweep import sweep
-    from mems_impact.analysis.system import System, modes
+    from mems_impact.analysis.system import System
     from mems_impact.analysis.verification import Verification
     from mems_impact.engines.options import Options
     from mems_impact.errors import (
@@ -169,7 +171,8 @@ _HOMES = {
     "analysis.curve": ("Curve", "continue_curve"),
     "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
     "actuator.design.chart": ("Chart", "operating_chart"),
-    "analysis.orbit": ("Orbit", "find_orbit"),
+    "analysis.finding": ("find_orbit",),
+    "analysis.orbit": ("Orbit",),
     "plotting.sweep": ("plot_sweep",),
     "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),
@@ -193,7 +196,8 @@ _HOMES = {
     "analysis.observable": ("Observable",),
     "analysis.storing.file": ("load",),
     "analysis.sweep": ("sweep",),
-    "analysis.system": ("System", "modes"),
+    "analysis.modes": ("modes",),
+    "analysis.system": ("System",),
     "hybrid.automaton": ("Guard", "Impact"),
     "actuator.design.targets": ("Target",),
     "analysis.verification": ("Verification",),

@@ -9,7 +9,8 @@ from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.state import State, is_number
 from mems_impact.analysis.statistics import Deferred, Span
-from mems_impact.analysis.system import System, takes_system
+from mems_impact.analysis.system import System
+from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid

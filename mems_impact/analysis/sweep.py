@@ -11,7 +11,8 @@ from mems_impact.analysis.chains import Chain, Point, Study, in_threads, in_turn
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import check_direction
 from mems_impact.analysis.state import State, whole
-from mems_impact.analysis.system import System, takes_system
+from mems_impact.analysis.system import System
+from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, SweepInterrupted
 from mems_impact.hybrid.problem import is_compiled

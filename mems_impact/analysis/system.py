@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import functools
-import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, TypeVar, overload
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mems_impact.analysis import given
+from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.state import State, is_number, state_from
+from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
 from mems_impact.analysis.values import Value, same
 from mems_impact.engines.options import Options
@@ -33,42 +34,9 @@ from mems_impact.hybrid.written import (
 from mems_impact.orbits.family import Family
 from mems_impact.units import DIMENSIONLESS, Scales
 
-__all__ = ["Mode", "System", "modes", "takes_system"]
+__all__ = ["Build", "System"]
 
 Number = float | Callable[..., float]
-
-
-class Mode(int):
-    """A mode: its number, which functions compare and return, its name, and those beside it."""
-
-    names: tuple[str, ...]
-
-    def __new__(cls, number: int, names: tuple[str, ...]) -> Mode:
-        """Return one of the modes that are called `names`."""
-        mode = super().__new__(cls, number)
-        mode.names = names
-        return mode
-
-    @property
-    def name(self) -> str:
-        """What it is called."""
-        return self.names[self]
-
-    def __reduce__(self) -> Any:
-        return Mode, (int(self), self.names)
-
-
-def modes(*names: str) -> tuple[Mode, ...]:
-    """Return one mode a name, numbered from 0.
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> FREE, HELD = mi.modes("free", "held")
-    >>> HELD == 1, HELD.name
-    (True, 'held')
-    """
-    return tuple(Mode(number, names) for number in range(len(names)))
 
 
 class System(Value):
@@ -163,21 +131,21 @@ class System(Value):
         if isinstance(states, int):
             states = tuple(f"u{i}" for i in range(states))
         states = tuple(states)
-        guards = _guards(guards)
+        guards = given.guards(guards)
         self.name = name
-        self._parameters = _numbers(parameters or {})
+        self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
         self._definition = Definition(
             states=states,
-            modes=_mode_names(modes, guards),
+            modes=given.mode_names(modes, guards),
             parameters=tuple(self._parameters),
-            flow=_function("flow", flow),
+            flow=given.function("flow", flow),
             guards=guards,
             settle=settle,
             jacobian=jacobian,
-            cyclic=tuple(_place("cyclic", state, states) for state in cyclic),
+            cyclic=tuple(given.place("cyclic", state, states) for state in cyclic),
         )
-        self._section = _section(section, states)
+        self._section = given.section(section, states)
         self._units = dict(units or {})
         self.observables = tuple(observables)
         self._initial = initial if isinstance(initial, State) else state_from(initial or {})
@@ -237,7 +205,7 @@ class System(Value):
     def shifted(self, values: Mapping[str, float]) -> System:
         """Return the system at values that may not be allowed, at which continuation looks."""
         other = self._copy()
-        other._parameters = {**self._parameters, **_numbers(values)}
+        other._parameters = {**self._parameters, **given.numbers(values)}
         return other
 
     def restored(self, values: Mapping[str, float], scales: Scales) -> System:
@@ -296,7 +264,7 @@ class System(Value):
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         other = self._copy()
-        other._definition = ending(self._definition, _function("until", until))
+        other._definition = ending(self._definition, given.function("until", until))
         return other
 
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
@@ -546,6 +514,7 @@ class Build:
         return self.system.automaton
 
     def __call__(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem at values in the units of the numerics."""
         return self.system.at(values).problem(self.options)
 
     @functools.cached_property
@@ -555,97 +524,3 @@ class Build:
     def numbers(self, values: Mapping[str, float]) -> Numbers:
         """Return what of that problem depends on the values, without making it."""
         return self.system.numbers(self.system.changes_to(values, self._here))
-
-
-R = TypeVar("R")
-Result = TypeVar("Result", covariant=True)
-
-
-class Verb(Protocol[Result]):
-    """What takes a system, or what makes one: then results have more than any system's."""
-
-    __name__: str
-
-    @overload
-    def __call__(self, system: System, /, *arguments: Any, **named: Any) -> Result: ...
-
-    @overload
-    def __call__(self, *arguments: Any, **named: Any) -> Any: ...
-
-
-def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
-    """Let a verb be called with what makes a system in place of its first argument.
-
-    ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
-    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run stands for its
-    system, and for where it ended: the verb's argument `start`.
-    """
-
-    def decorated(verb: Callable[..., R]) -> Verb[R]:
-        first = next(iter(inspect.signature(verb).parameters))
-
-        @functools.wraps(verb)
-        def called(*arguments: Any, **named: Any) -> Any:
-            rest = list(arguments)
-            typed = "actuator" if "actuator" in named else first
-            model = rest.pop(0) if rest else named.pop(typed, None)
-            if isinstance(getattr(model, "system", None), System):
-                return verb(model.system, *rest, **{start: model.final, **named})
-            if isinstance(model, System):
-                return verb(model, *rest, **named)
-            if not hasattr(model, "under"):
-                allowed = "a System, or an Actuator (see load_actuator) and a Drive"
-                raise InvalidParameter(typed, model, allowed)
-            drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
-            return verb(model.under(drive), *rest, **named)
-
-        return called
-
-    return decorated
-
-
-def _numbers(values: Mapping[str, float]) -> dict[str, float]:
-    for name, value in values.items():
-        if not is_number(value):
-            raise InvalidParameter(name, value, "a finite number")
-    return {name: float(value) for name, value in values.items()}
-
-
-def _function(field: str, value: Any) -> Any:
-    if not callable(value):
-        raise InvalidParameter(field, value, "a function")
-    return value
-
-
-def _guards(guards: Sequence[Guard]) -> tuple[Guard, ...]:
-    for guard in guards:
-        if not isinstance(guard, Guard):
-            raise InvalidParameter("guards", guard, "each a Guard or an Impact")
-        _function(f"margin of {guard.name!r}", guard.margin)
-    names = [guard.name for guard in guards]
-    if len(set(names)) != len(names):
-        raise InvalidParameter("guards", names, "a name of its own for each")
-    return tuple(guards)
-
-
-def _mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
-    if given is not None:
-        return tuple(mode.name if isinstance(mode, Mode) else str(mode) for mode in given)
-    found = {mode.names for guard in guards for mode in guard.modes or () if isinstance(mode, Mode)}
-    if len(found) > 1:
-        known = [", ".join(names) for names in found]
-        raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
-    return next(iter(found), ("free",))
-
-
-def _place(field: str, state: str, states: tuple[str, ...]) -> int:
-    if state not in states:
-        raise InvalidParameter(field, state, f"one of {', '.join(states)}")
-    return states.index(state)
-
-
-def _section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Section | None:
-    if section is None:
-        return None
-    state, level = section
-    return _place("section", state, states), float(level), 0

@@ -9,7 +9,7 @@ import mems_impact as mi
 from mems_impact.actuator.design import chart as chart_module
 from mems_impact.actuator.design.chart import crisis
 from mems_impact.actuator.units import DeviceScales
-from mems_impact.analysis.orbit import ORBIT_OPTIONS
+from mems_impact.analysis.finding import ORBIT_OPTIONS
 
 ZHAO = mi.load_actuator("zhao2004")
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.analysis.orbit import ORBIT_OPTIONS
+from mems_impact.analysis.finding import ORBIT_OPTIONS
 from validation.benchmarks.timing import Row, Spread, in_turn, ratio
 
 TOPIC = "orbits"

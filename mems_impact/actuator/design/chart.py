@@ -17,7 +17,7 @@ from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked
 from mems_impact.analysis.curve import curve_of
-from mems_impact.analysis.orbit import IF_STIFF, ORBIT_OPTIONS
+from mems_impact.analysis.finding import IF_STIFF, ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special import CodimensionTwo, GrazingType
 from mems_impact.analysis.state import State, is_number, whole

@@ -298,7 +298,7 @@ def period_one_window(
     """
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import continue_orbit
-    from mems_impact.analysis.orbit import find_orbit
+    from mems_impact.analysis.finding import find_orbit
 
     amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
     if not low < amplitude < high:

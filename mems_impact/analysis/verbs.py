@@ -1,0 +1,59 @@
+"""Verbs that take any system, or what makes one."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar, overload
+
+from mems_impact.analysis.system import System
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Verb", "takes_system"]
+
+R = TypeVar("R")
+Result = TypeVar("Result", covariant=True)
+
+
+class Verb(Protocol[Result]):
+    """What takes a system, or what makes one: then results have more than any system's."""
+
+    __name__: str
+
+    @overload
+    def __call__(self, system: System, /, *arguments: Any, **named: Any) -> Result: ...
+
+    @overload
+    def __call__(self, *arguments: Any, **named: Any) -> Any: ...
+
+
+def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
+    """Let a verb be called with what makes a system in place of its first argument.
+
+    ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
+    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run stands for its
+    system, and for where it ended: the verb's argument `start`.
+    """
+
+    def decorated(verb: Callable[..., R]) -> Verb[R]:
+        first = next(iter(inspect.signature(verb).parameters))
+
+        @functools.wraps(verb)
+        def called(*arguments: Any, **named: Any) -> Any:
+            rest = list(arguments)
+            typed = "actuator" if "actuator" in named else first
+            model = rest.pop(0) if rest else named.pop(typed, None)
+            if isinstance(getattr(model, "system", None), System):
+                return verb(model.system, *rest, **{start: model.final, **named})
+            if isinstance(model, System):
+                return verb(model, *rest, **named)
+            if not hasattr(model, "under"):
+                allowed = "a System, or an Actuator (see load_actuator) and a Drive"
+                raise InvalidParameter(typed, model, allowed)
+            drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
+            return verb(model.under(drive), *rest, **named)
+
+        return called
+
+    return decorated
