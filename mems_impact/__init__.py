@@ -9,7 +9,8 @@ from mems_impact.actuator.drives import WAVEFORMS
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.blows import Blows, blows
-    from mems_impact.actuator.design.chart import Chart, operating_chart
+    from mems_impact.actuator.design.chart import Chart
+    from mems_impact.actuator.design.charting import operating_chart
     from mems_impact.actuator.design.estimates import (
         Window,
         period_one_window,
@@ -170,7 +171,8 @@ _HOMES = {
     "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),
     "analysis.curve": ("Curve", "continue_curve"),
     "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
-    "actuator.design.chart": ("Chart", "operating_chart"),
+    "actuator.design.chart": ("Chart",),
+    "actuator.design.charting": ("operating_chart",),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
     "plotting.sweep": ("plot_sweep",),

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from mems_impact.actuator.design.chart import Chart, operating_chart
+from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.charting import operating_chart
 from mems_impact.actuator.figures.chart import plot_chart
 from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError

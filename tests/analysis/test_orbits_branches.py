@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design import chart as chart_module
-from mems_impact.actuator.design.chart import crisis
+from mems_impact.actuator.design import boundaries, charting
+from mems_impact.actuator.design.crisis import crisis
 from mems_impact.actuator.units import DeviceScales
 from mems_impact.analysis.finding import ORBIT_OPTIONS
 
@@ -294,7 +294,7 @@ def test_the_band_of_a_chart_is_about_the_resonance():
 
 def default_band(device, bias=0.0):
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    return chart_module._band(device.under(drive))
+    return charting._band(device.under(drive))
 
 
 def test_a_chart_without_a_band_says_what_it_found():
@@ -304,7 +304,7 @@ def test_a_chart_without_a_band_says_what_it_found():
 
 def test_a_stopper_before_pull_in_bounds_the_search():
     device = ZHAO.replace(delta=0.2)
-    maker = chart_module._Maker(
+    maker = boundaries.Boundaries(
         device.under(mi.Sine(amplitude=0.0, omega=1.0)),
         ORBIT_OPTIONS,
         mi.Steps(),

@@ -1,0 +1,343 @@
+"""The boundaries of a chart: curves where there are any, and crises by simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mems_impact.actuator.design.estimates import pull_in_voltage
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.curve import curve_of
+from mems_impact.analysis.special import CodimensionTwo, GrazingType
+from mems_impact.analysis.state import State
+from mems_impact.analysis.threads import Watch, stoppable_threads
+from mems_impact.continuation import branch as branches
+from mems_impact.continuation import curve as curves
+from mems_impact.continuation import grazing
+from mems_impact.continuation.branch import BranchPoint, OrbitBranch, Steps, points_of
+from mems_impact.continuation.curve import CurvePoint, OrbitCurve
+from mems_impact.engines.options import Options
+from mems_impact.errors import OrbitError
+from mems_impact.orbits import orbit as orbits
+from mems_impact.orbits.family import Family
+
+if TYPE_CHECKING:
+    pass
+
+from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, Chart, Point
+from mems_impact.actuator.design.crisis import crisis
+
+__all__ = ["Boundaries"]
+
+CRISIS = "crisis"
+FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
+ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
+SAME = 1e-9  # part of the frequency within which two points are one, located twice
+TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+
+
+class Boundaries:
+    """The parts of a chart, in the units of the numerics.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+    options : Options
+    steps : Steps
+    tell : callable
+        Called with a line for every part.
+    omega : tuple of float
+        The range of the chart.
+    if_stiff : str or None
+        The method that takes over where an orbit is stiff.
+    """
+
+    def __init__(
+        self,
+        system: ActuatorSystem,
+        options: Options,
+        steps: Steps,
+        tell: Callable[[str], None],
+        omega: tuple[float, float],
+        if_stiff: str | None = None,
+    ) -> None:
+        self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
+        self.if_stiff = if_stiff
+        self.options = options
+        self.family: Family = system.family(options)
+        self.notes: list[str] = []
+        # By frequency: the branch of the orbit without impacts on its way up, its points to come.
+        self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
+        self.special_points: tuple[CodimensionTwo, ...] = ()
+        self.marks: set[float] = set()  # frequencies of these
+        self.regions: list[tuple[GrazingType, float, float]] = []
+        self.pieces: list[tuple[str, GrazingType, str, Sequence[Point]]] = []
+        self.done = self.total = 0  # pieces that are whole, and that there will be
+        self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
+
+    def make(self, crises: int, periods: int, workers: int) -> None:
+        """Compute the parts, those last that take longest; `chart` gives what is done."""
+        low, high = self.omega
+        curve = self._grazings(low, high)
+        marks = [s for s in curve.special_points if s.kind in SEPARATING]
+        marks.sort(key=lambda s: s.values[1])
+        self.special_points = tuple(
+            sorted(
+                (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
+                key=lambda s: s.values[OMEGA],
+            )
+        )
+        self.marks = {s.values[1] for s in marks}
+        edges = [low, *(s.values[1] for s in marks), high]
+        self.total = 2 * (len(edges) - 1)
+        simulated = []
+        for left, right in pairwise(edges):
+            slack = SAME * right
+            inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
+            ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
+            grazings = _joined(dict(_values(inside)), ends)
+            region = self._type(left, right)
+            self.tell(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
+            self.regions.append((region, left, right))
+            for piece in self._followed(region, left, right, grazings):
+                self.pieces.append(piece)
+                self.done += 1
+                if piece[:3] == (ON, region, "fold"):
+                    simulated.append((region, left, right, piece[3]))
+        for region, left, right, folds in simulated:
+            found: list[Point] = []
+            self.pieces.append((OFF, region, CRISIS, found))
+            if crises:
+                self._crises(left, right, folds, crises, periods, workers, found)
+            self.done += 1
+
+    def chart(self) -> Chart:
+        """Return the chart of what is done."""
+        order = {ON: 0, OFF: 1}
+        pieces = [(side, region, kind, tuple(sorted(points)))
+                  for side, region, kind, points in self.pieces]  # fmt: skip
+        pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
+        low, high = self.omega
+        return Chart(
+            system=self.system,
+            omega=(self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+            special_points=self.special_points,
+            notes=tuple(self.notes),
+            regions=tuple(self.regions),
+            pieces=tuple(pieces),
+        )
+
+    def _special(
+        self,
+        omega: float,
+        wanted: Callable[[branches.SpecialPoint], bool],
+        watch: Watch | None = None,
+    ) -> list[branches.SpecialPoint]:
+        """Return what the orbit without impacts meets on the way up, at one frequency.
+
+        The branch is followed no further than to the first point that is wanted.
+        """
+        if omega not in self.met:
+            self.met[omega] = self._set_out(omega)
+        branch, points = self.met[omega]
+        while not any(map(wanted, branch.special_points)):
+            point = next(points, None)
+            if point is None:
+                break
+            if watch is not None:
+                watch(point.value)
+        return branch.special_points
+
+    def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
+        """Return the branch at one frequency, empty, and its points."""
+        amplitude = FIRST * self.pull_in
+        family = self.family.at(amplitude=amplitude, omega=omega)
+        here = self.system.changed(
+            amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
+        )
+        rest = here.instant(State(), family.problem())
+        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,), if_stiff=self.if_stiff)
+        branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
+        return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
+
+    def _grazings(self, low: float, high: float) -> OrbitCurve:
+        """Return the grazing curve of the orbit without impacts."""
+        for end, direction in ((high, -1.0), (low, 1.0)):
+            touching = [s for s in self._special(end, _grazes) if _grazes(s)]
+            if touching:
+                self.tell("the grazing curve of the orbit without impacts")
+                curve = self._curve(touching[0], low, high, direction)
+                reached = curve.points[-1].values[1] if curve.points else end
+                if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
+                    self.notes.append(f"the grazing curve: {curve.ended}")
+                return curve
+        raise OrbitError(
+            f"{self._not_grazing(low)}, and {self._not_grazing(high)}",
+            "take another range of omega",
+        )
+
+    def _grazing(self, omega: float) -> branches.SpecialPoint:
+        """Return where the orbit without impacts grazes; OrbitError if it does not."""
+        for special in self._special(omega, _grazes):
+            if _grazes(special):
+                return special
+        raise OrbitError(self._not_grazing(omega), "take another range of omega")
+
+    def _not_grazing(self, omega: float) -> str:
+        """Say what the orbit without impacts meets at a frequency at which it does not graze."""
+        out, name = self.system.out, self.system.label(AMPLITUDE)
+        all_of_them = self._special(omega, lambda special: False)
+        met = [f"a {s.kind} at {out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
+        pull_in = f"{name} = {out(AMPLITUDE, self.pull_in):.6g}"
+        return (
+            f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
+            f"{pull_in} (it meets {', '.join(met) or 'nothing'})"
+        )
+
+    def _number(self, omega: float) -> str:
+        return f"{self.system.out(OMEGA, omega):.9g}"
+
+    def _at(self, omega: float) -> str:
+        """Return a frequency in words, in the user's units."""
+        return f"{self.system.label(OMEGA)} = {self._number(omega)}"
+
+    def _curve(
+        self, special: branches.SpecialPoint, low: float, high: float, direction: float
+    ) -> OrbitCurve:
+        return curves.follow_curve(
+            special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
+        )
+
+    def _type(self, left: float, right: float) -> GrazingType:
+        """Return the type between two points of codimension two, where they are far."""
+        touching = self._grazing(0.5 * (left + right))
+        return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
+
+    def _followed(
+        self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
+    ) -> Iterator[tuple[str, GrazingType, str, tuple[Point, ...]]]:
+        """Give the boundaries of one type that are curves: all but a crisis."""
+        if region == GrazingType.CONTINUOUS:
+            yield ON, region, "grazing", grazings
+            yield OFF, region, "grazing", grazings
+        elif region == GrazingType.JUMP:
+            yield ON, region, "grazing", grazings
+            folds = self._folds(left, right, without_impact=False, ends=grazings)
+            yield OFF, region, "fold", folds
+        else:
+            folds = self._folds(left, right, without_impact=True, ends=grazings)
+            yield ON, region, "fold", folds
+
+    def _folds(
+        self,
+        left: float,
+        right: float,
+        *,
+        without_impact: bool,
+        ends: tuple[Point, ...],
+    ) -> tuple[Point, ...]:
+        """Return the fold curve of the orbit with or without impacts between two frequencies."""
+        middle = 0.5 * (left + right)
+        what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
+        self.tell(what)
+
+        def wanted(special: branches.SpecialPoint) -> bool:
+            return special.kind == "fold" and (not special.orbit.impacts) == without_impact
+
+        folds = [special for special in self._special(middle, wanted) if wanted(special)]
+        if not folds:
+            self.notes.append(f"{what}: none at {self._at(middle)}")
+            return ()
+        ending = [end for end in ends if end[0] in self.marks]
+        points: list[CurvePoint] = []
+        for direction, bound in ((-1.0, left), (1.0, right)):
+            # A curve that ends in the grazing curve does so at a point that is known.
+            at_mark = [end for end in ending if end[0] == bound]
+            goal = bound + 0.02 * direction * (right - left) * len(at_mark)
+            curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
+            here = [p for p in curve.points if p.orbit.admissible]
+            points += here
+            reached = here[-1].values[1] if here else middle
+            if not at_mark and abs(reached - bound) > 1e-9:
+                self.notes.append(f"{what} ends at {self._at(reached)}: {curve.ended}")
+        values = dict(_values(points))
+        touching = [end for end in ending if self._ends_in_grazing(end, values)]
+        return _joined(values, touching)
+
+    def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
+        """Return whether a curve comes to the end of the grazing curve."""
+        nearest = min(values, key=lambda omega: abs(omega - end[0]))
+        return abs(values[nearest] - end[1]) < TOUCH * abs(end[1])
+
+    def _crises(
+        self,
+        left: float,
+        right: float,
+        folds: tuple[Point, ...],
+        crises: int,
+        periods: int,
+        workers: int,
+        found: list[Point],
+    ) -> None:
+        """Simulate the crisis at equal distances, each begun just above the fold, into `found`."""
+        if not folds:
+            return
+        found += [end for end in folds if end[0] in self.marks]
+        # Where the type ends in a point of codimension two, the two boundaries meet.
+        known = len(self.marks & {left, right})
+        omegas = np.linspace(left, right, crises + known)
+        omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
+        out = self.system.out
+
+        def one(omega: float) -> Point | str:
+            try:
+                specials = self._special(omega, lambda special: special.kind == "fold", watch)
+                met = [s.value for s in specials if s.kind == "fold"]
+                if not met:
+                    raise OrbitError("no fold to begin at", "take another range of omega")
+                fold = met[0]
+                here = self.system.changed(omega=out(OMEGA, omega))
+                value = crisis(
+                    here.actuator,
+                    here.drive,
+                    below=out(AMPLITUDE, fold),
+                    begin=out(AMPLITUDE, fold * (1.0 + ABOVE)),
+                    width=0.2 * out(AMPLITUDE, fold),
+                    periods=periods,
+                    watch=watch,
+                )
+                return omega, self.system.into(AMPLITUDE, value)
+            except OrbitError as error:
+                return f"crisis at {self._at(omega)}: {error}"
+
+        self.tell(f"the crisis, simulated at {crises} frequencies")
+        with stoppable_threads(workers) as (threads, watch):
+            for result in threads.map(one, omegas.tolist()):
+                if isinstance(result, str):
+                    self.notes.append(result)
+                else:
+                    found.append(result)
+
+
+def _grazes(special: branches.SpecialPoint) -> bool:
+    return special.label == "G" and special.monitor.role == "approach"
+
+
+def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
+    """Return (omega, amplitude) in ascending omega."""
+    return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
+
+
+def _joined(
+    values: dict[float, float], ends: list[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return a boundary with its ends, each in place of what was located next to it.
+
+    A point in which two curves end is located on both, at numbers that differ by rounding.
+    """
+    kept = {w: a for w, a in values.items() if all(abs(w - end) > SAME * end for end, _ in ends)}
+    return tuple(sorted({**kept, **dict(ends)}.items()))
