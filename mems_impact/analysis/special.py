@@ -68,7 +68,7 @@ class SpecialPoint(Value):
     value: float
     orbit: Orbit
     bounds: tuple[float, float] = field(repr=False)
-    found: branches.SpecialPoint = field(repr=False)
+    found: branches.BranchEvent = field(repr=False)
     beyond: PeriodicOrbit | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
@@ -93,7 +93,7 @@ class SpecialPoint(Value):
         return self.orbit.multipliers
 
     @cached_property
-    def without_impact(self) -> branches.SpecialPoint:
+    def without_impact(self) -> branches.BranchEvent:
         """The same grazing, as the end of the branch that does not have the impact.
 
         There everything is smooth, while on the side of the impact multipliers are infinite.

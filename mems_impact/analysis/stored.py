@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from mems_impact.analysis import branch, curve, orbit, run, special, state, statistics, verification
+from mems_impact.analysis.build import Build
 from mems_impact.analysis.detached import DetachedSystem, check_same, description
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.storing.coding import Reader, register
-from mems_impact.analysis.system import Build, System
+from mems_impact.analysis.system import System
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation.monitors import Monitor
@@ -101,8 +102,8 @@ KINDS: tuple[type, ...] = (
 )  # fmt: skip
 for kind in KINDS:
     register(kind)
-register(branches.SpecialPoint, "BranchEvent")
-register(curves.CodimensionTwo, "CurveEvent")
+register(branches.BranchEvent)
+register(curves.CurveEvent)
 register_object(Moments)
 register_object(statistics.Anchors)
 register(

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import functools
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from mems_impact.analysis import given
+from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
-from mems_impact.analysis.values import Value, same
+from mems_impact.analysis.terms import Terms
+from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
@@ -34,12 +32,12 @@ from mems_impact.hybrid.written import (
 from mems_impact.orbits.family import Family
 from mems_impact.units import DIMENSIONLESS, Scales
 
-__all__ = ["Build", "System"]
+__all__ = ["System"]
 
 Number = float | Callable[..., float]
 
 
-class System(Value):
+class System(Terms):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -322,56 +320,9 @@ class System(Value):
 
     # What all kinds of system share.
 
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the components of the state."""
-        return self.automaton.states
-
-    @property
-    def modes(self) -> tuple[str, ...]:
-        """Names of the modes."""
-        return self.automaton.modes
-
-    @property
-    def forced(self) -> bool:
-        """Whether the system has a forcing period."""
-        return self.forcing_period is not None
-
-    def check_parameter(self, name: str, field: str = "parameter") -> None:
-        """Raise InvalidParameter unless `name` is a parameter."""
-        if name not in self.parameters:
-            raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
-
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
         self.check_parameter(name)
-
-    def value(self, name: str) -> float:
-        """Return a parameter in the system's units."""
-        return self.parameters[name]
-
-    def unit(self, name: str) -> str:
-        """Return the unit of a parameter, a state or an observable, empty for a pure number."""
-        return self.units.get(name, "")
-
-    def into(self, name: str, value: float) -> float:
-        """Return a value of a parameter or state in the units of the numerics."""
-        unit = self.unit(name)
-        return float(self.scales.into(value, unit)) if unit else value
-
-    def out(self, name: str, value: float) -> float:
-        """Return a value of a parameter or state in the system's units."""
-        unit = self.unit(name)
-        return float(self.scales.out(value, unit)) if unit else value
-
-    def label(self, name: str) -> str:
-        """Return a name with its unit, to be printed."""
-        return self.scales.label(name, self.unit(name))
-
-    @property
-    def inner_parameters(self) -> dict[str, float]:
-        """Names and values of all parameters, in the units of the numerics."""
-        return {name: self.into(name, value) for name, value in self.parameters.items()}
 
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in the units of the numerics."""
@@ -382,56 +333,11 @@ class System(Value):
         changes = self.changes_to(inner, self.inner_parameters)
         return self.shifted(changes) if changes else self
 
-    def changes_to(self, inner: Mapping[str, float], here: Mapping[str, float]) -> dict[str, float]:
-        """Return what differs between two sets of inner values, in the system's units."""
-        return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
-
     def problem(self, options: Options) -> Problem:
         """Return what the event loop integrates, in the units of the numerics."""
         numbers = self.numbers()
         return Problem(
             automaton=self.automaton, section=self.section, options=options, **numbers._asdict()
-        )
-
-    def instant(
-        self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
-    ) -> Instant:
-        """Return where a run from `state` starts, in the units of the numerics.
-
-        `field` is what errors call the state.
-
-        Raises
-        ------
-        InvalidParameter
-            If the state has other components, a mode that there is not, or lies beyond the period.
-        """
-        if state is None:
-            state = self.initial
-        elif not isinstance(state, State):
-            if not isinstance(state, Mapping):
-                allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
-                raise InvalidParameter(field, state, allowed)
-            state = state_from(state)
-        self._check_state(field, state)
-        values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
-        y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
-        time = float(self.scales.into(state.time, "s"))
-        if self.forced and not state.time < self.scales.out(problem.period, "s"):
-            period = self.scales.out(problem.period, "s")
-            raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
-        time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
-        mode = state.mode if state.mode is not None else self.initial.mode
-        if mode is None:
-            return Instant(0, time, self.mode_of(y, time, problem), y)
-        return Instant(0, time, self._mode_number(mode), y)
-
-    def state_of(self, instant: Instant) -> State:
-        """Return an instant of the numerics as a state in the system's units."""
-        values = zip(self.states, instant.y.tolist(), strict=True)
-        return state_from(
-            {name: self.out(name, value) for name, value in values},
-            time=float(self.scales.out(instant.time, "s")) if self.forced else 0.0,
-            mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
         )
 
     def __repr__(self) -> str:
@@ -484,43 +390,6 @@ class System(Value):
             return y.tolist()
         return named("State", self.states)(*y.tolist())
 
-    def _mode_number(self, mode: str | int) -> int:
-        if isinstance(mode, str) and mode in self.modes:
-            return self.modes.index(mode)
-        if isinstance(mode, int) and 0 <= mode < len(self.modes):
-            return int(mode)
-        raise InvalidParameter("mode", mode, f"one of {', '.join(self.modes)}")
-
-    def _check_state(self, field: str, state: State) -> None:
-        unknown = [name for name in state if name not in self.states]
-        if unknown:
-            raise InvalidParameter(field, unknown[0], f"components among {', '.join(self.states)}")
-
     def _value_of(self, number: Number | None, p: Any) -> float | None:
         value = number(p) if callable(number) else number
         return None if value is None else float(value)
-
-
-@dataclass(frozen=True)
-class Build:
-    """The problem of a system at any values of its parameters."""
-
-    system: System
-    options: Options
-
-    @property
-    def automaton(self) -> Automaton:
-        """The same for all values."""
-        return self.system.automaton
-
-    def __call__(self, values: Mapping[str, float]) -> Problem:
-        """Return the problem at values in the units of the numerics."""
-        return self.system.at(values).problem(self.options)
-
-    @functools.cached_property
-    def _here(self) -> dict[str, float]:
-        return self.system.inner_parameters
-
-    def numbers(self, values: Mapping[str, float]) -> Numbers:
-        """Return what of that problem depends on the values, without making it."""
-        return self.system.numbers(self.system.changes_to(values, self._here))

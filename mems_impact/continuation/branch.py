@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
-from mems_impact.continuation.locating import SpecialPoint, locate, rank, special_at
+from mems_impact.continuation.locating import BranchEvent, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
@@ -62,14 +62,14 @@ class OrbitBranch:
     ----------
     parameter : str
     points : list of BranchPoint
-    special_points : list of SpecialPoint
+    special_points : list of BranchEvent
     ended : str
         Why the branch ends.
     """
 
     parameter: str
     points: list[BranchPoint] = field(default_factory=list)
-    special_points: list[SpecialPoint] = field(default_factory=list)
+    special_points: list[BranchEvent] = field(default_factory=list)
     ended: str = ""
 
 
@@ -155,8 +155,8 @@ def points_of(
 class _Found:
     """What a step passed: special points in order, the last of them where the orbit is lost."""
 
-    special_points: list[SpecialPoint]
-    lost: SpecialPoint | None
+    special_points: list[BranchEvent]
+    lost: BranchEvent | None
 
 
 class _Walker:
@@ -276,7 +276,7 @@ class _Walker:
         if defects(shooting, following):
             raise OrbitError("a margin is lost where none was watched", "take a shorter step")
 
-    def _other_side(self, lost: SpecialPoint) -> tuple[tuple[Shooting, Point, Floats] | None, str]:
+    def _other_side(self, lost: BranchEvent) -> tuple[tuple[Shooting, Point, Floats] | None, str]:
         """Return what `reconnect` finds at `lost`, or None and why it finds nothing."""
         try:
             return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
@@ -285,8 +285,8 @@ class _Walker:
 
     def _rename(
         self,
-        met: SpecialPoint,
-        located: list[SpecialPoint],
+        met: BranchEvent,
+        located: list[BranchEvent],
         before: dict[Monitor, float],
         after: dict[Monitor, float],
     ) -> None:
@@ -353,7 +353,7 @@ class _Walker:
     ) -> _Found:
         """Locate all sign changes of the last step, up to where the orbit is lost."""
 
-        def crossed(after: dict[Monitor, float], reach: float) -> list[tuple[float, SpecialPoint]]:
+        def crossed(after: dict[Monitor, float], reach: float) -> list[tuple[float, BranchEvent]]:
             found = [
                 locate(shooting, step, reach, monitor)
                 for monitor, value in before.items()
@@ -388,4 +388,4 @@ class _Walker:
         return _Found([*special_points, first[1]], first[1])
 
 
-__all__ = ["FOLD", "GRAZING", "BranchPoint", "OrbitBranch", "SpecialPoint", "Steps", "follow"]
+__all__ = ["FOLD", "GRAZING", "BranchEvent", "BranchPoint", "OrbitBranch", "Steps", "follow"]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
-from mems_impact.continuation.branch import SpecialPoint, Steps
+from mems_impact.continuation.branch import BranchEvent, Steps
 from mems_impact.continuation.conditions import Singular, condition_of
 from mems_impact.continuation.corrector import NODES, Step
 from mems_impact.continuation.grazing import contact_coefficient
@@ -56,7 +56,7 @@ class CurvePoint:
 
 
 @dataclass(frozen=True)
-class CodimensionTwo:
+class CurveEvent:
     """A point of a curve at which a second thing happens.
 
     Attributes
@@ -82,7 +82,7 @@ class OrbitCurve:
         Of the special points.
     parameters : tuple of str
     points : list of CurvePoint
-    special_points : list of CodimensionTwo
+    special_points : list of CurveEvent
     ended : str
         Why the curve ends.
     """
@@ -90,12 +90,12 @@ class OrbitCurve:
     kind: str
     parameters: tuple[str, str]
     points: list[CurvePoint] = field(default_factory=list)
-    special_points: list[CodimensionTwo] = field(default_factory=list)
+    special_points: list[CurveEvent] = field(default_factory=list)
     ended: str = ""
 
 
 def follow_curve(
-    special: SpecialPoint,
+    special: BranchEvent,
     parameter: str,
     second: str,
     *,
@@ -109,7 +109,7 @@ def follow_curve(
 
     Parameters
     ----------
-    special : SpecialPoint
+    special : BranchEvent
         A grazing, fold or period doubling (or the touching of another guard).
     parameter : str
         The parameter of the branch.
@@ -137,7 +137,7 @@ class _Curve:
 
     def __init__(
         self,
-        special: SpecialPoint,
+        special: BranchEvent,
         parameter: str,
         second: str,
         bounds: tuple[float, float],
@@ -319,9 +319,9 @@ class _Curve:
 
     def _special(
         self, step: Step, length: float, before: Tests, after: Tests
-    ) -> tuple[list[CodimensionTwo], CodimensionTwo | None]:
+    ) -> tuple[list[CurveEvent], CurveEvent | None]:
         """Return the points of codimension two within a step, and the one that ends the curve."""
-        found: list[tuple[float, str | Monitor, CodimensionTwo]] = []
+        found: list[tuple[float, str | Monitor, CurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length)
@@ -344,7 +344,7 @@ class _Curve:
 
     def _locate(
         self, test: str | Monitor, step: Step, length: float
-    ) -> tuple[float, CodimensionTwo] | None:
+    ) -> tuple[float, CurveEvent] | None:
         """Locate a zero of `test` within a step: where in it, and the point."""
 
         def value(s: float) -> float:
@@ -365,7 +365,7 @@ class _Curve:
             if np.abs(orbit.multipliers - target).min() > NEAR:
                 return None  # a sign change through infinity
         values = (float(point.values[0]), float(point.values[1]))
-        return position, CodimensionTwo(kind, values, orbit)
+        return position, CurveEvent(kind, values, orbit)
 
 
-__all__ = ["CodimensionTwo", "CurvePoint", "Monitor", "OrbitCurve", "follow_curve"]
+__all__ = ["CurveEvent", "CurvePoint", "Monitor", "OrbitCurve", "follow_curve"]

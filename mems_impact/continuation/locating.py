@@ -27,7 +27,7 @@ SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half
 
 
 @dataclass(frozen=True)
-class SpecialPoint:
+class BranchEvent:
     """A point of a branch at which something happens, located on it.
 
     Attributes
@@ -56,7 +56,7 @@ class SpecialPoint:
 
 def locate(
     shooting: Shooting, step: Step, length: float, monitor: Monitor
-) -> tuple[float, SpecialPoint] | None:
+) -> tuple[float, BranchEvent] | None:
     """Locate the zero of `monitor` within the first `length` of a step.
 
     Returns the position in the step with the point, or None if the sign change is no zero.
@@ -82,7 +82,7 @@ def locate(
 
 def special_at(
     monitor: Monitor, shooting: Shooting, here: Point, direction: Floats
-) -> SpecialPoint | None:
+) -> BranchEvent | None:
     """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
 
     A test function may change its sign through infinity (an impact at zero speed), and the product
@@ -96,10 +96,10 @@ def special_at(
         return None
     kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
-    return SpecialPoint(kind, label, value, orbit, direction, monitor)
+    return BranchEvent(kind, label, value, orbit, direction, monitor)
 
 
-def rank(special: SpecialPoint) -> int:
+def rank(special: BranchEvent) -> int:
     """Return which of several losses in one point to name and to act upon, the lowest first.
 
     Where a guard is touched at zero speed, what would follow on the event loses its margin in the

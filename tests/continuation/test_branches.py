@@ -10,7 +10,7 @@ import mems_impact as mi
 from mems_impact.actuator.drive import Square
 from mems_impact.continuation.branch import OrbitBranch, Steps, _Walker, follow
 from mems_impact.continuation.corrector import correct
-from mems_impact.continuation.locating import SpecialPoint
+from mems_impact.continuation.locating import BranchEvent
 from mems_impact.continuation.monitors import Monitor, closest
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -254,7 +254,7 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     """The meeting itself changes nothing; a fold in it is named, if it has not been already."""
     first = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16).points[0]
     meeting = Monitor("simultaneous events", "length", 0)
-    met = SpecialPoint("fold", "CF", 0.16, first.orbit, first.direction, meeting)
+    met = BranchEvent("fold", "CF", 0.16, first.orbit, first.direction, meeting)
     fold = replace(met, monitor=Monitor("fold"))
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))

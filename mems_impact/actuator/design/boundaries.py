@@ -134,9 +134,9 @@ class Boundaries:
     def _special(
         self,
         omega: float,
-        wanted: Callable[[branches.SpecialPoint], bool],
+        wanted: Callable[[branches.BranchEvent], bool],
         watch: Watch | None = None,
-    ) -> list[branches.SpecialPoint]:
+    ) -> list[branches.BranchEvent]:
         """Return what the orbit without impacts meets on the way up, at one frequency.
 
         The branch is followed no further than to the first point that is wanted.
@@ -180,7 +180,7 @@ class Boundaries:
             "take another range of omega",
         )
 
-    def _grazing(self, omega: float) -> branches.SpecialPoint:
+    def _grazing(self, omega: float) -> branches.BranchEvent:
         """Return where the orbit without impacts grazes; OrbitError if it does not."""
         for special in self._special(omega, _grazes):
             if _grazes(special):
@@ -206,7 +206,7 @@ class Boundaries:
         return f"{self.system.label(OMEGA)} = {self._number(omega)}"
 
     def _curve(
-        self, special: branches.SpecialPoint, low: float, high: float, direction: float
+        self, special: branches.BranchEvent, low: float, high: float, direction: float
     ) -> OrbitCurve:
         return curves.follow_curve(
             special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
@@ -245,7 +245,7 @@ class Boundaries:
         what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
         self.tell(what)
 
-        def wanted(special: branches.SpecialPoint) -> bool:
+        def wanted(special: branches.BranchEvent) -> bool:
             return special.kind == "fold" and (not special.orbit.impacts) == without_impact
 
         folds = [special for special in self._special(middle, wanted) if wanted(special)]
@@ -323,7 +323,7 @@ class Boundaries:
                     found.append(result)
 
 
-def _grazes(special: branches.SpecialPoint) -> bool:
+def _grazes(special: branches.BranchEvent) -> bool:
     return special.label == "G" and special.monitor.role == "approach"
 
 

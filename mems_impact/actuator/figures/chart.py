@@ -15,7 +15,7 @@ __all__ = ["plot_chart"]
 SHADES = {"I": GREEN, "II": GREY, "III": ORANGE}
 
 
-class Boundaries(Protocol):
+class Charted(Protocol):
     """What `plot_chart` needs of a `mems_impact.actuator.design.chart.Chart`."""
 
     @property
@@ -31,7 +31,7 @@ class Boundaries(Protocol):
         """One row a point of codimension two."""
 
 
-def plot_chart(chart: Boundaries, ax: Any = None) -> Any:
+def plot_chart(chart: Charted, ax: Any = None) -> Any:
     """Draw the amplitudes of switching on (solid) and off (dotted) over the frequency.
 
     Crosses are values that were simulated, not followed. The types of the paper are shaded, and

@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive
     from mems_impact.actuator.parameters import Actuator
 
-__all__ = ["Stretch", "plot_drive", "seen"]
+__all__ = ["Excerpt", "plot_drive", "seen"]
 
 POINTS = 2000  # over a period
 FEWEST = 16  # between two switches
 
 
-class Stretch(NamedTuple):
+class Excerpt(NamedTuple):
     """A drive between two of its switches."""
 
     time: NDArray[np.float64]
@@ -30,7 +30,7 @@ class Stretch(NamedTuple):
     force: NDArray[np.float64]
 
 
-def seen(drive: Drive, actuator: Actuator | None = None) -> list[Stretch]:
+def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
     """Return one forcing period of a drive, cut at its switches.
 
     The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2; without an actuator,
@@ -43,7 +43,7 @@ def seen(drive: Drive, actuator: Actuator | None = None) -> list[Stretch]:
         count = max(FEWEST, round(POINTS * (end - begin) / drive.period))
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
         right, left = drive.value(time), drive.value(time, left=True)
-        stretches.append(Stretch(time, right, left, scale * (right**2 - left**2)))
+        stretches.append(Excerpt(time, right, left, scale * (right**2 - left**2)))
     return stretches
 
 

@@ -1,0 +1,42 @@
+"""The problems of a system at any values of its parameters, for families of orbits."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mems_impact.engines.options import Options
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Numbers, Problem
+
+if TYPE_CHECKING:
+    from mems_impact.analysis.system import System
+
+__all__ = ["Build"]
+
+
+@dataclass(frozen=True)
+class Build:
+    """The problem of a system at any values of its parameters."""
+
+    system: System
+    options: Options
+
+    @property
+    def automaton(self) -> Automaton:
+        """The same for all values."""
+        return self.system.automaton
+
+    def __call__(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem at values in the units of the numerics."""
+        return self.system.at(values).problem(self.options)
+
+    @functools.cached_property
+    def _here(self) -> dict[str, float]:
+        return self.system.inner_parameters
+
+    def numbers(self, values: Mapping[str, float]) -> Numbers:
+        """Return what of that problem depends on the values, without making it."""
+        return self.system.numbers(self.system.changes_to(values, self._here))

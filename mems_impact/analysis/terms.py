@@ -1,0 +1,161 @@
+"""The terms of a system: its names and units, and the way to the numerics and back."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+
+from mems_impact.analysis.state import State, state_from
+from mems_impact.analysis.values import Value
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.units import Scales
+
+__all__ = ["Terms"]
+
+
+class Terms(Value):
+    """What a user calls things, and in which units, beside what the numerics count in."""
+
+    @property
+    @abstractmethod
+    def automaton(self) -> Automaton:
+        """Modes, flow, guards and transitions."""
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in the system's units."""
+
+    @property
+    @abstractmethod
+    def units(self) -> Mapping[str, str]:
+        """Units by name; none for pure numbers."""
+
+    @property
+    @abstractmethod
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+
+    @property
+    @abstractmethod
+    def initial(self) -> State:
+        """Where runs start if nothing else is said."""
+
+    @property
+    @abstractmethod
+    def forcing_period(self) -> float | None:
+        """The forcing period; None for a system without forcing."""
+
+    @abstractmethod
+    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
+        """Return the mode of a state whose mode is not given."""
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the components of the state."""
+        return self.automaton.states
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Names of the modes."""
+        return self.automaton.modes
+
+    @property
+    def forced(self) -> bool:
+        """Whether the system has a forcing period."""
+        return self.forcing_period is not None
+
+    def check_parameter(self, name: str, field: str = "parameter") -> None:
+        """Raise InvalidParameter unless `name` is a parameter."""
+        if name not in self.parameters:
+            raise InvalidParameter(field, name, f"one of {', '.join(self.parameters)}")
+
+    def value(self, name: str) -> float:
+        """Return a parameter in the system's units."""
+        return self.parameters[name]
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a parameter, a state or an observable, empty for a pure number."""
+        return self.units.get(name, "")
+
+    def into(self, name: str, value: float) -> float:
+        """Return a value of a parameter or state in the units of the numerics."""
+        unit = self.unit(name)
+        return float(self.scales.into(value, unit)) if unit else value
+
+    def out(self, name: str, value: float) -> float:
+        """Return a value of a parameter or state in the system's units."""
+        unit = self.unit(name)
+        return float(self.scales.out(value, unit)) if unit else value
+
+    def label(self, name: str) -> str:
+        """Return a name with its unit, to be printed."""
+        return self.scales.label(name, self.unit(name))
+
+    @property
+    def inner_parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in the units of the numerics."""
+        return {name: self.into(name, value) for name, value in self.parameters.items()}
+
+    def changes_to(self, inner: Mapping[str, float], here: Mapping[str, float]) -> dict[str, float]:
+        """Return what differs between two sets of inner values, in the system's units."""
+        return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
+
+    def instant(
+        self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
+    ) -> Instant:
+        """Return where a run from `state` starts, in the units of the numerics.
+
+        `field` is what errors call the state.
+
+        Raises
+        ------
+        InvalidParameter
+            If the state has other components, a mode that there is not, or lies beyond the period.
+        """
+        if state is None:
+            state = self.initial
+        elif not isinstance(state, State):
+            if not isinstance(state, Mapping):
+                allowed = f"a State({self.states[0]}=…), or a mapping of names to numbers"
+                raise InvalidParameter(field, state, allowed)
+            state = state_from(state)
+        self._check_state(field, state)
+        values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
+        y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
+        time = float(self.scales.into(state.time, "s"))
+        if self.forced and not state.time < self.scales.out(problem.period, "s"):
+            period = self.scales.out(problem.period, "s")
+            raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
+        time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
+        mode = state.mode if state.mode is not None else self.initial.mode
+        if mode is None:
+            return Instant(0, time, self.mode_of(y, time, problem), y)
+        return Instant(0, time, self._mode_number(mode), y)
+
+    def state_of(self, instant: Instant) -> State:
+        """Return an instant of the numerics as a state in the system's units."""
+        values = zip(self.states, instant.y.tolist(), strict=True)
+        return state_from(
+            {name: self.out(name, value) for name, value in values},
+            time=float(self.scales.out(instant.time, "s")) if self.forced else 0.0,
+            mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
+        )
+
+    def _mode_number(self, mode: str | int) -> int:
+        if isinstance(mode, str) and mode in self.modes:
+            return self.modes.index(mode)
+        if isinstance(mode, int) and 0 <= mode < len(self.modes):
+            return int(mode)
+        raise InvalidParameter("mode", mode, f"one of {', '.join(self.modes)}")
+
+    def _check_state(self, field: str, state: State) -> None:
+        unknown = [name for name in state if name not in self.states]
+        if unknown:
+            raise InvalidParameter(field, unknown[0], f"components among {', '.join(self.states)}")
