@@ -254,9 +254,9 @@ class Orbit(Value):
         guards = self.system.automaton.guards
         m = len(guards)
         return [
-            abs(float(event.rates[segment.code % m]))
+            abs(float(event.rates[segment.guard(m)]))
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
-            if event is not None and segment.code < 2 * m and guards[segment.code % m].impact
+            if event is not None and segment.guard(m) >= 0 and guards[segment.guard(m)].impact
         ]
 
     @cached_property

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
-from mems_impact.orbits.signature import BOUNDARY
 
 GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER = (
     "grazing",
@@ -84,7 +84,7 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
             found.append(Closest(float(arc.minima[guard]), i, time, True))
         if shooting.automaton.guards[guard].impact:
             continue
-        own = segment.code % m if segment.code not in (BOUNDARY, 2 * m) else -1
+        own = segment.guard(m)
         if own != guard:
             found.append(Closest(float(arc.margins[1, guard]), i, end, False))
         elif end - start < VANISHING:
@@ -107,8 +107,8 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
     for i, segment in enumerate(shooting.segments):
         event = point.events[i]
         values[Monitor("simultaneous events", "length", i)] = float(point.ends[i] - point.starts[i])
-        if event is not None and segment.code != 2 * m:
-            guard = segment.code % m
+        guard = segment.guard(m)
+        if event is not None and guard != NONE:
             kind = kind_of(automaton.guards[guard])
             values[Monitor(kind, "rate", i, guard)] = -float(event.rates[guard])
     for j, each in enumerate(automaton.guards):

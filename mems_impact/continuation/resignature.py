@@ -11,6 +11,7 @@ from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
 from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.newton import newton
@@ -102,7 +103,7 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
     count = len(segments)
     before, after = (i - 1) % count, (i + 1) % count
     m = orbit.shooting.m
-    if segments[before].code == BOUNDARY and segments[i].code not in (BOUNDARY, 2 * m):
+    if segments[before].code == BOUNDARY and segments[i].guard(m) != NONE:
         # The event at the start of a period moves to the end of the one before.
         event, mode = segments[i].code, segments[after].mode
         cycle = segments[before].cycle
@@ -114,7 +115,7 @@ def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
             segments, states, times = _rotated(segments, 1), _rotated(states, 1), _rotated(times, 1)
             return Guess(tuple(segments), np.array(states), np.array(times)), count - 1
         return Guess(tuple(segments), np.array(states), np.array(times)), i
-    if segments[i].code == BOUNDARY and segments[before].code not in (BOUNDARY, 2 * m):
+    if segments[i].code == BOUNDARY and segments[before].guard(m) != NONE:
         # The event at the end of a period moves to the start of the next.
         event, mode = segments[before].code, segments[before].mode
         segments[before] = Segment(mode, segments[before].cycle, BOUNDARY)
@@ -147,7 +148,7 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int]:
     matters = OrbitError("two events meet whose order matters", "find an orbit beyond")
     shooting, point = orbit.shooting, orbit.point
     segments, count = list(orbit.segments), len(orbit.segments)
-    switch = 2 * shooting.m
+    switch = shooting.automaton.switch_code
     first, second = (i - 1) % count, i
     one, other = segments[first], segments[second]
     if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
@@ -215,8 +216,8 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess:
     back = (k for k, s in enumerate(piece.segments) if k > 0 and s.mode == segment.mode)
     count = next(back, 0)
     followed = piece.segments[:count]
-    elsewhere = (BOUNDARY, 2 * shooting.m)
-    if not followed or followed[0].code != guard or any(s.code in elsewhere for s in followed):
+    elsewhere = any(s.guard(shooting.m) == NONE for s in followed)
+    if not followed or followed[0].code != guard or elsewhere:
         raise OrbitError(
             f"after a weak contact the mode is not {shooting.automaton.modes[segment.mode]} again "
             "before the period ends or the drive switches",

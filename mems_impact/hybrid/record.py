@@ -11,16 +11,18 @@ from typing import Any
 
 import numpy as np
 
-# What `loop.advance` answers.
-PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = 0, 1, 2, 3, 4, 5, 6
-INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = 7, 8, 9, 10, 11
+from mems_impact.codes import Kind, Status
+
+# What `loop.advance` answers, for compiled code: see `Status`.
+PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int, list(Status)[:7])
+INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 
 # What a transition returns in place of a mode: it ends the run; it does not say how a sequence of
 # impacts goes on.
 ENDS, NO_REST = -3, -2
 
-# Kinds of rows in the event buffer.
-TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = 0, 1, 2, 3, 4, 5
+# Kinds of rows in the event buffer: see `Kind`.
+TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = map(int, Kind)
 
 # Columns of the event buffer; the states before and after follow.
 CYCLE, TIME, KIND, GUARD, MODE_BEFORE, MODE_AFTER, HEAD = 0, 1, 2, 3, 4, 5, 6

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.shooting import Point, Shooting
-from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, read_guess
+from mems_impact.orbits.signature import Guess, Segment, read_guess
 
 SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
 
@@ -108,9 +109,9 @@ class PeriodicOrbit:
         """Whether an event ends a segment at no speed: then multipliers have no bound."""
         m = self.shooting.m
         return any(
-            abs(float(event.rates[segment.code % m])) <= SLACK
+            abs(float(event.rates[segment.guard(m)])) <= SLACK
             for segment, event in zip(self.segments, self.point.events, strict=True)
-            if event is not None and segment.code != 2 * m
+            if event is not None and segment.guard(m) != NONE
         )
 
     @property
@@ -130,9 +131,9 @@ class PeriodicOrbit:
         period, automaton = self.point.period, self.shooting.automaton
         m = len(automaton.guards)
         return [
-            (s.code % m, s.cycle * period + float(end), arc.end)
+            (s.guard(m), s.cycle * period + float(end), arc.end)
             for s, end, arc in zip(self.segments, self.point.ends, self.point.arcs, strict=True)
-            if s.code != BOUNDARY and s.code < 2 * m and automaton.guards[s.code % m].impact
+            if s.guard(m) != NONE and automaton.guards[s.guard(m)].impact
         ]
 
     def reduced_monodromy(self) -> Floats:
@@ -196,7 +197,7 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
             found.append(Defect(i, "", "order", length))
             continue
         (at_start, at_end), (rising, _) = arc.margins, arc.rates
-        own = segment.code % m if event is not None and segment.code != 2 * m else -1
+        own = segment.guard(m)
         for j, guard in enumerate(automaton.guards):
             worst = float(arc.minima[j])
             if j != own:

@@ -18,6 +18,7 @@ import numpy as np
 
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.passage import NO_EVENT
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.hybrid.variational import Arc, Event, Variational, free_components
 from mems_impact.orbits.family import Family
@@ -252,8 +253,8 @@ class Shooting:
             if event is not None:
                 jump = event.jump_by_state
                 saltation = jump
-                if segment.code != 2 * self.m:
-                    guard = segment.code % self.m
+                guard = segment.guard(self.m)
+                if guard != NONE:
                     gradient = event.margin_by_state[guard]
                     rate = float(gradient @ arc.slope_end + event.margin_by_time[guard])
                     # A guard touched at no speed at all: the matrix is beyond all bounds.

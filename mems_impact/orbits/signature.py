@@ -11,6 +11,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
 
@@ -37,6 +38,10 @@ class Segment:
     cycle: int
     code: int
     switch: int = -1
+
+    def guard(self, m: int) -> int:
+        """Return which of `m` guards ends it; NONE if the period or a switch of the drive does."""
+        return self.code % m if 0 <= self.code < 2 * m else NONE
 
 
 @dataclass(frozen=True)
@@ -130,14 +135,14 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
             close(m + guard, now + ratio * (now - origin))
         else:
             switch = int(np.argmin(np.abs(np.array(switches) - (period if at_end else time))))
-            close(2 * m, period if at_end else time, switch)
+            close(automaton.switch_code, period if at_end else time, switch)
         mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
         if at_end:
             cycle += 1
     closing = np.flatnonzero(np.abs(np.array(switches) - period) <= 1e-12 * period)
     while cycle < periods:
         if closing.size:
-            close(2 * m, period, int(closing[0]))
+            close(automaton.switch_code, period, int(closing[0]))
         else:
             close(BOUNDARY, period)
         cycle += 1

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import version
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -109,7 +110,7 @@ def table(
     result.attrs = {
         "units": {name: unit for name, unit in units.items() if unit},
         "system": repr(labels),
-        "mems_impact": version("mems_impact"),
+        "mems_impact": _version(),
         **attributes,
     }
     return result
@@ -123,6 +124,11 @@ def captions(labels: Labels) -> dict[str, Any]:
         name = labels.automaton.states[section[0]]
         equation = [name, float(labels.scales.out(section[1], unit_of(name, labels.units)))]
     return {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
+
+
+@cache
+def _version() -> str:
+    return version("mems_impact")
 
 
 def unit_of(heading: str, units: Mapping[str, str]) -> str:
