@@ -7,7 +7,6 @@ method; `step`, `restart` and `interpolate` are each method's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from numba.extending import overload
 
 from mems_impact.engines import contract
 from mems_impact.engines.compiling import INNER, JIT, data, integers, pointer
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.kernels import call_kernel, kernels
 from mems_impact.engines.snapshot import mark_overloaded
 
@@ -27,31 +27,19 @@ class HandleOwner:
     ----------
     dtype : numpy.dtype
         `mems_impact.engines.kernels.FIELDS` and the fields of the method.
-    flow, margins, transition, n, m, parameters, section
-        Those of an engine (see `mems_impact.engines.cvode.interpreted.Engine`).
+    equations : Equations
     arrays : dict of str to array
         Memory of the method; the field of that name gets the address.
     """
 
-    def __init__(
-        self,
-        dtype: np.dtype[Any],
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-        section: tuple[int, float, int] | None,
-        arrays: dict[str, Any],
-    ) -> None:
-        self._kernels = kernels(flow, margins, transition, n, m)
+    def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, Any]) -> None:
+        n, m = equations.n, equations.m
+        self._kernels = kernels(equations.flow, equations.margins, equations.transition, n, m)
         # The handle holds addresses of these arrays; they live as long as the engine.
         self._arrays = {
             "y": np.zeros(n),
             "bias": np.zeros(m),
-            "parameters": np.array(parameters, dtype=float),
+            "parameters": np.array(equations.parameters, dtype=float),
             "fired": np.zeros(2 * m + 1, dtype=np.int32),
             **arrays,
         }
@@ -62,7 +50,7 @@ class HandleOwner:
         # By its name as an attribute, a field takes ten times as long.
         handle["n"], handle["m"] = n, m
         handle["parameter_count"] = self._arrays["parameters"].size
-        handle["section"], handle["level"] = (-1, 0.0) if section is None else section[:2]
+        handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address
         handle["transition"] = self._kernels.transition.address

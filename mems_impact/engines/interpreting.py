@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+
+from mems_impact.engines.equations import Equations
 
 # What Python raises where compiled code goes on with infinity or not-a-number.
 _DOMAIN = (ArithmeticError, ValueError)
@@ -29,27 +30,15 @@ class Functions:
 
     Parameters
     ----------
-    flow, margins, transition : callable
-        The functions of an automaton (see `mems_impact.hybrid.automaton.Automaton`).
-    n, m : int
-        Number of states and of guards.
-    parameters : array_like of float
+    equations : Equations
     """
 
-    def __init__(
-        self,
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-    ) -> None:
-        self._flow, self._margins, self._transition = flow, margins, transition
-        self.n, self.m = n, m
-        self.parameters: list[float] = np.asarray(parameters, dtype=float).tolist()
-        self.bias = np.zeros(m)
+    def __init__(self, equations: Equations) -> None:
+        self._flow, self._margins = equations.flow, equations.margins
+        self._transition = equations.transition
+        self.n, self.m = equations.n, equations.m
+        self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
+        self.bias = np.zeros(equations.m)
 
     def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
         """Write the derivative of the state in `mode` into `dy`."""

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.options import FOLDERS, Options
 from mems_impact.errors import (
     EngineFallbackWarning,
@@ -145,27 +146,26 @@ def bind(problem: Problem) -> Bound:
     if problem.refusal:
         raise FunctionsMissing(problem.refusal)
     automaton, options = problem.automaton, problem.options
-    arguments: dict[str, Any] = {
-        "flow": automaton.flow,
-        "margins": automaton.margins,
-        "transition": automaton.transition,
-        "jacobian": automaton.jacobian,
-        "n": len(automaton.states),
-        "m": len(automaton.guards),
-        "parameters": problem.parameters,
-        "options": options,
-        "max_step": (problem.time_scale or problem.period) / STEPS_PER_PERIOD,
-        "section": problem.section,
-    }
+    equations = Equations(
+        flow=automaton.flow,
+        margins=automaton.margins,
+        transition=automaton.transition,
+        jacobian=automaton.jacobian,
+        n=len(automaton.states),
+        m=len(automaton.guards),
+        parameters=problem.parameters,
+        section=problem.section,
+    )
+    max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):
         try:
-            return _compiled(arguments)
+            return _compiled(equations, options, max_step)
         except EngineUnavailable as error:
             if options.engine == "compiled":
                 raise
             message = f"{error}; falling back to the interpreted engine, which is far slower"
             warnings.warn(message, EngineFallbackWarning, stacklevel=5)
-    return _interpreted(arguments)
+    return _interpreted(equations, options, max_step)
 
 
 def is_compiled(options: Options) -> bool:
@@ -184,10 +184,10 @@ def _module(form: str, options: Options) -> Any:
     return import_module(f"mems_impact.engines.{FOLDERS[options.method]}.{form}")
 
 
-def _compiled(arguments: dict[str, Any]) -> Bound:
+def _compiled(equations: Equations, options: Options, max_step: float) -> Bound:
     from mems_impact.hybrid import native
 
-    engine = _module("compiled", arguments["options"]).Engine(**arguments)
+    engine = _module("compiled", options).Engine(equations, options, max_step)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return native.compiled(function)(engine.handle, *rest)
@@ -216,8 +216,8 @@ class _Fields(SimpleNamespace):
         setattr(self, name, value)
 
 
-def _interpreted(arguments: dict[str, Any]) -> Bound:
-    engine = _module("interpreted", arguments["options"]).Engine(**arguments)
+def _interpreted(equations: Equations, options: Options, max_step: float) -> Bound:
+    engine = _module("interpreted", options).Engine(equations, options, max_step)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         return function(engine, *rest)

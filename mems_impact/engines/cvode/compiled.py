@@ -10,7 +10,6 @@ from __future__ import annotations
 import ctypes
 import math
 import weakref
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from mems_impact.engines.compiling import INNER, JIT, address, data, pointer
 from mems_impact.engines.cvode import library
 from mems_impact.engines.cvode.callbacks import HANDLE, callbacks, jacobian_callback
 from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import call_kernel, jacobian_of
 from mems_impact.engines.options import Options
@@ -48,27 +48,11 @@ class Engine(HandleOwner):
     fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
     """
 
-    def __init__(
-        self,
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        jacobian: Callable[..., Any] | None = None,
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-        options: Options,
-        max_step: float,
-        section: tuple[int, float, int] | None = None,
-    ) -> None:
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         sun = library.load()
-        arrays = {"spare": np.zeros(n), "seen": np.zeros(2 * m)}
-        super().__init__(
-            HANDLE, flow, margins, transition, n=n, m=m, parameters=parameters, section=section,
-            arrays=arrays,
-        )  # fmt: skip
-        handle, direction = self.handle, section[2] if section is not None else 0
+        n, m, jacobian = equations.n, equations.m, equations.jacobian
+        super().__init__(HANDLE, equations, {"spare": np.zeros(n), "seen": np.zeros(2 * m)})
+        handle, direction = self.handle, equations.crossing[2]
         self._callbacks = callbacks()
         context = ctypes.c_void_p()
         sun.SUNContext_Create(0, ctypes.byref(context))

@@ -6,7 +6,6 @@ import contextlib
 import io
 import math
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from sksundae.cvode import CVODE
 
 from mems_impact.engines import contract
 from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.interpreting import Functions
 from mems_impact.engines.options import Options
 
@@ -30,34 +30,16 @@ class Engine(Functions):
 
     Parameters
     ----------
-    flow, margins, transition, jacobian : callable
-        The functions of an automaton (see `mems_impact.hybrid.automaton.Automaton`).
-    n, m : int
-        Number of states and of guards.
-    parameters : array_like of float
+    equations : Equations
     options : Options
     max_step : float
         Longest internal step.
-    section : tuple (component, level, direction) or None
-        Crossings of ``y[component] = level`` that are reported as the last root function.
     """
 
-    def __init__(
-        self,
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        jacobian: Callable[..., Any] | None = None,
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-        options: Options,
-        max_step: float,
-        section: tuple[int, float, int] | None = None,
-    ) -> None:
-        super().__init__(flow, margins, transition, n=n, m=m, parameters=parameters)
-        component, level, direction = section if section is not None else (-1, 0.0, 0)
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        super().__init__(equations)
+        m, jacobian = equations.m, equations.jacobian
+        component, level, direction = equations.crossing
         self._mode = 0
         self._stop: float | None = None
         self._last_instant = math.inf

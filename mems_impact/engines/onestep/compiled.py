@@ -6,7 +6,6 @@ reach the automaton through the addresses in it. Nothing here needs SUNDIALS.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -27,6 +26,7 @@ from mems_impact.engines.compiling import (
     pointer,
     record_at,
 )
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import FIELDS
 from mems_impact.engines.onestep import method, stepper
@@ -71,31 +71,17 @@ class Engine(HandleOwner):
     has no use for the Jacobian.
     """
 
-    def __init__(
-        self,
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        jacobian: Callable[..., Any] | None = None,
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-        options: Options,
-        max_step: float,
-        section: tuple[int, float, int] | None = None,
-    ) -> None:
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        n, m = equations.n, equations.m
         rows = np.zeros((ROWS, max(n, 2 * m + 1)))
-        super().__init__(
-            HANDLE, flow, margins, transition, n=n, m=m, parameters=parameters, section=section,
-            arrays={"rows": rows, "y": rows[STATE], "components": np.zeros((n, KEPT))},
-        )  # fmt: skip
+        arrays = {"rows": rows, "y": rows[STATE], "components": np.zeros((n, KEPT))}
+        super().__init__(HANDLE, equations, arrays)
         self._functions = functions()
         handle = self.handle
         for name, function in self._functions.items():
             handle[name] = function.address
         handle["width"] = rows.shape[1]
-        handle["direction"] = section[2] if section is not None else 0
+        handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
 

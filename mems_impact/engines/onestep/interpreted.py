@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.interpreting import Functions, scalars
 from mems_impact.engines.onestep import stepper
 from mems_impact.engines.onestep.method import KEPT, LOW, ROWS, STATE
@@ -19,26 +19,14 @@ class Engine(Functions):
     has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
     """
 
-    def __init__(
-        self,
-        flow: Callable[..., Any],
-        margins: Callable[..., Any],
-        transition: Callable[..., Any],
-        jacobian: Callable[..., Any] | None = None,
-        *,
-        n: int,
-        m: int,
-        parameters: Any,
-        options: Options,
-        max_step: float,
-        section: tuple[int, float, int] | None = None,
-    ) -> None:
-        super().__init__(flow, margins, transition, n=n, m=m, parameters=parameters)
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        super().__init__(equations)
+        n, m = equations.n, equations.m
         # Lists: scalars out of arrays are several times as slow.
         self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
         self.components = [[0.0] * KEPT for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
-        self.section, self.level, self.direction = section if section is not None else (-1, 0.0, 0)
+        self.section, self.level, self.direction = equations.crossing
         self.rtol, self.atol, self.max_step = options.rtol, options.atol, max_step
         self.mode = 0
         self.t = self.t_start = self.t_end = 0.0

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from mems_impact.engines.cvode import compiled, interpreted, library
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.options import Options
 from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
 from tests.hybrid.systems import (
@@ -119,16 +120,15 @@ def test_an_engine_steps_on_its_own(kind, method):
 
 
 def make(kind=compiled, method="adams"):
-    return kind.Engine(
+    equations = Equations(
         flow=STOP.flow,
         margins=STOP.margins,
         transition=STOP.transition,
         n=2,
         m=2,
         parameters=stop(d=9.0),
-        options=Options(method=method),
-        max_step=0.1,
     )
+    return kind.Engine(equations, Options(method=method), 0.1)
 
 
 def resident():

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from mems_impact.engines.equations import Equations
 from mems_impact.engines.onestep import method
 from mems_impact.engines.onestep.interpreted import Engine
 from mems_impact.engines.onestep.tableau import (
@@ -154,16 +155,10 @@ def exact(t):
 
 
 def engine(tolerance=1e-9):
-    return Engine(
-        _flow,
-        _margins,
-        _transition,
-        n=3,
-        m=1,
-        parameters=(),
-        options=Options(method="dop853", rtol=tolerance, atol=tolerance),
-        max_step=1.0,
+    equations = Equations(
+        flow=_flow, margins=_margins, transition=_transition, n=3, m=1, parameters=()
     )
+    return Engine(equations, Options(method="dop853", rtol=tolerance, atol=tolerance), 1.0)
 
 
 def slope_at_start(solver, t):

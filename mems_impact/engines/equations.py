@@ -1,0 +1,39 @@
+"""What an engine integrates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["Equations"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equations:
+    """The functions of an automaton with all their numbers.
+
+    Parameters
+    ----------
+    flow, margins, transition, jacobian : callable
+        See `mems_impact.hybrid.automaton.Automaton`.
+    n, m : int
+        Number of states and of guards.
+    parameters : array_like of float
+    section : tuple (component, level, direction), optional
+        Crossings of ``y[component] = level`` that are reported as the last root function.
+    """
+
+    flow: Callable[..., Any]
+    margins: Callable[..., Any]
+    transition: Callable[..., Any]
+    n: int
+    m: int
+    parameters: Any
+    jacobian: Callable[..., Any] | None = None
+    section: tuple[int, float, int] | None = None
+
+    @property
+    def crossing(self) -> tuple[int, float, int]:
+        """The section, with component -1 where there is none."""
+        return (-1, 0.0, 0) if self.section is None else self.section
