@@ -41,7 +41,7 @@ __all__ = ["ActuatorSystem", "kicked"]
 IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
 
 
-def _frame_position(mode: int, t: float, y: Any, p: Any) -> float:
+def _frame_position(y: Any, p: Any) -> float:
     return float(y.x1)
 
 
@@ -297,7 +297,7 @@ class ActuatorSystem(System):
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, in the units of the numerics."""
-        return float(observable.function(0, 0.0, _Named(y), problem.parameters))
+        return float(observable.function(_Named(y), problem.parameters))
 
     def measure_event(
         self, observable: Observable, events: Events, i: int, problem: Problem

@@ -18,7 +18,7 @@ from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.engines.options import Options
-from mems_impact.errors import MemsImpactError
+from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
 
 __all__ = ["Case", "Chain", "Point", "Study", "in_threads", "in_turn"]
 
@@ -86,7 +86,7 @@ class Study:
                 options=self.options,
                 progress=watch or False,
             )
-        except MemsImpactError as error:
+        except (RunError, InvalidParameter) as error:
             point["status"] = str(error)
             return point, start
         trajectory = run.trajectory
@@ -122,7 +122,7 @@ class Chain:
 
     def points(self, watch: Watch | None = None) -> Iterator[Point]:
         """Compute value after value. `watch` is called now and then and may raise."""
-        state, period = self.initial, self.cases[0].period
+        state, period = self.initial, self.study.system.forcing_period or self.cases[0].period
         for case in self.cases:
             if case.period != period:
                 state = _at_same_phase(state, period, case.period)

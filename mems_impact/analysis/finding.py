@@ -95,4 +95,6 @@ def _reached(point: Point, system: System) -> State | None:
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     y = np.zeros(len(system.states))
     y[free] = point.unknowns[: len(free)]
-    return system.state_of(Instant(0, 0.0, 0, y)) if np.isfinite(y).all() else None
+    if not np.isfinite(y).all():
+        return None
+    return system.state_of(Instant(0, 0.0, 0, y)).replace(mode=None)

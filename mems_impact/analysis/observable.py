@@ -20,8 +20,8 @@ class Observable:
 
     Written as plain scalar functions, as all of a system is. At events it is
     ``function(mode, t, before, after, p)``, with the states just before and after; its values stand
-    in a column of the table of these events. Without events it is ``function(mode, t, y, p)``, of
-    which studies tell the gain per period.
+    in a column of the table of these events. Without events it is ``function(y, p)`` of the state,
+    of which studies tell the gain per period.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Run(Value):
     kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
     def __repr__(self) -> str:
-        first, last = self.extent
+        first, last = (border * self._unit for border in self.extent)
         unit = "periods" if self.system.forced else "time"
         return (
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
@@ -69,7 +69,7 @@ class Run(Value):
 
     def summary(self) -> dict[str, Any]:
         """Return what was run, how long, and where it ended."""
-        first, last = self.extent
+        first, last = (border * self._unit for border in self.extent)
         return {
             "system": repr(self.system),
             "periods" if self.system.forced else "time": f"{first:g} to {last:g}",

@@ -49,7 +49,8 @@ def simulate(
     initial : State or mapping of str to float, optional
         Where the run starts; the system's own start by default.
     window : tuple of float, optional
-        First and last forcing period of the statistics, within the run; its last half by default.
+        First and last forcing period of the statistics, within the run; by default its last half,
+        or all of it with `until`.
         Periods are counted from the start of the forcing period in which the run begins. Times,
         where nothing forces the system.
     keep : {"events", "statistics"}, optional
@@ -86,7 +87,8 @@ def simulate(
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
-    first, last = _window(window, start.time / problem.period, periods, unit)
+    half = until is None  # of a run that ends nobody knows where, all counts
+    first, last = _window(window, start.time / problem.period, periods, unit, half)
     gatherer = system.gatherer(problem, start, Span(first, last, problem.period))
     kept: list[Events] = []
 
@@ -147,12 +149,12 @@ def _length(
 
 
 def _window(
-    window: tuple[float, float] | None, phase: float, periods: float, unit: float
+    window: tuple[float, float] | None, phase: float, periods: float, unit: float, half: bool
 ) -> tuple[float, float]:
     """Return the window in periods of the problem; `unit` is what it is given in."""
     end = phase + periods
     if window is None:
-        return phase + 0.5 * periods, end
+        return phase + (0.5 * periods if half else 0.0), end
     allowed = f"(first, last) with 0 <= first < last <= {end * unit:g}, the length of the run"
     try:
         first, last = (value / unit for value in window)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -14,6 +15,7 @@ from mems_impact.analysis.moments import Moments
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.hybrid.written import NO_GUARD
 
 if TYPE_CHECKING:
     from mems_impact.analysis.system import System
@@ -55,10 +57,13 @@ class Deferred:
     @property
     def ready(self) -> Gatherer:
         """The gatherer, with all events."""
-        begin, lengths, self._lengths = 0, self._lengths, []
-        for length in lengths:
-            self._gatherer(self._events[begin : begin + length])
-            begin += length
+        if self._lengths:
+            # A copy: what an observable interrupts is begun again, not gone on with.
+            begin, gatherer = 0, deepcopy(self._gatherer)
+            for length in self._lengths:
+                gatherer(self._events[begin : begin + length])
+                begin += length
+            self._gatherer, self._lengths = gatherer, []
         return self._gatherer
 
 
@@ -190,30 +195,35 @@ class Gathering:
         """Return the statistics of a run that ended at `final`."""
         self._anchors.end(final)
         window, system = self._window.until(final), self._system
-        periods = window.last - window.first
-        guards = system.automaton.guards
+        # Without forcing periods, time itself is counted.
+        unit = 1.0 if system.forced else window.period
+        each_period = "per period" if system.forced else "per time"
+        first, last = window.first * unit, window.last * unit
+        periods = last - first
+        guards = [guard for guard in system.automaton.guards if guard.name != NO_GUARD]
         impacts = sum(
-            int(count) for count, guard in zip(self._counts, guards, strict=True) if guard.impact
+            int(count) for count, guard in zip(self._counts, guards, strict=False) if guard.impact
         )
         values: dict[str, float] = {
-            "window first": window.first,
-            "window last": window.last,
+            "window first": first,
+            "window last": last,
             "impacts": impacts,
-            "impacts per period": ratio(impacts, periods),
+            f"impacts {each_period}": ratio(impacts, periods),
         }
-        for guard, count in zip(guards, self._counts, strict=True):
-            values[f"{guard.name} per period"] = ratio(int(count), periods)
+        for guard, count in zip(guards, self._counts, strict=False):
+            values[f"{guard.name} {each_period}"] = ratio(int(count), periods)
         values["chatter sequences"] = self._chatter
         if len(system.modes) > 1:
             for mode, lasted in zip(system.modes, self._anchors.durations, strict=True):
-                values[f"share {mode}"] = ratio(float(lasted), periods * window.period)
+                duration = (window.last - window.first) * window.period
+                values[f"share {mode}"] = ratio(float(lasted), duration)
         for each in system.observables:
             if each.at:
                 moments = self._moments[each.name]
                 values[each.name] = reduced(each.reduce, moments, periods)
             else:
-                first, last = (system.measure(each, y, self._problem) for y in borders)
-                values[each.name] = ratio(last - first, periods)
+                begin, end = (system.measure(each, y, self._problem) for y in borders)
+                values[each.name] = ratio(end - begin, periods)
         return values
 
 

@@ -105,6 +105,8 @@ def sweep(
     for name in CHAINS[direction]:
         ordered = cases if name == "up" else cases[::-1]
         chains.append(Chain(study, name, ordered, _initial(initial, name, ordered[0].system)))
+    for chain in chains:
+        system.instant(chain.initial, system.problem(options))
     threads = _threads(workers, len(chains), options)
 
     points: list[list[Point]] = [[] for _ in chains]

@@ -11,11 +11,12 @@ from mems_impact.analysis import given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.state import State, state_from
+from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
 from mems_impact.analysis.terms import Terms
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
@@ -241,11 +242,12 @@ class System(Terms):
         period = self._value_of(self._period, p)
         scale = self._value_of(self._time_scale, p)
         tail = np.zeros(hidden_parameters(self._definition))
-        tail[0] = RATE_STEP * (scale or period or 1.0)
+        unit = scale if scale is not None else period if period is not None else 1.0
+        tail[0] = RATE_STEP * unit
         switches = self._switches(p) if callable(self._switches) else self._switches
         return Numbers(
             parameters=np.concatenate([np.array(p, dtype=float), tail]),
-            period=period or scale or 1.0,
+            period=period if period is not None else unit,
             switches=tuple(float(time) for time in switches),
             time_scale=scale,
         )
@@ -262,6 +264,7 @@ class System(Terms):
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         other = self._copy()
+        vars(other)["_unended"] = self
         other._definition = ending(self._definition, given.function("until", until))
         return other
 
@@ -272,7 +275,7 @@ class System(Terms):
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, both in the units of the numerics."""
         p = self._named(problem.parameters[: len(self._parameters)].tolist())
-        return float(observable.function(0, 0.0, self._state(y), p))
+        return float(observable.function(self._state(y), p))
 
     def measure_event(
         self, observable: Observable, events: Events, i: int, problem: Problem
@@ -392,4 +395,6 @@ class System(Terms):
 
     def _value_of(self, number: Number | None, p: Any) -> float | None:
         value = number(p) if callable(number) else number
+        if value is not None and not is_number(value):
+            raise InvalidParameter("period or time_scale", value, "a finite number")
         return None if value is None else float(value)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
+from numbers import Integral
+from typing import Any
 
 import numpy as np
 
@@ -55,6 +57,11 @@ class Terms(Value):
     @abstractmethod
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state whose mode is not given."""
+
+    @property
+    def unended(self) -> Any:
+        """The system without what ended its run (see `simulate`)."""
+        return vars(self).get("_unended", self)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -133,6 +140,9 @@ class Terms(Value):
         if self.forced and not state.time < self.scales.out(problem.period, "s"):
             period = self.scales.out(problem.period, "s")
             raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
+        if not self.forced and state.time != 0.0:
+            allowed = "0: nothing forces the system, and its functions do not depend on time"
+            raise InvalidParameter("time", state.time, allowed)
         time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
         mode = state.mode if state.mode is not None else self.initial.mode
         if mode is None:
@@ -151,7 +161,7 @@ class Terms(Value):
     def _mode_number(self, mode: str | int) -> int:
         if isinstance(mode, str) and mode in self.modes:
             return self.modes.index(mode)
-        if isinstance(mode, int) and 0 <= mode < len(self.modes):
+        if isinstance(mode, Integral) and 0 <= mode < len(self.modes):
             return int(mode)
         raise InvalidParameter("mode", mode, f"one of {', '.join(self.modes)}")
 

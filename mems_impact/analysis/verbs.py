@@ -32,8 +32,8 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
     """Let a verb be called with what makes a system in place of its first argument.
 
     ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
-    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run stands for its
-    system, and for where it ended: the verb's argument `start`.
+    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run
+    or an orbit stands for its system, and for where it ended: the verb's argument `start`.
     """
 
     def decorated(verb: Callable[..., R]) -> Verb[R]:
@@ -45,7 +45,11 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
             typed = "actuator" if "actuator" in named else first
             model = rest.pop(0) if rest else named.pop(typed, None)
             if isinstance(getattr(model, "system", None), System):
-                return verb(model.system, *rest, **{start: model.final, **named})
+                here = getattr(model, "final", getattr(model, "state", None))
+                if here is None:
+                    allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
+                    raise InvalidParameter(typed, model, allowed)
+                return verb(model.system.unended, *rest, **{start: here, **named})
             if isinstance(model, System):
                 return verb(model, *rest, **named)
             if not hasattr(model, "under"):

@@ -26,7 +26,7 @@ class _Part(JITCodeLibrary):
         """Put together what this function calls, and leave it at that."""
         self._raise_if_finalized()
         for library in dict.fromkeys(self._linking_libraries):
-            if hasattr(library, "_reload_init"):  # numba 0.61 and later
+            if hasattr(library, "_reload_init"):  # of later versions
                 self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
         self._finalized = True

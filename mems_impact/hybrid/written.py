@@ -29,6 +29,7 @@ and time this is its rate to rounding; otherwise the error is that of a sixth-or
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
 from collections import namedtuple
 from collections.abc import Callable, Sequence
@@ -44,6 +45,7 @@ from mems_impact.hybrid.record import ENDS, NO_REST
 __all__ = ["RATE_STEP", "Definition", "ending", "hidden_parameters", "named", "written"]
 
 RATE_STEP = 1e-3  # of the differences that give a rate, in periods
+NO_GUARD = "never"  # the guard of a system that has none
 NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
 
 
@@ -95,7 +97,7 @@ def written(definition: Definition) -> Automaton:
     return Automaton(
         states=definition.states,
         modes=definition.modes,
-        guards=guards or (Guard("never", order=0),),
+        guards=guards or (Guard(NO_GUARD, order=0),),
         cyclic=definition.cyclic,
         recipe=(written, (definition,)),
         **_Text(definition, guards).functions(),
@@ -115,16 +117,18 @@ def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
 def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
     """Return a definition whose runs end where `until` falls through zero."""
     end = end_run_of_array if writes_into_arrays(definition.flow) else end_run
-    return replace(definition, guards=(*definition.guards, Guard("until", until, end)))
+    last = 1 + max((guard.order or 0 for guard in definition.guards), default=0)
+    guard = Guard("until", until, end, order=last + len(definition.guards))
+    return replace(definition, guards=(*definition.guards, guard))
 
 
 def in_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
     """Return the guards with an order each: impacts first, then as they are listed."""
+    taken = {guard.order for guard in guards}
+    free = (order for order in itertools.count() if order not in taken)
     ranked = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
-    return tuple(
-        replace(guard, order=ranked.index(i)) if guard.order is None else guard
-        for i, guard in enumerate(guards)
-    )
+    given = {i: next(free) for i in ranked if guards[i].order is None}
+    return tuple(replace(guard, order=given.get(i, guard.order)) for i, guard in enumerate(guards))
 
 
 def hidden_parameters(definition: Definition) -> int:
@@ -179,6 +183,7 @@ class _Text:
     def flow(self) -> str:
         lines = self.head()
         if self.by_array:
+            lines += self.zero("dy")  # what is not written does not change
             lines.append("flow_of(mode, t, y, q, dy)")
         else:
             lines.append("slope = flow_of(mode, t, s, q)")
@@ -218,8 +223,13 @@ class _Text:
         return [
             f"d = p[{first}:{first + self.n}]",
             f"x = p[{first + self.n}:{first + 2 * self.n}]",
+            *self.zero("d"),
             "flow_of(mode, t, y, q, d)",
         ]
+
+    def zero(self, name: str) -> list[str]:
+        """Return the lines that fill an array with zeros."""
+        return [f"for k in range({self.n}):", f"    {name}[k] = 0.0"]
 
     def difference(self, i: int) -> list[str]:
         """Return the lines that put the rate of margin `i` into place."""
@@ -257,7 +267,7 @@ class _Text:
         if self.by_array:
             # It reads the old state while it writes the new one.
             first = self.count + 1
-            copy = ["for k in range(n):".replace("n)", f"{self.n})"), "    x[k] = y[k]"]
+            copy = [f"for k in range({self.n}):", "    x[k] = y[k]"]
             lines = [f"x = p[{first}:{first + self.n}]", *copy]
             lines.append(f"return int({name}(mode, t, x, q, y))")
         else:

@@ -46,7 +46,7 @@ def impact_speed(mode, t, before, after, p):
     return before.v
 
 
-def energy(mode, t, y, p):
+def energy(y, p):
     return 0.5 * (y.v * y.v + y.x * y.x)
 
 

@@ -198,3 +198,65 @@ def test_systems_and_results_are_pickled_with_their_functions():
     again = pickle.loads(pickle.dumps(run))
     assert again.final == run.final
     assert mi.simulate(again, 5).final == mi.simulate(run, 5).final
+
+
+def test_time_means_nothing_where_nothing_forces():
+    with pytest.raises(mi.InvalidParameter, match="must be 0: nothing forces"):
+        mi.simulate(ball(), duration=1.0, initial=mi.State(x=1.0, time=1.0))
+
+
+def test_a_run_that_ended_goes_on_without_what_ended_it():
+    ended = mi.simulate(ball(), until=lambda mode, t, y, p: y.v + 1.0)
+    assert ended.statistics["window last"] == pytest.approx(1.0 / 9.81, rel=1e-6)
+    further = mi.simulate(ended, duration=0.1)
+    assert further.ended == "time"
+    assert further.final.v == pytest.approx(-1.0 - 0.981, rel=1e-9)
+
+
+def test_statistics_count_in_time_where_nothing_forces():
+    run = mi.simulate(ball(parameters={"g": 9.81, "e": 0.5}, time_scale=10.0), duration=1.0)
+    told = mi.simulate(ball(time_scale=10.0), duration=1.0, window=(0.0, 1.0)).statistics
+    assert told["impacts per time"] == pytest.approx(2.0)
+    assert (told["window first"], told["window last"]) == pytest.approx((0.0, 1.0))
+    assert repr(run).startswith("Run(time 0 to 1,")
+
+
+def test_an_observable_that_fails_once_loses_nothing():
+    failures = [ValueError]
+
+    def speed(mode, t, before, after, p):
+        if failures:
+            raise failures.pop()
+        return -before.v
+
+    run = mi.simulate(ball(observables=[mi.Observable("u", speed, at=("floor",), reduce="max")]),
+                      duration=1.0, window=(0.0, 1.0))  # fmt: skip
+    with pytest.raises(ValueError):  # noqa: PT011 - its own
+        _ = run.statistics
+    assert run.statistics["u"] == pytest.approx(math.sqrt(2.0 * 9.81), rel=1e-9)
+
+
+def test_verbs_take_orbits():
+    orbit = mi.find_orbit(oscillator(), transient=300)
+    assert mi.simulate(orbit, 1).final.x == pytest.approx(orbit.state.x, abs=1e-7)
+    branch = mi.continue_orbit(orbit, "A", stop=0.59)
+    with pytest.raises(mi.InvalidParameter, match="a Run or an Orbit"):
+        mi.simulate(branch, 1)
+
+
+def test_orders_that_are_given_are_kept():
+    floor = ball()._definition.guards[0]
+    half = mi.Guard("half way", lambda mode, t, y, p: y.x - 0.5, order=0)
+    system = ball(guards=[half, floor])
+    assert [guard.order for guard in system.automaton.guards] == [0, 1]
+
+
+def test_what_a_flow_does_not_write_does_not_change():
+    def fall(mode, t, y, p, dy):
+        dy[0] = y[1] if mode == FREE else 0.0
+
+    system = ball(arrays=True, flow=fall)
+    for options in (mi.Options(method="dop853"), mi.Options(engine="interpreted")):
+        run = mi.simulate(system, duration=3.0, initial={"x": 1.0, "v": -1.0}, options=options)
+        assert run.impacts["v before"].tolist() == [-1.0]
+        assert run.final.v == 0.5
