@@ -303,7 +303,8 @@ class _Walker:
         ]
         i, segments = met.monitor.segment, met.orbit.segments
         at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
-        self.branch.special_points.remove(met)
+        # By what it is: points are compared by their arrays, which have no one truth.
+        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not met]
         if at_switch and changed:
             self.branch.special_points.append(met)
         elif changed:
