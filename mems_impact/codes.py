@@ -1,4 +1,4 @@
-"""Codes: what the event loop answers, and what its rows are. One place for all of them.
+"""Codes: what the event loop answers, and what its rows are.
 
 Compiled code compares plain integers; the enumerations give them their names.
 """

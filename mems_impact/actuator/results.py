@@ -10,7 +10,7 @@ import numpy as np
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.blows import each_blow
-from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
+from mems_impact.actuator.design.impacts import energy_lost, frame_steps
 from mems_impact.actuator.design.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
@@ -109,7 +109,7 @@ class ActuatorOrbit(_OfActuator, Orbit):
         later = replace(self._log, cycle=self._log.cycle + self.periods)
         log = Events.joined([self._log, replace(later, after=self._ahead(later.after))])
         steps = frame_steps(log)[1]
-        hits = self._log[is_impact(self._log)]
+        hits = self._hits
         lost = energy_lost(hits, self.system.inner_actuator)
         period = self.found.point.period
         return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)

@@ -181,10 +181,6 @@ class ActuatorSystem(System):
         """The drive's."""
         return self.drive.period
 
-    def unit(self, name: str) -> str:
-        """Return the SI unit of a parameter or a column, empty for a pure number."""
-        return self.units.get(name, "")
-
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
         super().check_continued(name)
@@ -197,9 +193,7 @@ class ActuatorSystem(System):
         drive_values, actuator_values = self._sorted(values)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
         actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
-        other = object.__new__(ActuatorSystem)
-        other._put(actuator, drive, actuator.scales)
-        return other
+        return self._with(actuator, drive, actuator.scales)
 
     def shifted(self, values: Mapping[str, float]) -> ActuatorSystem:
         """Return the system at values that may not be allowed, in the same scales.
@@ -212,8 +206,12 @@ class ActuatorSystem(System):
             drive = drive.varied(drive_values, checked=False)
         if actuator_values:
             actuator = actuator.replace_unchecked(**actuator_values)
+        return self._with(actuator, drive, self._scales)
+
+    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> ActuatorSystem:
+        """Return the system of another actuator and drive, which have been checked or need not."""
         other = object.__new__(ActuatorSystem)
-        other._put(actuator, drive, self._scales)
+        other._put(actuator, drive, scales)
         return other
 
     def _sorted(self, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:

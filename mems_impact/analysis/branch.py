@@ -23,13 +23,36 @@ from mems_impact.tables import orbits as tables
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Branch", "Steps", "bounds_of", "continue_orbit", "measures", "switch_branch"]
+__all__ = [
+    "Branch",
+    "Followed",
+    "Steps",
+    "bounds_of",
+    "continue_orbit",
+    "measures",
+    "switch_branch",
+]
 
 BRANCH_STEPS = Steps(largest=0.02)  # so that a branch is smooth to the eye
 
 
+class Followed(Value):
+    """What continuation has followed: orbits, one after the other."""
+
+    system: System
+    found: Any
+
+    def __len__(self) -> int:
+        return len(self.found.points)
+
+    @cached_property
+    def orbits(self) -> tuple[Orbit, ...]:
+        """All orbits, in the order in which they were followed."""
+        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Branch(Value):
+class Branch(Followed):
     """Periodic orbits over one parameter.
 
     Attributes
@@ -74,14 +97,6 @@ class Branch(Value):
 
     def _special(self) -> str:
         return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
-
-    def __len__(self) -> int:
-        return len(self.found.points)
-
-    @cached_property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits of the branch, in its order."""
-        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
     @cached_property
     def table(self) -> pd.DataFrame:

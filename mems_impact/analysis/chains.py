@@ -58,11 +58,7 @@ class Study:
     def states(self) -> tuple[str, ...]:
         """The states that are told of every crossing: those by which orbits are shown first."""
         system = self.system
-        hidden = {system.states[i] for i in system.automaton.cyclic}
-        if system.section is not None:
-            hidden.add(system.states[system.section[0]])
-        rest = (name for name in reversed(system.states) if name not in hidden)
-        return tuple(dict.fromkeys([*system.shown, *rest]))
+        return tuple(dict.fromkeys([*system.shown, *reversed(system.visible)]))
 
     def point(
         self, case: Case, name: str, start: State, watch: Watch | None

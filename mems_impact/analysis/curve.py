@@ -8,12 +8,11 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mems_impact.analysis.branch import bounds_of, measures
-from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.analysis.branch import Followed, bounds_of, measures
+from mems_impact.analysis.orbit import orbit_of
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.special import CodimensionTwo, SpecialPoint, check_kind
 from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation.branch import Steps
 from mems_impact.continuation.monitors import LABELS
@@ -27,7 +26,7 @@ __all__ = ["Curve", "continue_curve", "curve_of"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve(Value):
+class Curve(Followed):
     """A special point followed in a second parameter.
 
     Attributes
@@ -75,14 +74,6 @@ class Curve(Value):
             for s in self.special_points
         ]
         return ", ".join(found) or "none"
-
-    def __len__(self) -> int:
-        return len(self.found.points)
-
-    @cached_property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits of the curve, in its order."""
-        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, get_args
 
 from mems_impact.analysis.progress import progress_bar
@@ -89,7 +90,8 @@ def simulate(
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     half = until is None  # of a run that ends nobody knows where, all counts
     first, last = _window(window, start.time / problem.period, periods, unit, half)
-    gatherer = system.gatherer(problem, start, Span(first, last, problem.period))
+    begin = partial(system.gatherer, problem, start, Span(first, last, problem.period))
+    gatherer = begin()
     kept: list[Events] = []
 
     def consume(events: Events) -> None:
@@ -109,7 +111,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=Deferred(gatherer, trajectory.events, lengths) if kept else gatherer,
+            _gatherer=Deferred(begin, trajectory.events, lengths) if kept else gatherer,
         )
 
     with progress_bar(progress, "periods", periods) as report:

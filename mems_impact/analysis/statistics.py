@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from copy import deepcopy
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -44,27 +44,27 @@ class Deferred:
 
     Parameters
     ----------
-    gatherer : Gatherer
+    begin : callable
+        Makes the gatherer. One that an observable has interrupted is begun again, not gone on with.
     events : Events
         All that the run has kept.
     lengths : sequence of int
         Of the chunks in which they came: sums are made chunk by chunk.
     """
 
-    def __init__(self, gatherer: Gatherer, events: Events, lengths: Sequence[int]) -> None:
-        self._gatherer, self._events, self._lengths = gatherer, events, list(lengths)
+    def __init__(
+        self, begin: Callable[[], Gatherer], events: Events, lengths: Sequence[int]
+    ) -> None:
+        self._begin, self._events, self._lengths = begin, events, list(lengths)
 
-    @property
+    @cached_property
     def ready(self) -> Gatherer:
         """The gatherer, with all events."""
-        if self._lengths:
-            # A copy: what an observable interrupts is begun again, not gone on with.
-            begin, gatherer = 0, deepcopy(self._gatherer)
-            for length in self._lengths:
-                gatherer(self._events[begin : begin + length])
-                begin += length
-            self._gatherer, self._lengths = gatherer, []
-        return self._gatherer
+        gatherer, first = self._begin(), 0
+        for length in self._lengths:
+            gatherer(self._events[first : first + length])
+            first += length
+        return gatherer
 
 
 @dataclass(frozen=True)

@@ -293,10 +293,7 @@ class System(Terms):
     @property
     def shown(self) -> tuple[str, ...]:
         """The states by which sweeps and branches show an orbit, where the section cuts it."""
-        hidden = {self.states[i] for i in self.automaton.cyclic}
-        if self.section is not None:
-            hidden.add(self.states[self.section[0]])
-        return tuple(name for name in self.states if name not in hidden)
+        return self.visible
 
     @property
     def told(self) -> tuple[str, ...]:

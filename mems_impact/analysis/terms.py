@@ -14,7 +14,7 @@ from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.values import Value
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.units import Scales
 
@@ -54,6 +54,11 @@ class Terms(Value):
     def forcing_period(self) -> float | None:
         """The forcing period; None for a system without forcing."""
 
+    @property
+    @abstractmethod
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction."""
+
     @abstractmethod
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state whose mode is not given."""
@@ -72,6 +77,14 @@ class Terms(Value):
     def modes(self) -> tuple[str, ...]:
         """Names of the modes."""
         return self.automaton.modes
+
+    @property
+    def visible(self) -> tuple[str, ...]:
+        """The states that tell something where the section cuts an orbit."""
+        hidden = {self.states[i] for i in self.automaton.cyclic}
+        if self.section is not None:
+            hidden.add(self.states[self.section[0]])
+        return tuple(name for name in self.states if name not in hidden)
 
     @property
     def forced(self) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 
 Floats = NDArray[np.float64]
@@ -75,7 +75,11 @@ class Events:
 
     def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
         """Return where the rows are impacts."""
-        kinds = np.array([guard.impact for guard in automaton.guards])
+        return self.impacts_among(automaton.guards)
+
+    def impacts_among(self, guards: Sequence[Guard]) -> NDArray[np.bool_]:
+        """Return where the rows are impacts at one of an automaton's guards."""
+        kinds = np.array([guard.impact for guard in guards])
         impact: NDArray[np.bool_] = self.kind == loop.TRANSITION
         impact[impact] = kinds[self.guard[impact]]
         return impact

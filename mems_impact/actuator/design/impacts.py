@@ -9,21 +9,17 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.modes import GUARDS, MODES, V2, X1, direction_of
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats
 
 __all__ = ["SLIPPING", "energy_lost", "frame_steps", "is_impact"]
 
-_IMPACTS = np.array([guard.impact for guard in GUARDS])
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
 """Whether the frame slips, by mode."""
 
 
 def is_impact(events: Events) -> NDArray[np.bool_]:
     """Return where the rows are impacts."""
-    impact: NDArray[np.bool_] = events.kind == loop.TRANSITION
-    impact[impact] = _IMPACTS[events.guard[impact]]
-    return impact
+    return events.impacts_among(GUARDS)
 
 
 def energy_lost(events: Events, actuator: Actuator) -> Floats:

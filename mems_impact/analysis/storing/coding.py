@@ -35,7 +35,7 @@ Whole = Callable[..., Any]
 
 
 @dataclass(frozen=True)
-class Kind:
+class Stored:
     """How the objects of one class are stored."""
 
     name: str
@@ -43,8 +43,8 @@ class Kind:
     whole: Callable[[dict[str, Any], Reader], Any]
 
 
-_by_type: dict[type, Kind] = {}
-_by_name: dict[str, Kind] = {}
+_by_type: dict[type, Stored] = {}
+_by_name: dict[str, Stored] = {}
 
 
 def register(
@@ -74,7 +74,7 @@ def register(
         names = getattr(kind, "_fields", None) or [each.name for each in fields(kind)]
         parts = lambda value: {each: getattr(value, each) for each in names}  # noqa: E731
     make = whole or kind
-    entry = Kind(name or kind.__name__, parts, reading or (lambda found, _: make(**found)))
+    entry = Stored(name or kind.__name__, parts, reading or (lambda found, _: make(**found)))
     _by_type[kind] = _by_name[entry.name] = entry
 
 
@@ -113,7 +113,7 @@ class Writer:
     def _named(self, parts: Mapping[str, Any], place: str) -> dict[str, Any]:
         return {str(name): self.node(part, f"{place}.{name}") for name, part in parts.items()}
 
-    def _object(self, kind: Kind, value: Any, place: str) -> Any:
+    def _object(self, kind: Stored, value: Any, place: str) -> Any:
         if id(value) in self._known:
             node = self._known[id(value)][1]
             node.setdefault("#", next(self._numbers))
