@@ -2,7 +2,9 @@
 
 Under a constant closing acceleration the speeds of separation, and with them the flights, shrink by
 a constant ratio. What remains after a flight of length T is T ratio/(1 - ratio); then the contact
-persists, which is an impact without rebound. Functions over the engine's contract, as in `guards`.
+persists, which is an impact without rebound. On average over the flights it does so from the first:
+two bodies that slide on meanwhile keep their momentum, and the gap between them comes back to zero.
+Functions over the engine's contract, as in `guards`.
 """
 
 from __future__ import annotations
@@ -60,25 +62,31 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     for j in range(s.n):
         past[j] = y[j]
         entered[j] = y[j]
-        left[j] = y[j]
+    touch = contract.transition(engine, mode, code, t, entered)
     if remaining > 0.0:
-        # On average over the impacts that are left, the bodies keep in touch.
-        contract.transition(engine, mode, code, t, entered)
+        # Every flight leaves the gap as it was. So on average the bodies move as if they were in
+        # touch already, where there is a mode in which they are.
+        together = touch != mode and 0 <= touch < s.modes
+        s.mode = touch if together else mode
         # The closing acceleration changes a little, and has done so in the last flight: that is
         # in its length and in the ratio of its speeds. To first order, all of it together is this.
-        follow(engine, s, mode, t, entered, remaining, left)
+        follow(engine, s, s.mode, t, entered, remaining, left)
         h = 0.125 * interval
         first = acceleration(engine, s, mode, t, entered, guard, h)
         last = acceleration(engine, s, mode, t + remaining, left, guard, h)
         change = (last - first) / first if first != 0.0 else math.inf
-        if not change * change * remaining <= STEADY * interval:
-            return True
+        steady = change * change * remaining <= STEADY * interval
         remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
-        if not carry(engine, s, t, remaining, guard):
+        if not (steady and carry(engine, s, t, remaining, guard)):
             s.mode = mode
             return True
-    t += remaining
-    s.mode = contract.transition(engine, s.mode, code, t, left)
+        t += remaining
+        if not together:
+            s.mode = contract.transition(engine, s.mode, code, t, left)
+    else:
+        s.mode = touch
+        for j in range(s.n):
+            left[j] = entered[j]
     row(s, HIT_TIME)[guard] = -math.inf
     note(s, t, ACCUMULATION, guard, mode, past, left)
     for j in range(s.n):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
     states: list[Floats] = []
     times: list[float] = []
     mode, y, cycle = trajectory.start.mode, _without_cyclic(automaton, trajectory.start.y), 0
-    impacts: dict[int, list[float]] = {}
+    impacts: dict[int, list[tuple[int, float]]] = {}
 
     def close(code: int, time: float, switch: int = -1) -> None:
         segments.append(Segment(mode, cycle, code, switch))
@@ -104,6 +105,7 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
     chosen = np.flatnonzero(np.isin(events.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH)))
     for i in chosen:
         kind, guard, time = int(events.kind[i]), int(events.guard[i]), float(events.time[i])
+        now = (int(events.cycle[i]), time)
         at_end = kind == loop.SWITCH and time == 0.0  # the switch that closes a period
         if at_end and events.cycle[i] == 0:  # the one before the first
             mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
@@ -114,25 +116,22 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
         if kind == loop.TRANSITION:
             close(guard, time)
-            impacts.setdefault(guard, []).append(float(events.cycle[i]) * period + time)
+            impacts.setdefault(guard, []).append(now)
         elif kind == loop.ACCUMULATION and (
-            len(impacts.get(guard, [])) < 2 or not completes(events, int(i))
+            len(impacts.get(guard, [])) < 2
+            or not completes(events, int(i))
+            or impacts[guard][-1] == now  # flights that drown in rounding: no time for one more
         ):
             close(m + guard, time)
         elif kind == loop.ACCUMULATION:
-            # The loop stops the sequence at the last impact that it saw; here one flight more is
-            # taken, and the impact after it is the one without rebound.
-            origin, now = (impact - cycle * period for impact in impacts[guard][-2:])
-            # Flights that shrink by a constant ratio fill the time that is left.
-            ratio = (time - now) / (time - origin)
-            # What lay between the last two impacts, the end of a slip say, does so again.
-            before = [j for j in range(len(segments) - 1) if segments[j].code == guard][-1]
-            first = np.copy(y)
-            for j in range(before + 1, len(segments) - 1):
-                close(segments[j].code, now + ratio * (times[j] - origin))
-                mode = segments[j + 1].mode
-                y = first + ratio * (states[j + 1] - states[before + 1])
-            close(m + guard, now + ratio * (now - origin))
+            # The loop leaps over the rest of the sequence from the last impact that it saw. Here
+            # one flight more is taken, and the impact after it is the one without rebound.
+            whole, since = impacts[guard][-1]
+            seen = Instant(cycle, (whole - cycle) * period + since, mode, y)
+            rest = int(events.mode_after[i])
+            for step in completion(trajectory.problem, seen, guard, time - seen.time, rest):
+                close(step.code, step.time)
+                mode, y = step.mode, step.after
         else:
             switch = int(np.argmin(np.abs(np.array(switches) - (period if at_end else time))))
             close(automaton.switch_code, period if at_end else time, switch)
@@ -164,6 +163,49 @@ def completes(events: Events, i: int) -> bool:
     the rest of a sequence, the state before is the one after the last impact.
     """
     return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
+
+
+class Step(NamedTuple):
+    """A transition: its code, its time since the start of the orbit's period, and what it does."""
+
+    code: int
+    time: float
+    mode: int
+    before: Floats
+    after: Floats
+
+
+def completion(
+    problem: Problem, seen: Instant, guard: int, length: float, rest: int
+) -> Iterator[Step]:
+    """Yield what happens from `seen`, after an impact at `guard`, until it rests in mode `rest`.
+
+    The next impact is taken for one without rebound. What it sets off, a slip say, ends within the
+    time `length` in which the sequence would.
+    """
+    automaton, mode = problem.automaton, seen.mode
+    for step in _transitions(problem, seen, length):
+        if step.code != guard:
+            yield step
+            mode = step.mode
+            continue
+        code, time, y = len(automaton.guards) + guard, step.time, step.before.copy()
+        mode = int(automaton.transition(mode, code, time, y, problem.parameters))
+        yield Step(code, time, mode, step.before, y)
+        for later in _transitions(problem, replace(seen, time=time, mode=mode, y=y), length):
+            if mode == rest:
+                return
+            yield later
+            mode = later.mode
+        return
+
+
+def _transitions(problem: Problem, start: Instant, length: float) -> Iterator[Step]:
+    events = run(problem, start, length / problem.period).events
+    for i in np.flatnonzero(events.kind == loop.TRANSITION):
+        time = (events.cycle[i] - start.cycle) * problem.period + events.time[i]
+        mode, before, after = int(events.mode_after[i]), events.before[i], events.after[i]
+        yield Step(int(events.guard[i]), float(time), mode, before, after)
 
 
 def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:

@@ -136,6 +136,22 @@ def test_resting_while_sliding(side, v1, engine):
     assert abs(run_.final.y[2]) < DELTA
 
 
+@pytest.mark.parametrize("m2", [1.0, 20.0])
+@pytest.mark.parametrize("e", [0.5, 0.8])
+def test_a_frame_that_slides_through_a_chatter_keeps_its_momentum(m2, e):
+    """The ground alone brakes the centre of mass, whatever the bodies do to each other."""
+    actuator = ZHAO.replace(mu_s=0.002, mu_d=0.002, m2=m2, e=e)
+    drive = Sine(amplitude=0.0, omega=0.1, bias=0.5)
+    v1, x2, v2, time = 0.3, 0.45, 0.2, 12.0
+    run_ = simulate(actuator, drive, [0.0, v1, x2, v2], time / drive.period, rtol=1e-13, atol=1e-15)
+    slip = (run_.events.kind == loop.TRANSITION) & (run_.events.guard == SLIP_END)
+    assert run_.final.mode == mode_of(FORWARD, RIGHT)
+    assert not slip.any()
+    part, braking = m2 / (actuator.m1 + m2), actuator.mu_d * actuator.g
+    place = part * x2 + (v1 + part * v2) * time - 0.5 * braking * time**2
+    assert run_.final.y[0] + part * DELTA == pytest.approx(place, abs=2e-13)
+
+
 def test_ratio_of_successive_impacts_of_a_chatter():
     """It is not e - (1 + e) m2/(m1 + m2) alone: the wall moves while the frame slips.
 

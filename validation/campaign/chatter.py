@@ -24,12 +24,13 @@ def on_the_actuator(seed: int, small: bool) -> Result:
     """The actuator pressed by a constant voltage: the judge follows every impact to 2e-7."""
     worst = step = 0.0
     findings, tried = [], 0
+    # The frame stays, slips at every impact, or slides on through all of them.
     for e in (0.0, 0.2, 0.5, 0.8, 0.9):
         for level in (0.4, 0.5, 0.8):
-            for mu in (0.27, 0.02):
+            for mu, v1 in ((0.27, 0.0), (0.02, 0.0), (0.02, 1.0)):
                 tried += 1
                 device = zhao(e=e, mu_s=mu, mu_d=mu)
-                case = Case("", device, steady(level, 100.0), (0, 0, 0.45, 0.2), 0.0, 1.0, TIGHT)
+                case = Case("", device, steady(level, 100.0), (0, v1, 0.45, 0.2), 0.0, 1.0, TIGHT)
                 done = case.run(rtol=1e-13, atol=1e-15).trajectory
                 truth = verdict(case, 100.0, np.array([]))
                 step = max(step, abs(done.final.y[0] - truth.final[0]))
@@ -40,7 +41,7 @@ def on_the_actuator(seed: int, small: bool) -> Result:
                     findings.append(f"e {e} v {level} mu {mu}: {len(mine)} ends, not {len(ends)}")
                 elif ends:
                     worst = max(worst, abs(ends[0] - mine[0]))
-    if worst > 1e-8 or step > 1e-10:
+    if worst > 1e-8 or step > 3e-11:
         findings.append(f"end off by {worst:.1e}, frame by {step:.1e}")
     figures = f"end of the sequence {worst:.1e}, place of the frame {step:.1e}"
     return Result("chatter of the actuator, judge", tried, figures, findings)
