@@ -178,17 +178,17 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             return DONE
 
         s.t = t_event
-        if status == contract.ROOT and t_event == t:
+        if t_event < t:
+            contract.interpolate(engine, t_event, y)
+        else:
             contract.state(engine, y)
-            note_passages(engine, s, t, y)
+            if status == contract.ROOT:
+                note_passages(engine, s, t, y)
         if guard != NONE:
-            if t_event < t:
-                contract.interpolate(engine, t_event, y)
             status = resolve(engine, s, y, guard)
             if status != DONE:
                 return status
         elif status == contract.STOPPED:
-            contract.state(engine, y)
             if t > s.period:
                 # The first switch of the next period, whatever its sum with the period rounds to.
                 shift(s, 1)
@@ -197,7 +197,6 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             if status != DONE:
                 return status
         elif t > REBASE_PERIODS * s.period:
-            contract.state(engine, y)
             note(s, t, REBASE, 0, s.mode, y, y)
             s.restart = 1
 

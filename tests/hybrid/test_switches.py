@@ -78,11 +78,14 @@ def test_a_run_in_two_parts_is_the_run(engine):
     start = at([1.2, 0.0], STUCK)
     whole = run(setup, start, 2.0)
     for parts in ((1.0, 1.0), (0.5, 1.5), (1.5, 0.5), (0.25, 1.75)):
-        final = start
+        final, jumps = start, []
         for part in parts:
-            final = run(setup, final, part).final
+            piece = run(setup, final, part)
+            final = piece.final
+            jumps += times(piece, loop.SWITCH).tolist()
         assert final.y == pytest.approx(whole.final.y, abs=1e-8)
         assert (final.cycle, final.mode) == (whole.final.cycle, whole.final.mode)
+        assert jumps == pytest.approx(times(whole, loop.SWITCH))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
