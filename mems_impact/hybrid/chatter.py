@@ -20,7 +20,10 @@ from mems_impact.hybrid.record import (
     ENTERED,
     EPS,
     GAIN,
+    HIT_BEGIN,
     HIT_INTERVAL,
+    HIT_MODE,
+    HIT_OTHERS,
     HIT_REACH,
     HIT_SPEED,
     HIT_TIME,
@@ -87,7 +90,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         s.mode = touch
         for j in range(s.n):
             left[j] = entered[j]
-    row(s, HIT_TIME)[guard] = -math.inf
+    row(s, HIT_TIME)[guard] = row(s, HIT_BEGIN)[guard] = -math.inf
     note(s, t, ACCUMULATION, guard, mode, past, left)
     for j in range(s.n):
         y[j] = left[j]
@@ -100,14 +103,27 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
 def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[float, float]:
     """Note the impact at `t`; return how long its sequence still lasts, and the last flight.
 
+    Or the last flights, from the impact that led into the same mode.
+
     After `resolution`. Infinity if there is no sequence, or none that may be completed yet.
     """
     m, speed = s.m, row(s, LOOKED)[s.m + guard]
-    hit_time, hit_interval = row(s, HIT_TIME), row(s, HIT_INTERVAL)
+    hit_time, hit_begin, hit_interval = row(s, HIT_TIME), row(s, HIT_BEGIN), row(s, HIT_INTERVAL)
     hit_speed, hit_reach = row(s, HIT_SPEED), row(s, HIT_REACH)
-    since, earlier, before = hit_time[guard], hit_interval[guard], hit_speed[guard]
-    hit_time[guard], hit_interval[guard], hit_speed[guard] = t, t - since, speed
+    hit_mode, hit_others = row(s, HIT_MODE), row(s, HIT_OTHERS)
+    hit_time[guard] = t
+    # Flights in different modes shrink by different ratios: what repeats is the way back to a mode.
+    # One to which nothing leads back is given up for the mode of now.
+    elsewhere = hit_begin[guard] > -math.inf and s.mode != hit_mode[guard]
+    hit_others[guard] = hit_others[guard] + 1.0 if elsewhere else 0.0
+    if elsewhere and hit_others[guard] < s.modes:
+        return math.inf, math.inf
+    hit_others[guard] = 0.0
+    since = -math.inf if elsewhere else hit_begin[guard]
+    earlier, before = hit_interval[guard], hit_speed[guard]
     interval = t - since
+    hit_begin[guard], hit_interval[guard], hit_speed[guard] = t, interval, speed
+    hit_mode[guard] = s.mode
     if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.instant > 1):
         return math.inf, interval
     ratio = speed / before

@@ -45,6 +45,7 @@ from mems_impact.hybrid.record import (
     FAILED,
     GUARD,
     HEAD,
+    HIT_BEGIN,
     HIT_TIME,
     IMPACT,
     INADMISSIBLE,
@@ -247,6 +248,7 @@ def shift(s: Any, periods: int) -> None:
     s.t -= periods * s.period
     for i in range(s.m):
         row(s, HIT_TIME)[i] -= periods * s.period
+        row(s, HIT_BEGIN)[i] -= periods * s.period
 
 
 def lower(engine: Any, s: Any) -> None:

@@ -39,8 +39,10 @@ ORDER, IMPACT, CYCLIC, SWITCHES = 0, 1, 2, 3
 # The state at ``s.t``, cyclic components counting from the start of the arc; what they gathered
 # before it; and a state of this instant, to be known again.
 Y, OFFSET, MARK = 4, 5, 6
-# The last impact at each guard: when, how long after the one before, how fast the bodies separated,
-# and how high the flights have been since they began to shrink.
+# The last impact at each guard: when. Where impacts lead to one mode after the other, the last one
+# that led into the MODE of the one before it, and how many OTHERS lay in between: where flights
+# BEGIN with it, how long after that one, how fast the bodies separated, and how high the flights
+# have been since they began to shrink.
 HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
 # Margins and rates where the last step began and where it ended, how fast the rates change, and 1
 # for a margin that may have been at zero in between.
@@ -49,7 +51,8 @@ THEN, NOW, BEND, SUSPECT = 11, 12, 13, 14
 RECORDS, PASSED = 15, 16
 # Scratch that is only good until the next call. A function says what it leaves there.
 G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(17, 29)
-SIZE, GAIN, TIMED, ROWS = 29, 30, 31, 32
+SIZE, GAIN, TIMED = 29, 30, 31
+HIT_BEGIN, HIT_MODE, HIT_OTHERS, ROWS = 32, 33, 34, 35
 
 # All that the loop remembers between two calls, and where it finds and writes the rest.
 CLOCK = np.dtype(

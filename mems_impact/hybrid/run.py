@@ -134,6 +134,7 @@ class _Run:
         self._put(record.SWITCHES, problem.switches)
         self._put(record.Y, start.y)
         self._put(record.HIT_TIME, [-math.inf] * m)
+        self._put(record.HIT_BEGIN, [-math.inf] * m)
         arrays = {"table": self.table, "events": self.events, "samples": self.samples}
         numbers = {
             "width": len(self.table[0]),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mems_impact as mi
 from mems_impact.errors import RunError
 from mems_impact.hybrid import loop, run
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -404,3 +405,47 @@ def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
     small = simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine)
     monkeypatch.undo()
     assert same(small.events, simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine).events)
+
+
+LIGHT, HEAVY, GROUNDED = mi.modes("light", "heavy", "resting")
+
+
+def alternating(mode, t, y, p):
+    if mode == LIGHT:
+        return y.v, -p.light
+    return (y.v, -p.heavy) if mode == HEAVY else (0.0, 0.0)
+
+
+def above(mode, t, y, p):
+    return y.x
+
+
+def bounce_into_the_other(mode, t, y, p):
+    return (HEAVY if mode == LIGHT else LIGHT), (0.0, -p.e * y.v)
+
+
+def rest_for_good(mode, t, y, p):
+    return GROUNDED, (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("light", "heavy", "e"), [(1.0, 2.0, 0.5), (1.0, 10.0, 0.5), (1.0, 1.1, 0.9), (1.0, 3.0, 0.1)]
+)
+def test_flights_under_different_forces_take_turns(light, heavy, e):
+    ball = mi.System(
+        states=("x", "v"),
+        flow=alternating,
+        parameters={"light": light, "heavy": heavy, "e": e},
+        guards=[
+            mi.Impact(
+                "floor", above, bounce_into_the_other, rest=rest_for_good, modes=(LIGHT, HEAVY)
+            )
+        ],
+        initial={"x": 0.5},
+    )
+    events = mi.simulate(ball, duration=30.0, options=mi.Options(rtol=1e-10, atol=1e-12)).events
+    (end,) = events.query("event == 'chatter ends'")["t"]
+    # Flights last 2 u/g; the speed u after an impact is e times that after the one before.
+    first = math.sqrt(1.0 / light)
+    speed = e * math.sqrt(light)
+    assert abs(end - first - 2.0 * speed * (1.0 / heavy + e / light) / (1.0 - e * e)) < 1e-9

@@ -172,10 +172,11 @@ class Follower:
         """Carry out all transitions of this instant."""
         system = self.system
         for _ in range(IN_AN_INSTANT):
-            mode, y = system.fire(self.mode, guard, self.t, y)
+            last = self.mode
+            mode, y = system.fire(last, guard, self.t, y)
             self.rows.append(Row(self.t, guard, mode, y, fall))
             self.mode, self.y = mode, y
-            if system.impact[guard] and self._rests(guard):
+            if system.impact[guard] and self._rests(guard, last):
                 return
             values, rates = system.margins(mode, self.t, y)
             zero = np.abs(values) < NEAR
@@ -195,8 +196,11 @@ class Follower:
             fall = math.inf
         raise Undecided
 
-    def _rests(self, guard: int) -> bool:
-        """Complete a sequence of impacts, if this is one on its last legs."""
+    def _rests(self, guard: int, last: int) -> bool:
+        """Complete a sequence of impacts, if this is one on its last legs.
+
+        `last` is the mode before the impact.
+        """
         system, mode, t, y = self.system, self.mode, self.t, self.y
         h = 1e-6
         rate = system.margins(mode, t, y)[1][guard]
@@ -204,6 +208,8 @@ class Follower:
         pressure = -(ahead - rate) / h
         if pressure <= 0.0 or 2.0 * rate > FLIGHT * pressure:
             return False
+        if mode != last:
+            raise Undecided  # flights under different forces take turns
         e = system.restitution(guard)
         rest = float(2.0 * rate / pressure / (1.0 - e))
         y = system.contact(mode, guard, t, y)
