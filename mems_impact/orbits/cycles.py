@@ -24,6 +24,7 @@ SKEW = 0.5  # cosine between flow and phase condition below which a cycle is beg
 LONGER = 1.5  # ratio of a period and the unit of its times from which on it is measured anew
 SOME = 0.382  # of a period, after which a cycle without marks begins
 BESIDE = 0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
+POINT = 1e-4  # length of a cycle, of states of order one, that has shrunk to a point
 SLOWER = 0.1  # speed at the start of a cycle, as a part of that of the one before, that is none
 SHORT = 0.5  # part of the longest stretch below which it begins in another one
 
@@ -123,7 +124,7 @@ def well_begun(shooting: Shooting, point: Point) -> bool:
 
 
 def check_moving(shooting: Shooting, before: Point, after: Point) -> None:
-    """Raise OrbitError if from one cycle to the next the flow at the start is all but gone.
+    """Raise OrbitError if a cycle is all but a point, or the flow at its start all but gone.
 
     Beyond the equilibrium to which cycles shrink they are there once more, half a period later.
     """
@@ -131,7 +132,7 @@ def check_moving(shooting: Shooting, before: Point, after: Point) -> None:
         return
     normal = np.array(shooting.phase.normal)
     slow, fast = (normal @ point.arcs[0].slope_start[shooting.free] for point in (after, before))
-    if slow < SLOWER * fast:
+    if slow < SLOWER * fast or slow * after.period < POINT:
         raise OrbitError(
             reason="the cycle shrinks to an equilibrium: this is a Hopf point",
             remedy="go on with the equilibrium",
