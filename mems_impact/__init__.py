@@ -31,6 +31,12 @@ if TYPE_CHECKING:
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
+    from mems_impact.analysis.equilibria import (
+        EquilibriumBranch,
+        EquilibriumPoint,
+        continue_equilibrium,
+    )
+    from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
     from mems_impact.analysis.finding import find_orbit
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
@@ -81,6 +87,9 @@ __all__ = [
     "Drive",
     "EngineFallbackWarning",
     "EngineUnavailable",
+    "Equilibrium",
+    "EquilibriumBranch",
+    "EquilibriumPoint",
     "FileNotWritten",
     "Fit",
     "FitWarning",
@@ -111,7 +120,9 @@ __all__ = [
     "Window",
     "blows",
     "continue_curve",
+    "continue_equilibrium",
     "continue_orbit",
+    "find_equilibria",
     "find_orbit",
     "fit",
     "grazing_type",
@@ -173,6 +184,8 @@ _HOMES = {
     "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
     "actuator.design.chart": ("Chart",),
     "actuator.design.charting": ("operating_chart",),
+    "analysis.equilibria": ("EquilibriumBranch", "EquilibriumPoint", "continue_equilibrium"),
+    "analysis.equilibrium": ("Equilibrium", "find_equilibria"),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
     "plotting.sweep": ("plot_sweep",),

@@ -5,7 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mems_impact.analysis import branch, curve, orbit, run, special, state, statistics, verification
+from mems_impact.analysis import (
+    branch,
+    curve,
+    equilibria,
+    equilibrium,
+    orbit,
+    run,
+    special,
+    state,
+    statistics,
+    verification,
+)
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.detached import DetachedSystem, check_same, description
 from mems_impact.analysis.moments import Moments
@@ -13,10 +24,12 @@ from mems_impact.analysis.storing.coding import Reader, register
 from mems_impact.analysis.system import System
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation import curve as curves
+from mems_impact.continuation.equilibria import Equilibria, EquilibriumEvent
 from mems_impact.continuation.monitors import Monitor
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.trajectory import Events, Instant, Trajectory
 from mems_impact.hybrid.variational import Arc, Event
+from mems_impact.orbits.equilibrium import Balance, StationaryState
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import Defect, PeriodicOrbit
 from mems_impact.orbits.phase import Phase
@@ -99,7 +112,8 @@ KINDS: tuple[type, ...] = (
     Phase, Monitor,
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
     statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
-    curve.Curve, verification.Verification,
+    curve.Curve, verification.Verification, Balance, StationaryState, Equilibria, EquilibriumEvent,
+    equilibrium.Equilibrium, equilibria.EquilibriumPoint, equilibria.EquilibriumBranch,
 )  # fmt: skip
 for kind in KINDS:
     register(kind)

@@ -4,16 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.newton import Solution, newton
-from mems_impact.orbits.shooting import NOTHING, Point, Shooting
+from mems_impact.orbits.shooting import NOTHING
 
 ITERATIONS = 8
 NODES = 3  # corrections from which another one is guessed
 APART = 0.01  # least distance between them, as a part of the longest
+
+
+class Linearised(Protocol):
+    """One evaluation of equations, as of an orbit or of an equilibrium."""
+
+    @property
+    def unknowns(self) -> Floats:
+        """Shape (size,)."""
+
+    @property
+    def values(self) -> Floats:
+        """Of the active parameters, shape (k,)."""
+
+    @property
+    def residual(self) -> Floats:
+        """Shape (size,)."""
+
+    @property
+    def jacobian(self) -> Floats:
+        """Derivatives by the unknowns, shape (size, size)."""
+
+    @property
+    def by_parameter(self) -> Floats:
+        """Derivatives by the active parameters, shape (size, k)."""
+
+
+P = TypeVar("P", bound=Linearised)
+P_co = TypeVar("P_co", bound=Linearised, covariant=True)
+
+
+class Equations(Protocol[P_co]):
+    """What can be evaluated: `Shooting`, `Balancing`."""
+
+    def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
+        """Evaluate residual and derivatives."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,12 +69,12 @@ class Steps:
     most: int = 2000
 
 
-def tangent(point: Point, along: Floats | None = None) -> Floats:
+def tangent(point: Linearised, along: Floats | None = None) -> Floats:
     """Return the unit tangent of the branch at `point`, shape (unknowns + 1,).
 
     Parameters
     ----------
-    point : Point
+    point : Point or Balance
         With one active parameter.
     along : float array, optional
         The direction in which to look; without it, the parameter grows.
@@ -50,17 +86,17 @@ def tangent(point: Point, along: Floats | None = None) -> Floats:
 
 
 def correct(
-    shooting: Shooting, plane: Floats, direction: Floats, guess: Floats | None = None
-) -> Solution:
-    """Return the orbit in the plane through `plane` (unknowns and parameter) across `direction`.
+    equations: Equations[P], plane: Floats, direction: Floats, guess: Floats | None = None
+) -> Solution[P]:
+    """Return the solution in the plane through `plane` (unknowns and parameter) across `direction`.
 
     Parameters
     ----------
-    shooting : Shooting
+    equations : Shooting or Balancing
         With one active parameter.
     plane, direction : float array, shape (unknowns + 1,)
     guess : float array, optional
-        A point near the orbit; `plane` itself by default.
+        A point near the solution; `plane` itself by default.
 
     Raises
     ------
@@ -68,13 +104,13 @@ def correct(
         If the correction does not converge.
     """
 
-    def equations(u: Floats) -> tuple[Point, Floats, Floats]:
-        point = shooting.evaluate(u[:-1], u[-1:])
+    def extended(u: Floats) -> tuple[P, Floats, Floats]:
+        point = equations.evaluate(u[:-1], u[-1:])
         matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
         return point, np.append(point.residual, direction @ (u - plane)), matrix
 
     return newton(
-        equations,
+        extended,
         plane if guess is None else guess,
         reason="the correction of a step did not converge",
         remedy="take a shorter step",
@@ -82,7 +118,7 @@ def correct(
     )
 
 
-class Step:
+class Step(Generic[P]):
     """The points of a branch or curve across one direction, each corrected once.
 
     Parameters
@@ -90,7 +126,7 @@ class Step:
     correct : callable
         ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` across
         `along`.
-    point : Point
+    point : Point or Balance
         Where the step begins.
     along : float array
         The unit tangent there.
@@ -100,8 +136,8 @@ class Step:
 
     def __init__(
         self,
-        correct: Callable[[Floats, Floats, Floats], Solution],
-        point: Point,
+        correct: Callable[[Floats, Floats, Floats], Solution[P]],
+        point: P,
         along: Floats,
         behind: Sequence[Floats] = (),
     ) -> None:
@@ -115,7 +151,7 @@ class Step:
             if s < 0.0:
                 self._learn(s, earlier)
 
-    def at(self, s: float) -> Solution:
+    def at(self, s: float) -> Solution[P]:
         """Return the point at the distance `s` along the tangent.
 
         Raises

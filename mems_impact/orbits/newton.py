@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,36 +22,38 @@ NEARER_CYCLE = (
     "chaotic motion comes close to where it was and leaves again"
 )
 
-# From unknowns: the equations there, all residuals, the matrix of their derivatives.
-Equations = Callable[[Floats], tuple[Point, Floats, Floats]]
+P = TypeVar("P")  # one evaluation of equations: the `Point` of an orbit, or what plays its part
 
 
-class Solution(NamedTuple):
+class Solution(NamedTuple, Generic[P]):
     """What Newton's method found.
 
     Attributes
     ----------
     unknowns : float array
-    point : Point
+    point : Point or Balance
         The equations there.
     iterations : int
         Newton steps until the next one was as small as the error of the integration.
     """
 
     unknowns: Floats
-    point: Point
+    point: P
     iterations: int
 
 
 def newton(
-    equations: Equations,
+    equations: Callable[[Floats], tuple[P, Floats, Floats]],
     guess: Floats,
     *,
     reason: str,
     remedy: str,
     iterations: int = ITERATIONS,
-) -> Solution:
+) -> Solution[P]:
     """Correct `guess` until the equations hold.
+
+    From unknowns, `equations` returns the equations there, all residuals, and the matrix of their
+    derivatives.
 
     Done is where the next step would be below `TOLERANCE`, or where steps no longer shrink while no
     residual is above `ACCEPTED`: they are at the level of the integration error then.
@@ -70,6 +72,8 @@ def newton(
             change = np.linalg.solve(matrix, -residual)
         except np.linalg.LinAlgError:
             change = np.linalg.lstsq(matrix, -residual)[0]
+            if np.abs(matrix @ change + residual).max() > ACCEPTED:
+                break  # no way leads there from here
         size = float(np.abs(change).max())
         if size < ACCEPTED:
             needed = min(needed, iteration)

@@ -25,12 +25,12 @@ from mems_impact.tables.common import bare
 __all__ = ["plot_branch"]
 
 DOTS = "0.62"
-MARKED = ("G", "CF", "PD", "NS")
-FACES = {"G": "white", "CF": BLUE, "PD": ORANGE, "NS": GREY}
+FACES = {"G": "white", "CF": BLUE, "PD": ORANGE, "NS": GREY}  # of orbits
+FACES |= {"BE": "white", "LP": BLUE, "H": ORANGE, "BP": GREY}  # of equilibria
 
 
 class Diagram(Protocol):
-    """What `plot_branch` needs of a `mems_impact.analysis.branch.Branch`."""
+    """What `plot_branch` needs of a `Branch` or an `EquilibriumBranch`."""
 
     @property
     def table(self) -> pd.DataFrame:
@@ -50,12 +50,12 @@ def plot_branch(
 ) -> Any:
     """Draw a state on the section over the parameter of one or more branches.
 
-    Stable orbits are solid lines, unstable ones dashed, inadmissible ones left out. Special points
-    are labelled as in the paper: G, CF, PD.
+    Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones left out.
+    Special points are labelled: G, CF, PD, NS of orbits; LP, H, BP, BE of equilibria.
 
     Parameters
     ----------
-    branch : Branch or sequence of Branch
+    branch : Branch or EquilibriumBranch, or sequence of these
     sweep : DataFrame, optional
         From `mems_impact.sweep` over the same parameter, drawn as dots below.
     ax : matplotlib Axes, optional
@@ -135,7 +135,8 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
     kind = np.where(table["admissible"], kind, "")
     # One column a crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
-    pieces = table["piece"].to_numpy()
+    # Equilibria keep their mode; an orbit's events may change, and a new piece begin.
+    pieces = table.get("piece", pd.Series(0, table.index)).to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
     for begin, end in zip(edges, [*edges[1:], len(table)], strict=True):
         if not kind[begin]:
@@ -154,13 +155,14 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
             if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
                 continue
             before = y
-            text = None if kind[begin] in drawn else f"{kind[begin]} orbit"
+            what = "equilibrium" if "piece" not in table else "orbit"
+            text = None if kind[begin] in drawn else f"{kind[begin]} {what}"
             drawn.add(str(kind[begin]))
             ax.plot(values[rows], y, label=text, **style)
 
 
 def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
-    rows = table[table["label"].isin(MARKED) & table["admissible"].astype(bool)]
+    rows = table[table["label"].isin(FACES) & table["admissible"].astype(bool)]
     return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
 
 

@@ -122,6 +122,8 @@ def crosses(captions: Mapping[str, Any]) -> str:
 
 def on_section(table: pd.DataFrame, state: str) -> str:
     """Return the label of an axis for a state where a table looks at it, with its unit."""
+    if table.attrs.get("equilibria"):
+        return with_unit(symbol(state), table, state)
     equation = crosses(table.attrs)
     where = f" at {equation}" if equation else " where periods begin"
     if "section" not in table.attrs:  # read back from a file

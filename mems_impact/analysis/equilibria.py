@@ -1,0 +1,266 @@
+"""Branches of equilibria in one parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from mems_impact.analysis.branch import bounds_of
+from mems_impact.analysis.equilibrium import Equilibrium
+from mems_impact.analysis.progress import values_of
+from mems_impact.analysis.special import check_kind
+from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
+from mems_impact.continuation.corrector import Steps
+from mems_impact.continuation.equilibria import Equilibria, follow_equilibrium
+from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.equilibrium import StationaryState
+from mems_impact.tables import orbits as tables
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["EquilibriumBranch", "EquilibriumPoint", "continue_equilibrium"]
+
+EQUILIBRIUM_STEPS = Steps(largest=0.2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EquilibriumPoint(Value):
+    """A point of a branch of equilibria at which something happens.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "Hopf", "branch point" or "boundary equilibrium".
+    label : str
+        LP, H, BP or BE.
+    guard : str
+        The guard that a boundary equilibrium meets; empty for the others.
+    parameter : str
+    value : float
+        Of the parameter.
+    equilibrium : Equilibrium
+        There.
+    bounds : tuple of float
+        Of the branch.
+    """
+
+    kind: str
+    label: str
+    guard: str
+    parameter: str
+    value: float
+    equilibrium: Equilibrium
+    bounds: tuple[float, float] = field(repr=False)
+
+    def __repr__(self) -> str:
+        where = f"{self.label} at {self.parameter}={self.value:.9g}"
+        return f"EquilibriumPoint({where}, {self.equilibrium})"
+
+    @property
+    def system(self) -> System:
+        """The equilibrium's."""
+        return self.equilibrium.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which equilibrium."""
+        return {
+            "kind": self.kind,
+            self.system.label(self.parameter): self.value,
+            **self.equilibrium.summary(),
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EquilibriumBranch(Value):
+    """Equilibria over one parameter.
+
+    Attributes
+    ----------
+    system : System
+        Where the branch began.
+    parameter : str
+    bounds : tuple of float
+        Between which the parameter was varied.
+    special_points : tuple of EquilibriumPoint
+        In the order in which the branch passes them.
+    ended : str
+        Why the branch ends.
+    """
+
+    system: System = field(repr=False)
+    parameter: str
+    bounds: tuple[float, float]
+    special_points: tuple[EquilibriumPoint, ...]
+    ended: str
+    found: Equilibria = field(repr=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    def __len__(self) -> int:
+        return len(self.found.points)
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        return (
+            f"EquilibriumBranch({self.parameter} {low:g} to {high:g}, {len(self)} equilibria, "
+            f"special points: {self._special()}; ended: {self.ended})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the range, the special points and why the branch ends."""
+        low, high = self.bounds
+        return {
+            "system": repr(self.system),
+            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            "equilibria": len(self),
+            "special points": self._special(),
+            "ended": self.ended,
+        }
+
+    def _special(self) -> str:
+        return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
+
+    @cached_property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """All equilibria, in the order in which they were followed."""
+        return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row an equilibrium: the parameter, stable, admissible, largest real part, states.
+
+        The largest real part of its eigenvalues is per unit of time.
+        """
+        rows = [
+            {"value": self._value(state), **_measures(self.system, state)}
+            for state in self.found.points
+        ]
+        return self._captioned(tables.branch(self.parameter, rows, self.system))
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row a special point: label, kind, the parameter, and as in `table`."""
+        rows = [
+            {
+                "label": s.label,
+                "kind": s.kind,
+                "value": s.value,
+                **_measures(self.system, s.equilibrium.found),
+            }
+            for s in self.special_points
+        ]
+        return self._captioned(tables.special_points(self.parameter, rows, self.system))
+
+    def _value(self, state: StationaryState) -> float:
+        return self.system.out(self.parameter, state.family.values[self.parameter])
+
+    def _captioned(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Say for figures that states are looked at where they stand, on no section."""
+        system = self.system
+        cyclic = {system.states[i] for i in system.automaton.cyclic}
+        table.attrs["states"] = [name for name in system.states if name not in cyclic]
+        table.attrs["equilibria"] = True
+        return table
+
+
+def continue_equilibrium(
+    equilibrium: Equilibrium,
+    parameter: str,
+    stop: float,
+    *,
+    back: float | None = None,
+    steps: Steps = EQUILIBRIUM_STEPS,
+    progress: bool | Callable[[float], None] = False,
+) -> EquilibriumBranch:
+    """Follow an equilibrium, stable or not, over one parameter.
+
+    Folds are passed; Hopf points, points at which another branch crosses and those at which a guard
+    is met are located and listed. Beyond a guard the equilibrium is a virtual one.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        An isolated one, from `find_equilibria`.
+    parameter : str
+    stop : float
+        Value towards which the branch sets out, and at which it ends.
+    back : float, optional
+        A branch that turns round ends here at the latest; where it began by default.
+    steps : Steps, optional
+        Lengths of the steps, and their largest number.
+    progress : bool or callable, optional
+        True: show a counter if it takes over a second. A function is called with every value.
+
+    Returns
+    -------
+    EquilibriumBranch
+        Whatever ends it: `ended` says what.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or the equilibrium is one of a continuum.
+    """
+    check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
+    system = equilibrium.system
+    if equilibrium.neutral:
+        raise InvalidParameter("equilibrium", equilibrium, "an isolated one: this is one of many")
+    bounds = bounds_of(system, parameter, stop, back)
+    low, high = (system.into(parameter, bound) for bound in bounds)
+    begin = equilibrium.found.family.values[parameter]
+    with values_of(progress, parameter, "equilibria", partial(system.out, parameter)) as report:
+        found = follow_equilibrium(
+            equilibrium.found,
+            parameter,
+            low=min(low, begin),
+            high=max(high, begin),
+            direction=math.copysign(1.0, stop - system.value(parameter)),
+            steps=steps,
+            progress=report,
+        )
+    special = tuple(
+        EquilibriumPoint(
+            kind=s.kind,
+            label=s.label,
+            guard=s.guard,
+            parameter=parameter,
+            value=system.out(parameter, s.value),
+            equilibrium=equilibrium_of(system, s.equilibrium),
+            bounds=bounds,
+        )
+        for s in found.special_points
+    )
+    return EquilibriumBranch(
+        system=system,
+        parameter=parameter,
+        bounds=bounds,
+        special_points=special,
+        ended=found.ended,
+        found=found,
+    )
+
+
+def equilibrium_of(system: System, found: StationaryState) -> Equilibrium:
+    """Return an equilibrium of `system`, at its own parameters."""
+    return Equilibrium(system=system.at(found.family.values), found=found)
+
+
+def _measures(system: System, state: StationaryState) -> dict[str, Any]:
+    """Return what the tables say of an equilibrium."""
+    y, cyclic = state.state, system.automaton.cyclic
+    largest = max(state.eigenvalues.real.tolist(), default=math.nan)
+    return {
+        "stable": state.stable,
+        "admissible": state.admissible,
+        "largest real part": largest / float(system.scales.out(1.0, "s")),
+        "states": {
+            name: np.array([y[i]]) for i, name in enumerate(system.states) if i not in cyclic
+        },
+    }

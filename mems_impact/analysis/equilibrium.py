@@ -1,0 +1,234 @@
+"""Equilibria of a system without forcing, found near guesses, with their stability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
+from mems_impact.analysis.verbs import takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.orbits.equilibrium import StationaryState, find_equilibrium
+
+__all__ = ["Equilibrium", "find_equilibria"]
+
+SAME = 1e-6  # relative difference between the states of one equilibrium, found twice
+SEED = 1  # of the places from which equilibria are looked for between bounds
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Equilibrium(Value):
+    """A state in which a mode of a system stands still, stable or not.
+
+    Attributes
+    ----------
+    system : System
+        At the parameters of the equilibrium.
+    found : StationaryState
+        The equilibrium as arrays.
+    """
+
+    system: System = field(repr=False)
+    found: StationaryState = field(repr=False)
+
+    kept: ClassVar[tuple[str, ...]] = ()
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        kind += "" if self.admissible else ", virtual"
+        kind += f", one of a continuum of dimension {self.neutral}" if self.neutral else ""
+        return f"Equilibrium({kind}, {self.state})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return where it is, and whether it is stable and one of the system's."""
+        largest = self.eigenvalues[:3].tolist()
+        return {
+            "system": repr(self.system),
+            "state": repr(self.state),
+            "stable": self.stable,
+            "eigenvalues": ", ".join(f"{each:.6g}" for each in largest),
+            "admissible": self.admissible or f"beyond {', '.join(self.beyond)}",
+        }
+
+    @property
+    def mode(self) -> str:
+        """The mode that stands still."""
+        return self.system.modes[self.found.mode]
+
+    @property
+    def state(self) -> State:
+        """The state, from which a run may start."""
+        return self.system.state_of(Instant(0, 0.0, self.found.mode, self.found.state))
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Of the derivative of the flow, per unit of time, largest real part first.
+
+        Without the zeros of a continuum (see `neutral`).
+        """
+        return self.found.eigenvalues / self.system.scales.out(1.0, "s")
+
+    @property
+    def neutral(self) -> int:
+        """Dimension of the continuum of equilibria in which it lies, 0 for an isolated one.
+
+        A body that is stuck, or rests, may do so in many places.
+        """
+        return self.found.neutral
+
+    @property
+    def stable(self) -> bool:
+        """Whether all eigenvalues have negative real parts."""
+        return self.found.stable
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no guard ends the mode there; else it is a virtual equilibrium."""
+        return self.found.admissible
+
+    @property
+    def beyond(self) -> tuple[str, ...]:
+        """The guards on whose wrong side a virtual equilibrium lies."""
+        return self.found.violated
+
+
+@takes_system(start="guess")
+def find_equilibria(
+    system: System,
+    *,
+    guess: State | Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    samples: int = 64,
+    modes: Sequence[str | int] | None = None,
+) -> tuple[Equilibrium, ...]:
+    """Find the equilibria of each mode of a system without forcing.
+
+    Newton's method starts from the guess, and from places between the bounds; the derivatives of
+    the flow are taken by differences of sixth order. Cyclic states need not stand still.
+
+    Parameters
+    ----------
+    system : System, or Run
+        A run stands for its system, and its last state for `guess`.
+    guess : State or mapping of str to float, optional
+        A state near an equilibrium; the system's start by default.
+    bounds : mapping of str to (float, float), optional
+        By state, between which values to look as well; other states start as in `guess`.
+    samples : int, optional
+        Places between the bounds, of a Sobol sequence.
+    modes : sequence of str or int, optional
+        Where to look; in all modes by default.
+
+    Returns
+    -------
+    tuple of Equilibrium
+        In the order of the modes, those that are admissible first. Of a continuum the one next to
+        the guess.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or something forces the system.
+    OrbitError
+        If none is found.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> pendulum = mi.System(
+    ...     states=("angle", "speed"), parameters={"damping": 0.1},
+    ...     flow=lambda mode, t, y, p: (y.speed, -math.sin(y.angle) - p.damping * y.speed),
+    ... )
+    >>> upright, hanging = mi.find_equilibria(pendulum, bounds={"angle": (-1.0, 4.0)})
+    >>> hanging.stable, upright.stable
+    (True, False)
+    """
+    if system.forced:
+        problem = (
+            "something forces the system: it has orbits (find_orbit), and nothing stands still"
+        )
+        raise InvalidParameter("period", system.forcing_period, "", problem=problem)
+    options = Options()
+    start = system.instant(guess, system.problem(options), field="guess")
+    guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
+    chosen = range(len(system.modes)) if modes is None else modes
+    numbers = sorted({_number(system, mode) for mode in chosen})
+    family = system.family(options)
+    found: list[Equilibrium] = []
+    failed: OrbitError | None = None
+    for mode in numbers:
+        here: list[StationaryState] = []
+        for y in guesses:
+            try:
+                state = find_equilibrium(family, mode, y)
+            except OrbitError as error:
+                failed = failed or error
+                continue
+            if not _inside(system, state.state, bounds or {}) and y is not start.y:
+                continue
+            if not any(_same(state, other) for other in here):
+                here.append(state)
+        here.sort(key=lambda state: (not state.admissible, *state.state.tolist()))
+        found += [Equilibrium(system=system, found=state) for state in here]
+    if not found:
+        reason = "no equilibrium was found" if failed is None else failed.reason
+        raise OrbitError(reason, 'give another guess, or bounds={"x": (low, high)} to look between')
+    return tuple(found)
+
+
+def _same(state: StationaryState, other: StationaryState) -> bool:
+    """Return whether two are one equilibrium, or of one continuum."""
+    if state.neutral and state.neutral == other.neutral:
+        return True
+    size = 1.0 + float(np.abs(state.state).max(initial=0.0))
+    return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME * size
+
+
+def _inside(system: System, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
+    """Return whether a state that was looked for between bounds lies there."""
+    values = dict(zip(system.states, y.tolist(), strict=True))
+    return all(
+        low <= system.out(name, values[name]) <= high for name, (low, high) in bounds.items()
+    )
+
+
+def _between(
+    system: System, y: Floats, bounds: Mapping[str, tuple[float, float]], samples: int
+) -> list[Floats]:
+    """Return the places between bounds from which to look."""
+    if not bounds:
+        return []
+    from scipy.stats import qmc
+
+    places, low, high = [], [], []
+    for name, range_ in bounds.items():
+        if name not in system.states:
+            raise InvalidParameter("bounds", name, f"one of {', '.join(system.states)}")
+        pair = isinstance(range_, tuple | list) and len(range_) == 2
+        if not (pair and all(map(is_number, range_)) and range_[0] < range_[1]):
+            raise InvalidParameter(f"bounds[{name!r}]", range_, "a lower and a higher number")
+        places.append(system.states.index(name))
+        low.append(system.into(name, range_[0]))
+        high.append(system.into(name, range_[1]))
+    sobol = qmc.Sobol(len(places), scramble=False, seed=SEED)
+    # A whole power of two, as the sequence is made for; the first one is a corner.
+    drawn = sobol.random(1 << (samples - 1).bit_length())[:samples]
+    guesses = np.tile(y, (samples, 1))
+    guesses[:, places] = qmc.scale(drawn, low, high)
+    return list(guesses)
+
+
+def _number(system: System, mode: str | int) -> int:
+    if isinstance(mode, str) and mode in system.modes:
+        return system.modes.index(mode)
+    if mode in range(len(system.modes)):
+        return int(mode)
+    raise InvalidParameter("modes", mode, f"among {', '.join(system.modes)}")

@@ -1,0 +1,283 @@
+"""A branch of equilibria in one parameter, and what happens on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
+from mems_impact.continuation.monitors import FOLD
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.equilibrium import Balance, Balancing, StationaryState, make_equilibrium
+from mems_impact.orbits.newton import newton
+
+HOPF, BRANCH_POINT, BOUNDARY = "Hopf", "branch point", "boundary equilibrium"
+LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE"}
+STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
+EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
+ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
+SAME = 1e-5  # difference between the unknowns of one equilibrium, met twice
+
+Test = tuple[str, int]  # what happens where a test function is zero, and to which guard, or -1
+
+
+@dataclass(frozen=True)
+class EquilibriumEvent:
+    """A point of a branch of equilibria at which something happens.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "Hopf", "branch point" (another branch crosses), or "boundary equilibrium" (it meets
+        a guard, beyond which it is a virtual one).
+    guard : str
+        The guard that it meets, if it meets one.
+    value : float
+        Of the parameter.
+    equilibrium : StationaryState
+    """
+
+    kind: str
+    guard: str
+    value: float
+    equilibrium: StationaryState = field(repr=False)
+
+    @property
+    def label(self) -> str:
+        """LP, H, BP or BE."""
+        return LABELS[self.kind]
+
+
+@dataclass
+class Equilibria:
+    """A branch and what was found on it.
+
+    Attributes
+    ----------
+    parameter : str
+    points : list of StationaryState
+    special_points : list of EquilibriumEvent
+    ended : str
+        Why the branch ends.
+    """
+
+    parameter: str
+    points: list[StationaryState] = field(default_factory=list)
+    special_points: list[EquilibriumEvent] = field(default_factory=list)
+    ended: str = ""
+
+
+def follow_equilibrium(
+    equilibrium: StationaryState,
+    parameter: str,
+    *,
+    low: float,
+    high: float,
+    direction: float,
+    steps: Steps,
+    progress: Callable[[float], None] | None = None,
+) -> Equilibria:
+    """Follow an equilibrium in one parameter until a bound, an end or the budget of points.
+
+    Parameters
+    ----------
+    equilibrium : StationaryState
+        An isolated one.
+    parameter : str
+        A parameter of its family.
+    low, high : float
+        Bounds of the parameter.
+    direction : float
+        Sign of the first step in the parameter.
+    steps : Steps
+    progress : callable, optional
+        Called with every value of the parameter.
+
+    Returns
+    -------
+    Equilibria
+        Whatever ends it, what was found is in it, and `ended` says why it ends.
+    """
+    branch = Equilibria(parameter)
+    equations = Balancing(equilibrium.family, equilibrium.mode, (parameter,))
+    walker = _Walker(branch, equations, low, high, steps, progress)
+    try:
+        value = np.array([equilibrium.family.value(parameter)])
+        first = equations.evaluate(equilibrium.balance.unknowns, value)
+        along = tangent(first)
+        walker.walk(first, along if direction > 0.0 else -along)
+    except (OrbitError, InvalidParameter) as error:
+        branch.ended = str(error)
+    return branch
+
+
+class _Walker:
+    """The iteration along a branch."""
+
+    def __init__(
+        self,
+        branch: Equilibria,
+        equations: Balancing,
+        low: float,
+        high: float,
+        steps: Steps,
+        progress: Callable[[float], None] | None,
+    ) -> None:
+        self.branch, self.equations, self.steps = branch, equations, steps
+        self.low, self.high, self.progress = low, high, progress
+
+    def walk(self, here: Balance, along: Floats) -> None:
+        """Walk on, and put what is found into the branch."""
+        first, at_first = _whole(here), along
+        length, behind = self.steps.initial, [_whole(here)]
+        before = self._tests(here, along)
+        self._append(here)
+        while len(self.branch.points) < self.steps.most:
+            ahead = float(here.values[0] + length * along[-1])
+            if not self.low <= ahead <= self.high:
+                bound = self.high if along[-1] > 0.0 else self.low
+                length = max(1.001 * (bound - here.values[0]) / along[-1], self.steps.smallest)
+            step = Step(partial(correct, self.equations), here, along, behind[-NODES:])
+            try:
+                following, iterations = step.at(length).point, step.at(length).iterations
+                onward = tangent(following, along)
+                if onward @ along < STRAIGHT:
+                    raise OrbitError("the branch turns too sharply", "take a shorter step")
+                after = self._tests(following, onward)
+                found = self._crossed(step, length, before, after)
+                if not self.low <= following.values[0] <= self.high:
+                    self._finish(step, length)
+                    self._take(found)
+                    self.branch.ended = f"{self.branch.parameter} reached its bound"
+                    return
+            except (OrbitError, InvalidParameter) as error:
+                length /= 2.0
+                if length < self.steps.smallest:
+                    self.branch.ended = f"no further step possible: {error}"
+                    return
+                continue
+            self._take(found)
+            if self._closed(step, length, first, at_first):
+                self.branch.ended = "the branch closed upon itself"
+                return
+            here, along, before = following, onward, after
+            behind.append(step.start)
+            self._append(here)
+            if iterations <= EASY:
+                length = min(1.5 * length, self.steps.largest)
+            elif iterations >= HARD:
+                length /= 1.5
+        self.branch.ended = f"the budget of {self.steps.most} points is used up"
+
+    def _closed(self, step: Step[Balance], length: float, first: Floats, along: Floats) -> bool:
+        """Return whether the first point of the branch, with its tangent, lies within a step."""
+        place = float((first - step.start) @ step.along)
+        if len(self.branch.points) <= NODES or not 0.0 < place <= length:
+            return False
+        near = np.abs(step.at(place).unknowns - first).max() < SAME
+        return bool(near and step.along @ along > 0.5)
+
+    def _append(self, balance: Balance) -> None:
+        self.branch.points.append(make_equilibrium(self.equations, balance))
+        if self.progress is not None:
+            self.progress(float(balance.values[0]))
+
+    def _take(self, found: list[tuple[float, EquilibriumEvent]]) -> None:
+        inside = [each for _, each in found if self.low <= each.value <= self.high]
+        self.branch.special_points += inside
+
+    def _finish(self, step: Step[Balance], length: float) -> None:
+        """Put the last equilibrium at the bound, which lies within a step."""
+        begin, end = step.start[-1], step.at(length).unknowns[-1]
+        bound = self.low if end < self.low else self.high
+        guess = step.start + (bound - begin) / (end - begin) * (
+            step.at(length).unknowns - step.start
+        )
+        value = np.array([bound])
+
+        def at(u: Floats) -> tuple[Balance, Floats, Floats]:
+            balance = self.equations.evaluate(u, value)
+            return balance, balance.residual, balance.jacobian
+
+        remedy = "take shorter steps"
+        self._append(newton(at, guess[:-1], reason="the bound is missed", remedy=remedy).point)
+
+    def _tests(self, balance: Balance, direction: Floats) -> dict[Test, float]:
+        """Return the test functions, zero where something happens."""
+        matrix = np.vstack([np.hstack([balance.jacobian, balance.by_parameter]), direction])
+        sums = [a + b for a, b in combinations(np.linalg.eigvals(balance.jacobian), 2)]
+        tests = {
+            (FOLD, -1): float(direction[-1]),
+            (BRANCH_POINT, -1): float(np.linalg.det(matrix)),
+            (HOPF, -1): float(np.prod(sums).real),
+        }
+        guards = self.equations.family.automaton.guards
+        for j, margin in enumerate(self.equations.margins(balance).tolist()):
+            if np.isfinite(margin) and not guards[j].records:
+                tests[BOUNDARY, j] = margin
+        return tests
+
+    def _crossed(
+        self,
+        step: Step[Balance],
+        length: float,
+        before: dict[Test, float],
+        after: dict[Test, float],
+    ) -> list[tuple[float, EquilibriumEvent]]:
+        """Return what happens within a step, in order."""
+        found = []
+        for test, value in before.items():
+            if test in after and value * after[test] < 0.0:
+                place = self._locate(step, length, test)
+                event = self._event(step.at(place).point, test)
+                if event is not None:
+                    found.append((place, event))
+        # Where another branch crosses, this one may turn round as well: that is no fold.
+        crossings = [place for place, event in found if event.kind == BRANCH_POINT]
+        kept = [
+            (place, event)
+            for place, event in found
+            if event.kind != FOLD or all(abs(place - other) > SAME for other in crossings)
+        ]
+        return sorted(kept, key=lambda item: item[0])
+
+    def _locate(self, step: Step[Balance], length: float, test: Test) -> float:
+        def value(s: float) -> float:
+            here = step.at(s).point
+            return self._tests(here, tangent(here, step.along))[test]
+
+        try:
+            return float(brentq(value, 0.0, length, xtol=1e-14, rtol=1e-14))
+        except ValueError as error:
+            remedy = "take a shorter step"
+            raise OrbitError(f"a {test[0]} could not be located", remedy) from error
+
+    def _event(self, balance: Balance, test: Test) -> EquilibriumEvent | None:
+        kind, guard = test
+        equilibrium = make_equilibrium(self.equations, balance)
+        # Two real eigenvalues whose sum is zero bear no cycle.
+        if kind == HOPF and frequency(equilibrium) is None:
+            return None
+        guards = self.equations.family.automaton.guards
+        name = guards[guard].name if guard >= 0 else ""
+        return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium)
+
+
+def frequency(equilibrium: StationaryState) -> float | None:
+    """Return the frequency of the cycle that is born at a Hopf point, None at another one.
+
+    Of all pairs of eigenvalues the one whose sum is nearest to zero has to rotate.
+    """
+    pairs = combinations(equilibrium.eigenvalues.tolist(), 2)
+    one, _ = min(pairs, key=lambda pair: abs(pair[0] + pair[1]))
+    return abs(one.imag) if abs(one.imag) > ROTATING * abs(one) else None
+
+
+def _whole(balance: Balance) -> Floats:
+    return np.concatenate([balance.unknowns, balance.values])

@@ -1,0 +1,248 @@
+"""Equilibria: where the flow of a mode vanishes, and what it does nearby."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import structural_rank
+
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.hybrid.variational import free_components
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.newton import newton
+
+STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
+SLACK = 1e-9  # by which a margin may be violated before an equilibrium is called virtual
+
+
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """One evaluation of the equations of an equilibrium: the flow is zero.
+
+    Attributes
+    ----------
+    unknowns : float array, shape (f,)
+        The components of the state that are not cyclic.
+    values : float array, shape (k,)
+        Of the active parameters.
+    residual : float array, shape (f,)
+        Their time derivatives.
+    jacobian : float array, shape (f, f)
+    by_parameter : float array, shape (f, k)
+    """
+
+    unknowns: Floats
+    values: Floats
+    residual: Floats
+    jacobian: Floats
+    by_parameter: Floats
+
+
+@dataclass(frozen=True)
+class Balancing:
+    """The equations of the equilibria of one mode, in a family.
+
+    Parameters
+    ----------
+    family : Family
+    mode : int
+    active : tuple of str, optional
+        Names of the parameters by which to differentiate.
+    """
+
+    family: Family
+    mode: int
+    active: tuple[str, ...] = ()
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """The components of the state that are to stand still."""
+        return tuple(free_components(self.family.automaton))
+
+    def state(self, unknowns: Floats) -> Floats:
+        """Return the whole state, shape (n,); cyclic components are zero."""
+        y = np.zeros(len(self.family.automaton.states))
+        y[list(self.free)] = unknowns
+        return y
+
+    def evaluate(self, unknowns: Floats, values: Floats) -> Balance:
+        """Evaluate the flow and its derivatives, by differences.
+
+        Raises
+        ------
+        OrbitError
+            If the flow is not defined there.
+        """
+
+        def by_state(u: Floats) -> Floats:
+            return self._flow(u, parameters)
+
+        def by_value(p: Floats) -> Floats:
+            return self._flow(unknowns, self._parameters(p))
+
+        try:
+            parameters = self._parameters(values)
+            residual = by_state(unknowns)
+            jacobian = differentiate(by_state, unknowns)
+            by_parameter = differentiate(by_value, values)
+        except (ArithmeticError, ValueError) as error:
+            reason = f"the flow is not defined at {np.array2string(unknowns, precision=6)}: {error}"
+            raise OrbitError(reason, "look elsewhere") from error
+        return Balance(unknowns, values, residual, jacobian, by_parameter)
+
+    def margins(self, balance: Balance) -> Floats:
+        """Return the margins of all guards, shape (m,); positive where the mode may last."""
+        automaton = self.family.automaton
+        m = len(automaton.guards)
+        margins, rates = np.full(m, np.inf), np.ones(m)
+        y = self.state(balance.unknowns)
+        automaton.margins(self.mode, 0.0, y, self._parameters(balance.values), margins, rates)
+        return margins
+
+    def _parameters(self, values: Floats) -> Floats:
+        changes = dict(zip(self.active, values.tolist(), strict=True))
+        return np.asarray(self.family.numbers(**changes).parameters, dtype=float)
+
+    def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
+        y, slope = self.state(unknowns), np.zeros(len(self.family.automaton.states))
+        self.family.automaton.flow(self.mode, 0.0, y, parameters, slope)
+        return slope[list(self.free)]
+
+
+@dataclass(frozen=True)
+class StationaryState:
+    """A state in which a mode stands still.
+
+    Attributes
+    ----------
+    family : Family
+        At the values for which it was found.
+    mode : int
+    balance : Balance
+    eigenvalues : complex array
+        Of the flow's derivative, largest real part first, without the zeros of `neutral`.
+    neutral : int
+        Dimension of the set of equilibria in which it lies: of a stuck or resting body, every
+        place may be one. 0 for an isolated one.
+    margins : float array, shape (m,)
+        Of all guards; those that do not watch the mode are positive.
+    """
+
+    family: Family
+    mode: int
+    balance: Balance
+    eigenvalues: NDArray[np.complex128]
+    neutral: int
+    margins: Floats
+
+    @property
+    def equations(self) -> Balancing:
+        """What it solves."""
+        return Balancing(self.family, self.mode)
+
+    @property
+    def state(self) -> Floats:
+        """The whole state, shape (n,)."""
+        return self.equations.state(self.balance.unknowns)
+
+    @property
+    def stable(self) -> bool:
+        """Whether nearby states of the mode return, or stay where they are."""
+        return bool(np.all(self.eigenvalues.real < 0.0))
+
+    @property
+    def admissible(self) -> bool:
+        """Whether no guard ends the mode there."""
+        return not self.violated
+
+    @property
+    def violated(self) -> tuple[str, ...]:
+        """The guards on whose wrong side it lies: a virtual equilibrium."""
+        guards = self.family.automaton.guards
+        return tuple(
+            guard.name
+            for guard, margin in zip(guards, self.margins.tolist(), strict=True)
+            if margin < -SLACK and not guard.records
+        )
+
+
+def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryState:
+    """Find an equilibrium of a mode near a state, by Newton's method.
+
+    Parameters
+    ----------
+    family : Family
+        Of a system without forcing.
+    mode : int
+    guess : float array, shape (n,)
+
+    Raises
+    ------
+    OrbitError
+        If there is none near the guess.
+    """
+    equations = Balancing(family, mode)
+    none = np.zeros(0)
+
+    def at(u: Floats) -> tuple[Balance, Floats, Floats]:
+        balance = equations.evaluate(u, none)
+        return balance, balance.residual, balance.jacobian
+
+    found = newton(
+        at,
+        np.asarray(guess, dtype=float)[list(equations.free)],
+        reason=f"no equilibrium of mode {family.automaton.modes[mode]!r} near the guess",
+        remedy="take another guess",
+    )
+    return make_equilibrium(equations, found.point)
+
+
+def make_equilibrium(equations: Balancing, balance: Balance) -> StationaryState:
+    """Return the equilibrium of solved equations, with stability and admissibility."""
+    changes = dict(zip(equations.active, balance.values.tolist(), strict=True))
+    matrix = balance.jacobian
+    # By where it is exactly zero, not by its size: at a fold an eigenvalue is small, not missing.
+    neutral = len(matrix) - int(structural_rank(csr_array(matrix))) if matrix.size else 0
+    eigenvalues = np.linalg.eigvals(matrix).astype(complex)
+    eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][neutral:]
+    return StationaryState(
+        family=equations.family.at(**changes),
+        mode=equations.mode,
+        balance=balance,
+        eigenvalues=eigenvalues[np.lexsort((-eigenvalues.imag, -eigenvalues.real))],
+        neutral=neutral,
+        margins=equations.margins(balance),
+    )
+
+
+def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
+    """Return the derivatives of `function` at `x`, shape (len(function(x)), len(x)).
+
+    Central differences of sixth order at several lengths. Truncation spoils the long ones, rounding
+    the short ones; of two that follow on each other, those count that differ least.
+    """
+    columns = []
+    for j in range(x.size):
+        unit = max(1.0, abs(float(x[j])))
+        estimates = [_central(function, x, j, step * unit) for step in STEPS]
+        apart = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
+        best = np.argmin(apart, axis=0)
+        columns.append(np.choose(best, estimates[: len(apart)]))
+    return np.array(columns).T.reshape(-1, x.size) if columns else np.zeros((function(x).size, 0))
+
+
+def _central(function: Callable[[Floats], Floats], x: Floats, j: int, h: float) -> Floats:
+    total: Floats = np.zeros(0)
+    for s, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+        up, down = x.copy(), x.copy()
+        up[j] += s * h
+        down[j] -= s * h
+        term = weight / (60.0 * h) * (function(up) - function(down))
+        total = total + term if total.size else term
+    return total

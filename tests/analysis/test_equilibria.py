@@ -1,0 +1,222 @@
+"""Equilibria against closed forms: places, eigenvalues, and where they change."""
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+
+def lorenz(mode, t, y, p):
+    return p.s * (y.y - y.x), y.x * (p.r - y.z) - y.y, y.x * y.y - p.b * y.z
+
+
+LORENZ = mi.System(
+    states=("x", "y", "z"),
+    flow=lorenz,
+    parameters={"s": 10.0, "r": 20.0, "b": 8.0 / 3.0},
+    initial={"x": 5.0, "y": 5.0, "z": 19.0},
+)
+
+
+def pendulum(mode, t, y, p):
+    return y.speed, -math.sin(y.angle) - p.damping * y.speed
+
+
+PENDULUM = mi.System(states=("angle", "speed"), flow=pendulum, parameters={"damping": 0.1})
+
+FREE, HELD = mi.modes("free", "held")
+
+
+def pulled(mode, t, y, p):
+    return (y.v, p.pull - y.x - y.v) if mode == FREE else (0.0, 0.0)
+
+
+def gap(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def strike(mode, t, y, p):
+    return FREE, (1.0, -0.5 * y.v)
+
+
+WALL = mi.System(
+    states=("x", "v"),
+    flow=pulled,
+    parameters={"pull": 0.5},
+    modes=(FREE, HELD),
+    guards=[mi.Impact("wall", gap, strike, modes=(FREE,))],
+)
+
+
+def one_state(flow, **parameters):
+    return mi.System(states=("x",), flow=flow, parameters=parameters)
+
+
+def test_all_within_bounds_with_closed_form_eigenvalues():
+    found = mi.find_equilibria(PENDULUM, bounds={"angle": (-1.0, 4.0)})
+    hanging, upright = found  # in the order of their places
+    assert abs(hanging.state.angle) < 1e-12
+    assert abs(upright.state.angle - math.pi) < 1e-12
+    root = math.sqrt(1.0 - 0.05**2)
+    assert abs(hanging.eigenvalues - [-0.05 + 1j * root, -0.05 - 1j * root]).max() < 1e-10
+    root = math.sqrt(1.0 + 0.05**2)
+    assert abs(upright.eigenvalues - [-0.05 + root, -0.05 - root]).max() < 1e-10
+    assert hanging.stable
+    assert not upright.stable
+    assert hanging.neutral == 0
+    assert hanging.admissible
+    assert hanging.mode == "free"
+
+
+def test_a_guess_leads_to_the_nearest():
+    (found,) = mi.find_equilibria(PENDULUM, guess={"angle": 3.0})
+    assert abs(found.state.angle - math.pi) < 1e-12
+
+
+@pytest.mark.parametrize(("s", "b"), [(10.0, 8.0 / 3.0), (16.0, 4.0)])
+def test_hopf_point_of_lorenz(s, b):
+    (first,) = mi.find_equilibria(LORENZ.changed(s=s, b=b))
+    branch = mi.continue_equilibrium(first, "r", 50.0)
+    (hopf,) = branch.special_points
+    # Sparrow, The Lorenz Equations (1982): r = s (s + b + 3)/(s - b - 1).
+    exact = s * (s + b + 3.0) / (s - b - 1.0)
+    assert hopf.label == "H"
+    assert abs(hopf.value - exact) < 1e-9
+    frequency = math.sqrt(2.0 * s * (s + 1.0) * b / (s - b - 1.0))
+    assert abs(hopf.equilibrium.eigenvalues[0] - 1j * frequency) < 1e-8
+    assert branch.ended == "r reached its bound"
+    stable = branch.table["stable"].to_numpy()
+    assert (stable == (branch.table["r"].to_numpy() < exact)).all()
+    x = branch.table["x"].to_numpy()
+    assert abs(x - np.sqrt(b * (branch.table["r"].to_numpy() - 1.0))).max() < 1e-10
+
+
+def test_fold_is_passed_and_the_branch_comes_back():
+    system = one_state(lambda mode, t, y, p: (p.a - 0.25 + y.x * y.x,), a=-1.0)
+    lower = mi.find_equilibria(system, guess={"x": -1.0})[0]
+    branch = mi.continue_equilibrium(lower, "a", 1.0, back=-1.0)
+    (fold,) = branch.special_points
+    assert fold.label == "LP"
+    assert abs(fold.value - 0.25) < 1e-10
+    assert abs(branch.equilibria[-1].state.x - math.sqrt(1.25)) < 1e-10
+    assert lower.stable
+    assert not branch.equilibria[-1].stable
+    assert branch.equilibria[-1].system.parameters["a"] == -1.0
+
+
+def test_another_branch_crosses():
+    system = one_state(lambda mode, t, y, p: (p.a * y.x - y.x**3,), a=-1.0)
+    (rest,) = mi.find_equilibria(system)
+    branch = mi.continue_equilibrium(rest, "a", 1.0)
+    (crossing,) = branch.special_points
+    assert crossing.label == "BP"
+    assert abs(crossing.value) < 1e-9
+    one = mi.find_equilibria(system.changed(a=1.0), guess={"x": 0.9})[0]
+    branch = mi.continue_equilibrium(one, "a", -1.0, back=1.0)
+    assert [each.label for each in branch.special_points] == ["BP"]  # no fold beside it
+    assert abs(branch.equilibria[-1].state.x + 1.0) < 1e-9
+
+
+def test_two_real_eigenvalues_of_sum_zero_are_no_hopf_point():
+    system = mi.System(
+        states=("x", "y"), flow=lambda mode, t, y, p: (p.a * y.x, -y.y), parameters={"a": 0.5}
+    )
+    (saddle,) = mi.find_equilibria(system)
+    assert mi.continue_equilibrium(saddle, "a", 2.0).special_points == ()
+
+
+def test_a_guard_makes_it_virtual():
+    (free,) = mi.find_equilibria(WALL, modes=["free"])
+    branch = mi.continue_equilibrium(free, "pull", 2.0)
+    (met,) = branch.special_points
+    assert (met.label, met.guard) == ("BE", "wall")
+    assert abs(met.value - 1.0) < 1e-10
+    last = branch.equilibria[-1]
+    assert not last.admissible
+    assert last.beyond == ("wall",)
+    assert "virtual" in repr(last)
+    assert list(branch.table["admissible"]) == list(branch.table["pull"] < 1.0 + 1e-9)
+
+
+def test_continuum_of_a_mode_in_which_nothing_moves():
+    _, held = mi.find_equilibria(WALL, guess={"x": 0.25})
+    assert held.mode == "held"
+    assert held.neutral == 2
+    assert held.state.x == 0.25
+    assert held.stable
+    assert held.eigenvalues.size == 0
+    assert "continuum" in repr(held)
+    with pytest.raises(mi.InvalidParameter, match="isolated"):
+        mi.continue_equilibrium(held, "pull", 1.0)
+
+
+def test_cyclic_states_need_not_stand_still():
+    system = mi.System(
+        states=("place", "v"),
+        flow=lambda mode, t, y, p: (y.v, p.push - 0.5 * y.v),
+        parameters={"push": 1.0},
+        cyclic=("place",),
+    )
+    (cruise,) = mi.find_equilibria(system)
+    assert abs(cruise.state.v - 2.0) < 1e-12
+    assert abs(cruise.eigenvalues - [-0.5]).max() < 1e-11
+    assert list(mi.continue_equilibrium(cruise, "push", 2.0).table.columns[-1:]) == ["v"]
+
+
+def test_steep_friction_law():
+    # Its derivatives grow by a factor of 50 each: the shorter differences have to win.
+    system = one_state(lambda mode, t, y, p: (p.a - math.tanh(50.0 * y.x),), a=0.3)
+    (found,) = mi.find_equilibria(system)
+    assert abs(found.state.x - math.atanh(0.3) / 50.0) < 1e-11
+    assert abs(found.eigenvalues[0] / (-50.0 * (1.0 - 0.3**2)) - 1.0) < 1e-9
+
+
+def test_what_is_refused():
+    forced = mi.System(states=("x",), flow=lambda mode, t, y, p: (-y.x,), period=1.0)
+    with pytest.raises(mi.InvalidParameter, match="find_orbit"):
+        mi.find_equilibria(forced)
+    none = one_state(lambda mode, t, y, p: (1.0 + y.x * y.x + p.a,), a=0.0)
+    with pytest.raises(mi.OrbitError, match="bounds="):
+        mi.find_equilibria(none)
+    with pytest.raises(mi.InvalidParameter, match="bounds"):
+        mi.find_equilibria(PENDULUM, bounds={"angle": (1.0, -1.0)})
+    with pytest.raises(mi.InvalidParameter, match="bounds"):
+        mi.find_equilibria(PENDULUM, bounds={"height": (0.0, 1.0)})
+    with pytest.raises(mi.InvalidParameter, match="modes"):
+        mi.find_equilibria(WALL, modes=["flying"])
+    undefined = one_state(lambda mode, t, y, p: (math.sqrt(y.x - 1.0) + p.a,), a=0.0)
+    with pytest.raises(mi.OrbitError, match="not defined"):
+        mi.find_equilibria(undefined)
+
+
+def test_results_are_values(tmp_path):
+    (first,) = mi.find_equilibria(LORENZ)
+    branch = mi.continue_equilibrium(first, "r", 30.0)
+    assert pickle.loads(pickle.dumps(branch)) == branch == copy.deepcopy(branch)
+    for value in (first, branch, branch.special_points[0]):
+        value.save(tmp_path / "it.zip")
+        again = mi.load(tmp_path / "it.zip", system=LORENZ)
+        assert again == value
+        assert repr(again) == repr(value)
+        assert "<table>" in value._repr_html_()
+    branch.save(tmp_path / "branch.zip")
+    shown = mi.load(tmp_path / "branch.zip")
+    assert shown.special_table.equals(branch.special_table)
+    assert list(branch.table.columns[:4]) == ["r", "stable", "admissible", "largest real part"]
+
+
+def test_figure_of_a_branch():
+    (first,) = mi.find_equilibria(LORENZ)
+    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.Steps(largest=0.5))
+    ax = mi.plot_branch(branch)
+    assert {text.get_text() for text in ax.texts} == {"H"}
+    assert [line.get_label() for line in ax.get_lines()[:2]] == [
+        "stable equilibrium",
+        "unstable equilibrium",
+    ]
+    assert "section" not in ax.get_ylabel()
+    assert "period" not in ax.get_ylabel()
