@@ -31,12 +31,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
-    from mems_impact.analysis.equilibria import (
-        EquilibriumBranch,
-        EquilibriumPoint,
-        continue_equilibrium,
-    )
-    from mems_impact.analysis.equilibrium import Equilibrium, find_equilibria
+    from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
+    from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, find_equilibria
     from mems_impact.analysis.finding import find_orbit
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
@@ -184,8 +180,8 @@ _HOMES = {
     "analysis.special": ("GrazingType", "SpecialPoint", "grazing_type"),
     "actuator.design.chart": ("Chart",),
     "actuator.design.charting": ("operating_chart",),
-    "analysis.equilibria": ("EquilibriumBranch", "EquilibriumPoint", "continue_equilibrium"),
-    "analysis.equilibrium": ("Equilibrium", "find_equilibria"),
+    "analysis.equilibria": ("EquilibriumBranch", "continue_equilibrium"),
+    "analysis.equilibrium": ("Equilibrium", "EquilibriumPoint", "find_equilibria"),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
     "plotting.sweep": ("plot_sweep",),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from mems_impact.analysis.equilibrium import EquilibriumPoint
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.special import SpecialPoint, check_kind
@@ -16,6 +17,7 @@ from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.continuation import branch as branches
 from mems_impact.continuation.branch import Steps
+from mems_impact.continuation.hopf import born
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import InvalidParameter
 from mems_impact.tables import orbits as tables
@@ -198,19 +200,19 @@ def continue_orbit(
 
 
 def switch_branch(
-    special: SpecialPoint,
+    special: SpecialPoint | EquilibriumPoint,
     *,
     bounds: tuple[float, float] | None = None,
     steps: Steps = BRANCH_STEPS,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
-    """Follow the orbit of twice the period that begins at a period doubling.
+    """Follow what begins at a special point: an orbit of twice the period, or a limit cycle.
 
     Parameters
     ----------
-    special : SpecialPoint
-        A period doubling of a branch.
+    special : SpecialPoint or EquilibriumPoint
+        A period doubling of a branch of orbits, or a Hopf point of a branch of equilibria.
     bounds : tuple of float, optional
         Smallest and largest value of the parameter; those of the branch by default.
     steps, through_grazing, progress
@@ -223,21 +225,24 @@ def switch_branch(
     Raises
     ------
     InvalidParameter
-        If `special` is no period doubling.
+        If `special` is neither.
     OrbitError
-        If no orbit of twice the period is found.
+        If no such orbit is found.
     """
-    check_kind(special, "special", SpecialPoint, "a special point of a branch")
-    if special.label != "PD":
-        raise InvalidParameter("special", special.kind, "a period doubling")
-    parameter, system = special.parameter, special.orbit.system
+    check_kind(special, "special", SpecialPoint | EquilibriumPoint, "a special point of a branch")
+    if special.label not in ("PD", "H"):
+        raise InvalidParameter("special", special.kind, "a period doubling or a Hopf point")
+    parameter, system = special.parameter, special.system
     low, high = special.bounds if bounds is None else bounds
     check_value(system, parameter, "bounds", low)
     check_value(system, parameter, "bounds", high)
     if not low < special.value < high:
         allowed = f"smallest and largest value, with {special.value:g} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
-    first, side = doubled(special.found.orbit, parameter)
+    if isinstance(special, EquilibriumPoint):
+        first, side = born(special.equilibrium.found, parameter)
+    else:
+        first, side = doubled(special.found.orbit, parameter)
     with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
         found = branches.follow(
             first,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from mems_impact.analysis.branch import bounds_of
-from mems_impact.analysis.equilibrium import Equilibrium
+from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.special import check_kind
 from mems_impact.analysis.system import System
@@ -25,56 +25,9 @@ from mems_impact.tables import orbits as tables
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["EquilibriumBranch", "EquilibriumPoint", "continue_equilibrium"]
+__all__ = ["EquilibriumBranch", "continue_equilibrium"]
 
 EQUILIBRIUM_STEPS = Steps(largest=0.2)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumPoint(Value):
-    """A point of a branch of equilibria at which something happens.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "Hopf", "branch point" or "boundary equilibrium".
-    label : str
-        LP, H, BP or BE.
-    guard : str
-        The guard that a boundary equilibrium meets; empty for the others.
-    parameter : str
-    value : float
-        Of the parameter.
-    equilibrium : Equilibrium
-        There.
-    bounds : tuple of float
-        Of the branch.
-    """
-
-    kind: str
-    label: str
-    guard: str
-    parameter: str
-    value: float
-    equilibrium: Equilibrium
-    bounds: tuple[float, float] = field(repr=False)
-
-    def __repr__(self) -> str:
-        where = f"{self.label} at {self.parameter}={self.value:.9g}"
-        return f"EquilibriumPoint({where}, {self.equilibrium})"
-
-    @property
-    def system(self) -> System:
-        """The equilibrium's."""
-        return self.equilibrium.system
-
-    def summary(self) -> dict[str, Any]:
-        """Return what happens, where, and to which equilibrium."""
-        return {
-            "kind": self.kind,
-            self.system.label(self.parameter): self.value,
-            **self.equilibrium.summary(),
-        }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

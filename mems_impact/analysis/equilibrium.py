@@ -9,16 +9,16 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.equilibrium import StationaryState, find_equilibrium
 
-__all__ = ["Equilibrium", "find_equilibria"]
+__all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
 
 SAME = 1e-6  # relative difference between the states of one equilibrium, found twice
 SEED = 1  # of the places from which equilibria are looked for between bounds
@@ -100,6 +100,53 @@ class Equilibrium(Value):
         return self.found.violated
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EquilibriumPoint(Value):
+    """A point of a branch of equilibria at which something happens.
+
+    Attributes
+    ----------
+    kind : str
+        "fold", "Hopf", "branch point" or "boundary equilibrium".
+    label : str
+        LP, H, BP or BE.
+    guard : str
+        The guard that a boundary equilibrium meets; empty for the others.
+    parameter : str
+    value : float
+        Of the parameter.
+    equilibrium : Equilibrium
+        There.
+    bounds : tuple of float
+        Of the branch.
+    """
+
+    kind: str
+    label: str
+    guard: str
+    parameter: str
+    value: float
+    equilibrium: Equilibrium
+    bounds: tuple[float, float] = field(repr=False)
+
+    def __repr__(self) -> str:
+        where = f"{self.label} at {self.parameter}={self.value:.9g}"
+        return f"EquilibriumPoint({where}, {self.equilibrium})"
+
+    @property
+    def system(self) -> System:
+        """The equilibrium's."""
+        return self.equilibrium.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which equilibrium."""
+        return {
+            "kind": self.kind,
+            self.system.label(self.parameter): self.value,
+            **self.equilibrium.summary(),
+        }
+
+
 @takes_system(start="guess")
 def find_equilibria(
     system: System,
@@ -156,12 +203,11 @@ def find_equilibria(
             "something forces the system: it has orbits (find_orbit), and nothing stands still"
         )
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
-    options = Options()
-    start = system.instant(guess, system.problem(options), field="guess")
+    start = system.instant(guess, system.problem(ORBIT_OPTIONS), field="guess")
     guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({_number(system, mode) for mode in chosen})
-    family = system.family(options)
+    family = system.family(ORBIT_OPTIONS)
     found: list[Equilibrium] = []
     failed: OrbitError | None = None
     for mode in numbers:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
+from types import UnionType
 from typing import Any
 
 import numpy as np
@@ -179,7 +180,7 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
 
 
-def check_kind(value: object, field: str, kind: type, allowed: str) -> None:
+def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:
     """Raise InvalidParameter unless `value` is of a kind."""
     if not isinstance(value, kind):
         raise InvalidParameter(field, value, allowed)

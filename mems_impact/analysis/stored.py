@@ -113,7 +113,7 @@ KINDS: tuple[type, ...] = (
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
     statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
     curve.Curve, verification.Verification, Balance, StationaryState, Equilibria, EquilibriumEvent,
-    equilibrium.Equilibrium, equilibria.EquilibriumPoint, equilibria.EquilibriumBranch,
+    equilibrium.Equilibrium, equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch,
 )  # fmt: skip
 for kind in KINDS:
     register(kind)

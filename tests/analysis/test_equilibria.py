@@ -220,3 +220,47 @@ def test_figure_of_a_branch():
     ]
     assert "section" not in ax.get_ylabel()
     assert "period" not in ax.get_ylabel()
+
+
+def normal_form(mode, t, y, p):
+    r = y.x * y.x + y.y * y.y
+    return p.a * y.x - p.w * y.y - y.x * r, p.w * y.x + p.a * y.y - y.y * r
+
+
+def test_cycles_that_are_born_at_a_hopf_point():
+    """Their radius is sqrt(a), their period 2 pi/w, their multiplier exp(-2 a period)."""
+    system = mi.System(states=("x", "y"), flow=normal_form, parameters={"a": -0.5, "w": 2.0})
+    (rest,) = mi.find_equilibria(system)
+    (hopf,) = mi.continue_equilibrium(rest, "a", 0.5).special_points
+    cycles = mi.switch_branch(hopf)
+    first, last = cycles.orbits[0], cycles.orbits[-1]
+    assert 0.0 < first.system.parameters["a"] < 1e-5
+    assert last.system.parameters["a"] == 0.5
+    assert last.stable
+    assert abs(math.hypot(last.state.x, last.state.y) - math.sqrt(0.5)) < 1e-10
+    assert abs(last.period - math.pi) < 1e-10
+    assert abs(last.multipliers[0] - math.exp(-math.pi)) < 1e-9
+    back = mi.continue_orbit(last, "a", -0.5)
+    assert "shrinks to an equilibrium" in back.ended
+    assert abs(back.orbits[-1].system.parameters["a"]) < 1e-4
+
+
+def test_unstable_cycles_of_lorenz_leave_its_hopf_point_downwards():
+    (first,) = mi.find_equilibria(LORENZ)
+    (hopf,) = mi.continue_equilibrium(first, "r", 30.0).special_points
+    cycles = mi.switch_branch(hopf, bounds=(22.0, 30.0))
+    assert cycles.ended == "r reached its bound"
+    assert cycles.orbits[-1].system.parameters["r"] == 22.0
+    assert not any(orbit.stable for orbit in cycles.orbits)
+    # The flow contracts volumes by exp(-(s + 1 + b) T), all multipliers together.
+    orbit = cycles.orbits[-1]
+    contraction = math.exp(-(10.0 + 1.0 + 8.0 / 3.0) * orbit.period)
+    assert abs(np.prod(orbit.multipliers).real / contraction - 1.0) < 1e-6
+
+
+def test_a_fold_bears_no_cycle():
+    system = one_state(lambda mode, t, y, p: (p.a + y.x * y.x,), a=-1.0)
+    lower = mi.find_equilibria(system, guess={"x": -1.0})[0]
+    (fold,) = mi.continue_equilibrium(lower, "a", 1.0, back=-1.0).special_points
+    with pytest.raises(mi.InvalidParameter, match="Hopf"):
+        mi.switch_branch(fold)
