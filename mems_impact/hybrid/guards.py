@@ -19,6 +19,8 @@ from mems_impact.hybrid.record import (
     NONE,
     ORDER,
     PASSED,
+    PAST,
+    RECORDS,
     SIZE,
     SLOPE,
     STAGE,
@@ -153,21 +155,40 @@ def violated(
 ) -> int:
     """Return the first guard, by order, that fires where the state is put; or NONE.
 
-    Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. The
-    guard `but` is left out, and those that have PASSED. Of impacts alone, those up to `after`, in
-    order, come last. Overwrites what `resolution` and `trend` do.
+    Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. Of
+    guards that only record, those fire whose margin has come there now. The guard `but` is left
+    out. Of impacts alone, those up to `after`, in order, come last. Overwrites what `resolution`
+    and `trend` do.
     """
     order = row(s, ORDER)
     resolution(engine, s, mode, t, y)
     first = behind = NONE
     for i in range(s.m):
-        if i != but and row(s, PASSED)[i] == 0 and fires(engine, s, mode, i, t, y):
+        if i != but and not has_passed(engine, s, mode, i, t) and fires(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
             behind_it = after != NONE and row(s, IMPACT)[i] == 1 and order[i] > order[after]
             if behind_it and (behind == NONE or order[i] < order[behind]):
                 behind = i
     return behind if behind != NONE and row(s, IMPACT)[first] == 1 else first
+
+
+def has_passed(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
+    """Return whether guard `i` only records, and its margin has not come to zero or below now.
+
+    After `resolution` of a state that a transition has left, PAST being the one before it, or that
+    is looked at again because of a margin in doubt.
+    """
+    looked, passed, g = row(s, LOOKED)[i], row(s, PASSED), row(s, G)
+    if row(s, RECORDS)[i] == 0:
+        return False
+    if looked > clearly(s, i):
+        passed[i] = 0.0
+    elif looked < -clearly(s, i) and passed[i] == 0 and contract.bias(engine, i) <= HAIR:
+        # Another mode may begin to watch it where it is negative already: that is no fall.
+        contract.margins(engine, mode, t, row(s, PAST), g)
+        passed[i] = 2.0 if g[i] > 0.0 else 1.0
+    return bool(passed[i] == 1)
 
 
 def fires(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
@@ -195,11 +216,16 @@ def clearly(s: Any, i: int) -> float:
 
 
 def inside(engine: Any, s: Any, t: float, y: Any) -> int:
-    """Return a gap that is clearly negative and does not open, as a start may be; or NONE."""
+    """Return a gap that is clearly negative and does not open, as a start may be; or NONE.
+
+    Where a run begins, guards that only record and are negative have PASSED.
+    """
     m = s.m
     looked = row(s, LOOKED)
     resolution(engine, s, s.mode, t, y)
     for i in range(m):
+        if s.arcs == 0 and row(s, RECORDS)[i] == 1 and looked[i] < -clearly(s, i):
+            row(s, PASSED)[i] = 1.0
         closed = row(s, IMPACT)[i] == 1 and looked[m + i] <= 0.0
         if closed and looked[i] < -clearly(s, i):
             return i

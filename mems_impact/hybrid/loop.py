@@ -220,20 +220,25 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     now, bend = row(s, NOW), row(s, BEND)
     contract.margins(engine, s.mode, s.t, y, now)
     # One that still falls has had its transition, which changed nothing: it is left alone. One that
-    # has been recorded falls no second time, though rounding may have left it above zero.
+    # has been recorded falls no second time, though rounding may have left it above zero; and below
+    # zero is where it may be.
     m, passed = s.m, row(s, PASSED)
     s.lifted = 0
     for i in range(m):
         bend[i] = 0.0
-        lift = now[i] <= 0.0 and now[m + i] >= 0.0
-        fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
-        passed[i] = 0.0
-        hair = HAIR if lift else -HAIR
-        contract.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        clear = False
         if now[i] < 0.0:
             resolution(engine, s, s.mode, s.t, y)
-            if now[i] < -clearly(s, i):
-                s.lifted = 1
+            clear = now[i] < -clearly(s, i)
+        below = clear and passed[i] == 1
+        lift = now[i] <= 0.0 and now[m + i] >= 0.0 and not below
+        fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
+        if lift:
+            passed[i] = 0.0
+        hair = HAIR if lift else -HAIR
+        contract.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        if clear and not below:
+            s.lifted = 1
     contract.restart(engine, s.mode, s.t, y, s.stop)
     s.restart = 0
     s.doubt = 0
@@ -276,9 +281,6 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
     """
     m = s.m
     looked, past, passed = row(s, LOOKED), row(s, PAST), row(s, PASSED)
-    if s.instant == 0:
-        for i in range(m):
-            passed[i] = 0.0
     s.restart = 1
     while guard != NONE:
         s.pending = guard
@@ -314,11 +316,8 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
                 return NOT_FINITE
             changed = changed or past[i] != y[i]
         note(s, s.t, kind, guard, mode, past, y)
-        for i in range(m):
-            if changed:
-                passed[i] = 0.0
-            elif i == guard:
-                passed[i] = row(s, RECORDS)[i]
+        if kind == TRANSITION:
+            passed[guard] = row(s, RECORDS)[guard]
         s.instant += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:

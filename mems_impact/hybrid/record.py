@@ -44,10 +44,11 @@ Y, OFFSET, MARK = 4, 5, 6
 # BEGIN with it, how long after that one, how fast the bodies separated, and how high the flights
 # have been since they began to shrink.
 HIT_TIME, HIT_INTERVAL, HIT_SPEED, HIT_REACH = 7, 8, 9, 10
-# Margins and rates where the last step began and where it ended, how fast the rates change, and 1
-# for a margin that may have been at zero in between.
+# Margins and rates where the last step began and where it ended, how fast the rates change, and for
+# a margin that may have been at zero in between the side of zero where it began, 1 or -1.
 THEN, NOW, BEND, SUSPECT = 11, 12, 13, 14
-# 1 for a guard that only records, and 1 while it has done so in this instant.
+# 1 for a guard that only records; and for such a one 1 from where its margin has fallen through
+# zero until it is above again, 2 where a transition has taken it there and it is to be recorded.
 RECORDS, PASSED = 15, 16
 # Scratch that is only good until the next call. A function says what it leaves there.
 G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(17, 29)

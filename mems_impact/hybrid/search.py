@@ -25,6 +25,7 @@ from mems_impact.hybrid.record import (
     NONE,
     NOW,
     ORDER,
+    PASSED,
     STATE,
     SUSPECT,
     THEN,
@@ -39,9 +40,10 @@ def look(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
     """Take down the margins where a step has ended; return whether anything may have fired in it.
 
     Which margins may have been at zero unseen, by values and rates at both ends, is left in
-    SUSPECT.
+    SUSPECT, with the side of zero on which they began.
     """
     then, now, bend, suspect = row(s, THEN), row(s, NOW), row(s, BEND), row(s, SUSPECT)
+    passed = row(s, PASSED)
     m, h = s.m, t - before
     for k in range(2 * m):
         then[k] = now[k]
@@ -57,10 +59,16 @@ def look(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
             bend[i] = max(abs(now[m + i] - then[m + i]) / h, 0.5 * bend[i])
             # A root is where the margin is zero but for what the engine tells roots apart.
             start, end = then[i] + bias, 0.0 if fired else now[i] + bias
-            stays_up = stays(start, then[m + i], end, now[m + i], h, bend[i])
-            if start >= 0.0 and end >= 0.0 and not stays_up:
-                suspect[i] = 1.0
+            side = -1.0 if passed[i] == 1 else 1.0
+            start, end = side * start, side * end
+            stays_there = stays(start, side * then[m + i], end, side * now[m + i], h, bend[i])
+            # One that may be below zero has come above it, and fallen, if it has not stayed there.
+            above = start >= 0.0 and end >= 0.0
+            if not stays_there and (above or side < 0.0):
+                suspect[i] = side
                 something = True
+        if now[i] + bias > 0.0:
+            passed[i] = 0.0
     return something
 
 
@@ -84,9 +92,9 @@ def first_guard(engine: Any, s: Any, status: int, before: float, t: float) -> tu
         fired = status == contract.ROOT and contract.fired(engine, i) < 0
         t_crossing = math.inf
         bias = contract.bias(engine, i)
-        if suspect[i] == 1.0:
+        if suspect[i] != 0.0:
             end = 0.0 if fired else now[i] + bias
-            t_crossing = hidden(engine, s, i, before, t, end)
+            t_crossing = hidden(engine, s, i, before, t, end, suspect[i])
         rate = 0.0
         if t_crossing == math.inf:
             if fired:
@@ -97,10 +105,11 @@ def first_guard(engine: Any, s: Any, status: int, before: float, t: float) -> tu
                 and contract.fired(engine, m + i) > 0
                 # Zero as well: CVODE stops where a margin and its rate are zero together.
                 and now[i] + bias <= 0.0
+                and row(s, PASSED)[i] != 1
             ):
                 # There may be another dip before this one.
                 end = now[i] + bias
-                t_crossing = hidden(engine, s, i, before, t, end)
+                t_crossing = hidden(engine, s, i, before, t, end, 1.0)
                 if t_crossing == math.inf:
                     t_crossing = crossing(engine, s, i, before, t)
         if t_crossing < math.inf and (
@@ -164,14 +173,16 @@ def hidden(
     before: float,
     t: float,
     end: float,
+    side: float,
 ) -> float:
     """Return when margin `i` first falls below zero inside the last step; infinity if it does not.
 
     A step of a flow that is nearly a polynomial may be long enough for two minima of a margin.
     What the margin may do between two instants is bounded by its values and rates there and by
     how much the rates change (`stays`): for most steps that says enough. This step is walked
-    through, in parts so short that the bound holds; its margin is `end` where it ends. Overwrites
-    STATE and, where it finds something, what `resolution` does.
+    through, in parts so short that the bound holds; its margin is `end` where it ends. One that
+    begins below zero (`side` -1) must come above it first: until then the same is asked of its
+    negative. Overwrites STATE and, where it finds something, what `resolution` does.
     """
     m = s.m
     then, now = row(s, THEN), row(s, NOW)
@@ -189,33 +200,35 @@ def hidden(
             contract.margins(engine, s.mode, b, y, g)
             g_b, r_b = g[i] + bias, g[m + i]
         curved = max(curved, abs(r_b - r_a) / (b - a))
-        sure = stays(g_a, r_a, abs(g_b), r_b, b - a, curved)
+        sure = stays(side * g_a, side * r_a, abs(g_b), side * r_b, b - a, curved)
         if b - a > finest and not sure:
             width *= 0.5
             continue
-        if not sure and r_a < 0.0 < r_b:
+        if not sure and side * r_a < 0.0 < side * r_b:
             # One closest approach, by the rates: the margin there decides.
-            low = lowest(engine, s, i, a, b)
-            contract.interpolate(engine, low, y)
-            contract.margins(engine, s.mode, low, y, g)
-            if g[i] + bias < min(0.0, g_b):
-                b, g_b, r_b = low, g[i] + bias, 0.0
-        if g_b < 0.0:
+            closest = closest_approach(engine, s, i, a, b, side)
+            contract.interpolate(engine, closest, y)
+            contract.margins(engine, s.mode, closest, y, g)
+            if side * (g[i] + bias) < min(0.0, side * g_b):
+                b, g_b, r_b = closest, g[i] + bias, 0.0
+        if side * g_b < 0.0:
             contract.interpolate(engine, b, y)
             resolution(engine, s, s.mode, b, y)
-            if g_b < -rounding_of(s, i):
+            crossed = side * g_b < -rounding_of(s, i)
+            if crossed and side > 0.0:
                 return crossing(engine, s, i, a, b)
-            a, g_a, r_a = b, 0.0, r_b
+            side = 1.0 if crossed else side
+            a, g_a, r_a = b, g_b if crossed else 0.0, r_b
         else:
             a, g_a, r_a = b, g_b, r_b
             width *= 2.0
     return math.inf
 
 
-def lowest(engine: Any, s: Any, i: int, a: float, b: float) -> float:
+def closest_approach(engine: Any, s: Any, i: int, a: float, b: float, side: float) -> float:
     """Bisect the rate of margin `i` on the last step, from falling at `a` to rising at `b`.
 
-    Overwrites STATE.
+    With `side` -1 that of its negative. Overwrites STATE.
     """
     g, y = row(s, G), row(s, STATE)
     for _ in range(80):
@@ -224,7 +237,7 @@ def lowest(engine: Any, s: Any, i: int, a: float, b: float) -> float:
             break
         contract.interpolate(engine, middle, y)
         contract.margins(engine, s.mode, middle, y, g)
-        if g[s.m + i] < 0.0:
+        if side * g[s.m + i] < 0.0:
             a = middle
         else:
             b = middle

@@ -72,6 +72,7 @@ class Engine(Functions):
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
         self._roots = roots
+        self._otherwise = -np.array(roots.direction)  # type: ignore[attr-defined]
         self._solver = CVODE(
             rhs,
             method=options.method,
@@ -139,9 +140,10 @@ class Engine(Functions):
         frozen = np.empty(2 * self.m + 1)
         self._roots(self._t, self._result.y, frozen)
         if self._result.status == contract.ROOT:
-            # A root that is exactly zero has been crossed.
-            zero = frozen == 0.0
-            frozen[zero] = 1e-300 * self._result.i_events[-1][zero]
+            # What is exactly zero has been crossed; if not told, in the direction not looked for.
+            crossed = np.array(self._result.i_events[-1])
+            crossed = np.where(crossed == 0, self._otherwise, crossed)
+            frozen = np.where(frozen == 0.0, 1e-300 * crossed, frozen)
         self._frozen = frozen
         y[: self.n] = self._solver.step(t, method="normal").y.tolist()
         self._solver.step(self._t, method="normal")

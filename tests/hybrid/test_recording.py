@@ -1,0 +1,80 @@
+"""Guards that only record: margins may be negative, and are told once where they fall there."""
+
+import math
+
+import pytest
+
+import mems_impact as mi
+
+WAYS = [mi.Options(engine="interpreted"), mi.Options(engine="interpreted", method="dop853")]
+LOW, HIGH = mi.modes("low", "high")
+
+
+def ramp(*guards, **more):
+    return mi.System(states=("s",), flow=lambda mode, t, y, p: (1.0,), guards=guards, **more)
+
+
+def at(name, level, transition=None, **more):
+    return mi.Guard(name, lambda mode, t, y, p: level - y.s, transition, **more)
+
+
+def told(run):
+    return list(zip(run.events["event"], run.events["t"].round(9), strict=True))
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+def test_one_that_starts_negative_waits_until_it_has_been_positive(options):
+    wave = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -y.x),
+        guards=[mi.Guard("falls", lambda mode, t, y, p: y.x)],
+        initial={"x": -1.0},
+        time_scale=100.0,
+    )
+    run = mi.simulate(wave, duration=13.0, options=options)
+    assert run.events["t"].to_numpy() == pytest.approx([1.5 * math.pi, 3.5 * math.pi], abs=1e-7)
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+def test_another_event_does_not_tell_it_again(options):
+    run = mi.simulate(ramp(at("a", 1.0), at("b", 2.0), at("c", 3.0)), duration=4.0, options=options)
+    assert told(run) == [("a", 1.0), ("b", 2.0), ("c", 3.0)]
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_a_transition_in_the_same_instant_does_not_tell_it_again(first):
+    change = at("change", 1.0, lambda mode, t, y, p: (HIGH, y), modes=(LOW,))
+    guards = [at("seen", 1.0), change] if first else [change, at("seen", 1.0)]
+    run = mi.simulate(ramp(*guards), duration=2.0, options=WAYS[1])
+    assert told(run) == [(guard.name, 1.0) for guard in guards]
+
+
+@pytest.mark.parametrize(("back", "count"), [(-3.0, 4), (0.5, 1)])
+def test_a_jump_takes_it_through_zero_or_leaves_it_below(back, count):
+    # The saw-tooth begins anew at `back` once it is at 1; what is told lies at 0.25.
+    again = at("again", 1.0, lambda mode, t, y, p: (mode, (p.back,)))
+    run = mi.simulate(ramp(again, at("seen", 0.25), parameters={"back": back}), duration=15.0,
+                      options=WAYS[1])  # fmt: skip
+    assert run.events["event"].tolist().count("seen") == count
+
+
+def test_a_jump_over_it_is_told_where_it_happens():
+    over = at("over", 1.0, lambda mode, t, y, p: (HIGH, (5.0,)), modes=(LOW,))
+    run = mi.simulate(ramp(at("seen", 3.0), over), duration=2.0, options=WAYS[1])
+    assert told(run) == [("over", 1.0), ("seen", 1.0)]
+
+
+def test_one_that_a_mode_begins_to_watch_below_zero_has_not_fallen():
+    change = at("change", 1.0, lambda mode, t, y, p: (HIGH, y), modes=(LOW,))
+    run = mi.simulate(ramp(at("seen", 0.5, modes=(HIGH,)), change), duration=2.0, options=WAYS[1])
+    assert told(run) == [("change", 1.0)]
+
+
+def test_two_falls_within_a_step_that_begins_and_ends_below():
+    def margin(mode, t, y, p):
+        return -(y.s - 1.0) * (y.s - 1.02) * (y.s - 2.0) * (y.s - 2.02)
+
+    run = mi.simulate(
+        ramp(mi.Guard("seen", margin), time_scale=50.0), duration=3.0, options=WAYS[1]
+    )
+    assert run.events["t"].to_numpy() == pytest.approx([1.02, 2.02], abs=1e-8)
