@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted, StiffnessWarning
+from mems_impact.errors import (
+    FunctionError,
+    InvalidParameter,
+    RunError,
+    RunInterrupted,
+    StiffnessWarning,
+)
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
@@ -180,6 +186,9 @@ class _Run:
             # The loop answers before Python hears of it, so that clock and buffers are whole.
             self._drain()
             raise RunInterrupted(self._trajectory(), self._done()) from None
+        except FunctionError as error:
+            self._drain()
+            raise self._ended_by(error.reason, error.remedy) from error
         finally:
             if self.on_stiff is None and self.bound.is_stiff():
                 warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
@@ -192,10 +201,13 @@ class _Run:
         """Write `values` to row `i` of the table."""
         self.table[i][: len(values)] = np.asarray(values, dtype=float).tolist()
 
+    def _local(self) -> Floats:
+        """Return the state as the functions see it."""
+        return np.array(self.table[record.Y][: self.clock["n"]], dtype=float)
+
     def _state(self) -> Floats:
         """Return the state, with what its cyclic components have gathered."""
-        y, offset = self.table[record.Y], self.table[record.OFFSET]
-        return np.add(y, offset)[: self.clock["n"]]
+        return self._local() + self.table[record.OFFSET][: self.clock["n"]]
 
     def _done(self) -> float:
         """Return the periods done so far."""
@@ -283,6 +295,24 @@ class _Run:
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+        if failure in (contract.NON_FINITE, contract.NO_GUARD) and status == loop.FAILED:
+            found = self._searched()
+            if found is not None:
+                reason, remedy = f"{reason}: {found.reason}", found.remedy
+        return self._ended_by(reason, remedy)
+
+    def _searched(self) -> FunctionError | None:
+        """Return what is wrong with flow or margins where the run has come to."""
+        from mems_impact.hybrid.faults import searched
+        from mems_impact.hybrid.tried import Point
+
+        clock, problem = self.clock, self.problem
+        point = Point(int(clock["mode"]), float(clock["t"]), self._local().tolist())
+        return searched(problem.automaton, np.asarray(problem.parameters).tolist(), point)
+
+    def _ended_by(self, reason: str, remedy: str) -> RunError:
+        """Return the error that ends the run, with what was computed."""
+        automaton = self.problem.automaton
         trajectory = self._trajectory()
         final = trajectory.final
         return RunError(
