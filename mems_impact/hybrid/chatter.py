@@ -64,6 +64,9 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     if remaining > 0.0:
         # On average over the impacts that are left, the bodies keep in touch.
         contract.transition(engine, mode, code, t, entered)
+        if not finite(s, entered):
+            remaining = 0.0  # no way to go on from there, as the caller finds
+    if remaining > 0.0:
         # The closing acceleration changes a little, and has done so in the last flight: that is
         # in its length and in the ratio of its speeds. To first order, all of it together is this.
         follow(engine, s, mode, t, entered, remaining, left)
@@ -87,6 +90,14 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         s.instant = 0
     s.t = t
     return True
+
+
+def finite(s: Any, y: Any) -> bool:
+    """Return whether all of a state are finite numbers."""
+    all_are = True
+    for j in range(s.n):
+        all_are = all_are and math.isfinite(y[j])
+    return all_are
 
 
 def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[float, float]:
@@ -160,9 +171,8 @@ def carry(engine: Any, s: Any, t: float, remaining: float, guard: int) -> bool:
     entered, left, g = row(s, ENTERED), row(s, LEFT), row(s, G)
     mode = s.mode
     follow(engine, s, mode, t, entered, remaining, left)
-    for j in range(s.n):
-        if not math.isfinite(left[j]):
-            return False
+    if not finite(s, left):
+        return False
     ended = violated(engine, s, mode, t + remaining, left, guard, NONE)
     if ended == NONE:
         return True

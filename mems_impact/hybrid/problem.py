@@ -84,6 +84,8 @@ class Problem:
     refusal: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.options, Options):
+            raise InvalidParameter("options", self.options, "Options(…)")
         if not (math.isfinite(self.period) and self.period > 0.0):
             raise InvalidParameter(field="period", value=self.period, allowed="finite and above 0")
         times = (0.0, *self.switches)

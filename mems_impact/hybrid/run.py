@@ -72,8 +72,9 @@ def run(
     RunInterrupted
         On Ctrl-C, with what was computed.
     """
-    if not (math.isfinite(periods) and periods > 0.0):
-        raise InvalidParameter(field="periods", value=periods, allowed="finite and above 0")
+    if not 0.0 < periods <= MAX_CYCLE:
+        allowed = f"above 0 and up to {MAX_CYCLE:g}"
+        raise InvalidParameter(field="periods", value=periods, allowed=allowed)
     automaton = problem.automaton
     if np.shape(start.y) != (len(automaton.states),):
         allowed = f"one number for each of {', '.join(automaton.states)}"
@@ -292,6 +293,13 @@ class _Run:
                 "check the transition and the parameters",
             ),
         }[status]
+        guards = automaton.guards
+        at_guard = status == loop.EVENT_BUDGET and failure < len(guards)
+        if at_guard and instant > 1 and not guards[failure].impact:
+            remedy = (
+                f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
+                "lead to a mode in which it does not watch: while its margin falls it fires again"
+            )
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"

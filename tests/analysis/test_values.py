@@ -282,7 +282,8 @@ MODES = ("free", "held")
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"states": ("x", "w"), "flow": swinging, "guards": (), "observables": ()}, "states are x, w"),
+        ({"states": ("x", "w"), "flow": swinging, "guards": (), "observables": ()},
+         "states are x, w"),
         ({"parameters": {"A": 0.6, "omega": 0.8}, "flow": driven, "guards": BOTH, "modes": MODES},
          "parameters are A, omega"),
         ({"guards": [mi.Impact("wall", gap, rebound)], "modes": ("free", "held")}, "guards"),

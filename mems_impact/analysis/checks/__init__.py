@@ -11,6 +11,7 @@ import contextlib
 from collections.abc import Sequence
 from typing import Any
 
+from mems_impact.analysis.checks.effects import check_effects
 from mems_impact.analysis.checks.short import Clock, Short
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.terms import Terms
@@ -43,6 +44,7 @@ def check(system: Terms, definition: Definition, problem: Problem, *, meant: boo
     InvalidParameter
         If the start is not one of the system's, or is meant and lies beyond an impact.
     """
+    check_effects(definition)
     tried, start = _tried(definition, problem), _start(system, problem)
     observables: Sequence[Observable] = vars(system)["observables"]
     seen: set[int] = set()

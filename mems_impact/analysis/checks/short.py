@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 from mems_impact.analysis.checks.rates import check_jacobian, check_rate, rate_of
 from mems_impact.analysis.checks.times import check_times
@@ -24,7 +25,8 @@ UNITS = 8.0  # length of the run, in its time scale
 CLOSE = 1e-3  # error of a step, of its length
 LOOKED = 6  # points at which times and rates are compared, a mode
 INSTANT = 100  # times that one guard may fire in one instant
-WEAK = 1e-4  # flights of this part of the time scale are the end of a sequence of impacts
+WEAK = 1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
+SEQUENCE = 3  # flights
 ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
 BISECTIONS = 50
 
@@ -58,7 +60,7 @@ class Short:
         self.guards = tried.definition.guards
         self.calls = CALLS * FEW // max(FEW, tried.n)
         self.looked: dict[int, int] = {}
-        self.last_hit: dict[int, float] = {}
+        self.hits: dict[int, list[float]] = {}
 
     def go(self, start: Point, *, meant: bool) -> None:
         """Run from `start`.
@@ -150,7 +152,7 @@ class Short:
                 continue
             there, ahead, error = step
             later = self.margins(there)
-            fallen = [i for i in now if now[i] > 0.0 and later[i] <= 0.0]
+            fallen = [i for i in now if later[i] <= 0.0 and self.above(i, now[i], at, slope)]
             if fallen:
                 i, there = self.crossing(fallen, at, slope, there, ahead)
                 there = self.resolve(i, there)
@@ -165,6 +167,10 @@ class Short:
             at, slope, now = there, ahead, later
             self.look(at, slope)
             h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
+
+    def above(self, i: int, margin: float, at: Point, slope: list[float]) -> bool:
+        """Return whether a margin is positive, or about to be."""
+        return margin > 0.0 or self.rate(i, at, slope) > 0.0
 
     def step(
         self, at: Point, k1: list[float], h: float, stop: float
@@ -227,12 +233,7 @@ class Short:
     def resolve(self, i: int, at: Point) -> Point:
         """Carry out the transitions of an instant, beginning with guard `i`."""
         guard, fired = self.guards[i], 0
-        since, self.last_hit[i] = at.t - self.last_hit.get(i, -math.inf), at.t
-        kind = "transition"
-        if guard.impact and 0.0 <= since < WEAK * self.clock.unit:
-            if guard.rest is None:
-                raise Undefined(FunctionError("", "", ""))
-            kind = "rest"
+        kind = "rest" if guard.impact and guard.rest and self.accumulates(i, at) else "transition"
         while guard.transition is not None:
             before = self.rate(i, at, self.tried.flow(at))
             mode, y = self.tried.transition(kind, i, at)
@@ -245,6 +246,13 @@ class Short:
                 raise self.still_falling(i, kind, after)
             at = after
         return at
+
+    def accumulates(self, i: int, at: Point) -> bool:
+        """Note an impact; return whether it is the last but infinitely many of a sequence."""
+        hits = self.hits[i] = [*self.hits.get(i, []), at.t][-SEQUENCE - 1 :]
+        flights = [later - earlier for earlier, later in pairwise(hits)]
+        shrinking = all(0.0 < short < long for long, short in pairwise(flights))
+        return len(flights) == SEQUENCE and shrinking and flights[-1] < WEAK * self.clock.unit
 
     def falls(self, i: int, at: Point, before: float) -> bool:
         """Return whether a guard fires again after its transition."""
