@@ -17,6 +17,7 @@ __all__ = [
     "EngineUnavailable",
     "FileNotWritten",
     "FitWarning",
+    "FunctionError",
     "FunctionsMissing",
     "Interrupted",
     "InvalidFile",
@@ -121,6 +122,35 @@ class InvalidFile(MemsImpactError, ValueError):
         super().__init__(f"{_label(self.path)}: {reason}; {remedy}")
 
 
+class FunctionError(MemsImpactError, TypeError):
+    """A function of a system does not do what the package asks of it.
+
+    Parameters
+    ----------
+    role : str
+        What the function is of the system, and its name: ``"flow 'fall'"``.
+    problem : str
+        What it does, worded to follow `role`.
+    remedy : str
+        What to do about it.
+    file : str, optional
+        Where the function, or the line that fails, stands.
+    line : int, optional
+    """
+
+    def __init__(self, role: str, problem: str, remedy: str, file: str = "", line: int = 0) -> None:
+        self.role, self.problem, self.remedy = role, problem, remedy
+        self.file, self.line = file, line
+        super().__init__(f"{self.reason}; {remedy}")
+
+    @property
+    def reason(self) -> str:
+        """The sentence without its remedy."""
+        name = self.file.replace("\\", "/").rpartition("/")[2]
+        place = f" ({_label(name)}, line {self.line})" if name else ""
+        return " ".join(f"{self.role}{place} {self.problem}".split())
+
+
 class FunctionsMissing(MemsImpactError, RuntimeError):
     """What is asked for needs the functions of a system, and a result was loaded without them.
 
@@ -151,11 +181,6 @@ class FileNotWritten(MemsImpactError):
         What happened.
     remedy : str
         What to do about it.
-
-    Attributes
-    ----------
-    path, reason, remedy : str
-        As given.
     """
 
     def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
@@ -225,11 +250,6 @@ class EngineUnavailable(MemsImpactError, ImportError):
         What is missing or does not fit.
     remedy : str
         What to do about it.
-
-    Attributes
-    ----------
-    reason, remedy : str
-        As given.
     """
 
     def __init__(self, reason: str, remedy: str) -> None:
@@ -259,11 +279,6 @@ class RunInterrupted(Interrupted):
         What was computed up to the interruption.
     periods : float
         Periods that were done.
-
-    Attributes
-    ----------
-    trajectory, periods
-        As given.
     """
 
     def __init__(self, trajectory: object, periods: float) -> None:
@@ -282,11 +297,6 @@ class SweepInterrupted(Interrupted):
         The table of the values that were done.
     done, total : int
         Number of values that were done, and of all.
-
-    Attributes
-    ----------
-    table, done, total
-        As given.
     """
 
     def __init__(self, table: object, done: int, total: int) -> None:
@@ -307,11 +317,6 @@ class ChartInterrupted(Interrupted):
     done, total : int
         Number of boundaries that were done, and of all; the latter is 0 as long as the types of
         the range, and so their number, were not known.
-
-    Attributes
-    ----------
-    chart, done, total
-        As given.
     """
 
     def __init__(self, chart: object, done: int, total: int) -> None:

@@ -20,6 +20,7 @@ from mems_impact.actuator.modes import (
     X2,
     actuator_automaton,
     direction_of,
+    side_of,
 )
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
@@ -38,6 +39,7 @@ from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["ActuatorSystem", "kicked"]
 
+TOUCHING = 1e-9  # of delta: scaling may round a block on its stopper
 IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
 
 
@@ -268,6 +270,20 @@ class ActuatorSystem(System):
         x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
         if not abs(x2) <= delta:
             raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
+        if state.mode is not None:
+            self._check_mode(state)
+
+    def _check_mode(self, state: State) -> None:
+        """Raise InvalidParameter unless the velocities of a state are those of its mode."""
+        mode = self._mode_number(state.mode if state.mode is not None else 0)
+        values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
+        direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
+        v1, resting = values["v1"], values["v2"] == 0.0
+        at_stopper = abs(values["x2"] - side * delta) <= TOUCHING * delta
+        fits = v1 == 0.0 if direction == 0 else direction * v1 >= 0.0
+        if not (fits and (side == 0 or (resting and at_stopper))):
+            problem = f"does not fit {state!r}; leave it out, then it follows from the state"
+            raise InvalidParameter("mode", state.mode, "", problem=problem)
 
     def state_of(self, instant: Instant) -> State:
         """Return an instant as a state in the device's units."""

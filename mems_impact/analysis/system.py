@@ -7,16 +7,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mems_impact.analysis import given
+from mems_impact.analysis import checks, given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.state import State, is_number, state_from
+from mems_impact.analysis.state import State
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
 from mems_impact.analysis.terms import Terms
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
@@ -85,6 +84,8 @@ class System(Terms):
     ------
     InvalidParameter
         If names repeat, or a name, a number or a function is missing or of the wrong kind.
+    FunctionError
+        If a function does not do what it must, as far as a short run meets it.
 
     Examples
     --------
@@ -127,29 +128,28 @@ class System(Terms):
         time_scale: Number | None = None,
         name: str = "",
     ) -> None:
-        if isinstance(states, int):
-            states = tuple(f"u{i}" for i in range(states))
-        states = tuple(states)
-        guards = given.guards(guards)
-        self.name = name
+        names, flow = given.states(states), given.flow(flow)
+        guards = given.guards(guards, given.changing(flow))
+        self.name = str(name)
         self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
         self._definition = Definition(
-            states=states,
+            states=names,
             modes=given.mode_names(modes, guards),
             parameters=tuple(self._parameters),
-            flow=given.function("flow", flow),
+            flow=flow,
             guards=guards,
-            settle=settle,
-            jacobian=jacobian,
-            cyclic=tuple(given.place("cyclic", state, states) for state in cyclic),
+            settle=given.optional("settle", settle, *given.changing(flow)),
+            jacobian=given.optional("jacobian", jacobian, *given.ARGUMENTS, "J"),
+            cyclic=given.places("cyclic", cyclic, names),
         )
-        self._section = given.section(section, states)
-        self._units = dict(units or {})
-        self.observables = tuple(observables)
-        self._initial = initial if isinstance(initial, State) else state_from(initial or {})
-        self._check_state("initial", self._initial)
-        self.automaton  # noqa: B018 - the text is put together now: wrong names are told at once
+        self._section = given.section(section, names)
+        self.observables = given.observables(observables, names, guards)
+        quantities = (each.name for each in self.observables)
+        self._units = given.units(units, (*names, *self._parameters, *quantities))
+        self._initial = given.initial(initial)
+        problem = self.problem(Options())
+        checks.check(self, self._definition, problem, meant=initial is not None)
 
     # What each kind of system has in its own way; the actuator's stands in its own room.
 
@@ -239,23 +239,22 @@ class System(Terms):
             a parameter at the end of its range look beyond it, as do trial steps.
         """
         p = self._named({**self._parameters, **(changes or {})}.values())
-        period = self._value_of(self._period, p)
-        scale = self._value_of(self._time_scale, p)
+        period = given.number("period", self._period, p)
+        scale = given.number("time_scale", self._time_scale, p)
         tail = np.zeros(hidden_parameters(self._definition))
         unit = scale if scale is not None else period if period is not None else 1.0
         tail[0] = RATE_STEP * unit
-        switches = self._switches(p) if callable(self._switches) else self._switches
         return Numbers(
             parameters=np.concatenate([np.array(p, dtype=float), tail]),
             period=period if period is not None else unit,
-            switches=tuple(float(time) for time in switches),
+            switches=given.times("switches", self._switches, p),
             time_scale=scale,
         )
 
     @property
     def forcing_period(self) -> float | None:
         """The forcing period; None for a system without forcing."""
-        return self._value_of(self._period, self._named(self._parameters.values()))
+        return given.number("period", self._period, self._named(self._parameters.values()))
 
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state whose mode is not given; `y` may be put right."""
@@ -265,7 +264,9 @@ class System(Terms):
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         other = self._copy()
         vars(other)["_unended"] = self
-        other._definition = ending(self._definition, given.function("until", until))
+        given.function("until", until, *given.ARGUMENTS)
+        other._definition = ending(self._definition, until)
+        checks.check_end(self, other._definition, self.problem(Options()))
         return other
 
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
@@ -389,9 +390,3 @@ class System(Terms):
         if writes_into_arrays(self._definition.flow):
             return y.tolist()
         return named("State", self.states)(*y.tolist())
-
-    def _value_of(self, number: Number | None, p: Any) -> float | None:
-        value = number(p) if callable(number) else number
-        if value is not None and not is_number(value):
-            raise InvalidParameter("period or time_scale", value, "a finite number")
-        return None if value is None else float(value)

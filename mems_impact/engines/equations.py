@@ -22,6 +22,8 @@ class Equations:
     parameters : array_like of float
     section : tuple (component, level, direction), optional
         Crossings of ``y[component] = level`` that are reported as the last root function.
+    bounds : bool, optional
+        Whether compiled functions are kept from reading and writing beyond their arrays.
     """
 
     flow: Callable[..., Any]
@@ -32,6 +34,7 @@ class Equations:
     parameters: Any
     jacobian: Callable[..., Any] | None = None
     section: tuple[int, float, int] | None = None
+    bounds: bool = True
 
     @property
     def crossing(self) -> tuple[int, float, int]:

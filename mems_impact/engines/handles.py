@@ -16,6 +16,7 @@ from numba.extending import overload
 from mems_impact.engines import contract
 from mems_impact.engines.compiling import INNER, JIT, data, integers, pointer
 from mems_impact.engines.equations import Equations
+from mems_impact.engines.faults import HEAD, Fault, fault_in
 from mems_impact.engines.kernels import call_kernel, kernels
 from mems_impact.engines.snapshot import mark_overloaded
 
@@ -34,12 +35,17 @@ class HandleOwner:
 
     def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, Any]) -> None:
         n, m = equations.n, equations.m
-        self._kernels = kernels(equations.flow, equations.margins, equations.transition, n, m)
+        flow, margins, transition = equations.flow, equations.margins, equations.transition
+        self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
+        numbers = np.array(equations.parameters, dtype=float)
+        # The kernels note behind the parameters where they fail.
+        memory = np.concatenate([numbers, np.zeros(HEAD + n)])
+        self._note = memory[numbers.size :]
         # The handle holds addresses of these arrays; they live as long as the engine.
         self._arrays = {
             "y": np.zeros(n),
             "bias": np.zeros(m),
-            "parameters": np.array(equations.parameters, dtype=float),
+            "parameters": memory,
             "fired": np.zeros(2 * m + 1, dtype=np.int32),
             **arrays,
         }
@@ -49,11 +55,17 @@ class HandleOwner:
             handle[name] = array.ctypes.data
         # By its name as an attribute, a field takes ten times as long.
         handle["n"], handle["m"] = n, m
-        handle["parameter_count"] = self._arrays["parameters"].size
+        handle["parameter_count"] = numbers.size
         handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address
         handle["transition"] = self._kernels.transition.address
+
+    def fault(self) -> Fault | None:
+        """Return the first call of a function that failed, and forget it."""
+        fault = fault_in(self._note)
+        self._note[0] = 0.0
+        return fault
 
 
 def is_handle(kind: Any) -> bool:

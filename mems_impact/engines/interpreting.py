@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.engines.equations import Equations
+from mems_impact.engines.faults import FLOW, MARGINS, NO_MODE, TRANSITION, Fault
 
 # What Python raises where compiled code goes on with infinity or not-a-number.
 _DOMAIN = (ArithmeticError, ValueError)
@@ -19,10 +20,8 @@ def scalars(y: Any, n: int) -> list[float]:
 
 
 def _real(values: list[Any]) -> list[float]:
-    try:
-        return [float(value) for value in values]
-    except TypeError:  # a root of a negative number is complex
-        return [math.nan] * len(values)
+    # A root of a negative number is complex.
+    return [math.nan if isinstance(value, complex) else float(value) for value in values]
 
 
 class Functions:
@@ -39,16 +38,30 @@ class Functions:
         self.n, self.m = equations.n, equations.m
         self.parameters: list[float] = np.asarray(equations.parameters, dtype=float).tolist()
         self.bias = np.zeros(equations.m)
+        self._fault: Fault | None = None
+
+    def fault(self) -> Fault | None:
+        """Return the first call of a function that failed, and forget it."""
+        fault, self._fault = self._fault, None
+        return fault
+
+    def note(self, role: int, mode: int, code: int, t: float, y: Any) -> None:
+        """Note a call that failed, if it is the first."""
+        if self._fault is None:
+            self._fault = Fault(role, int(mode), code, float(t), np.array(y[: self.n], dtype=float))
 
     def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
         """Write the derivative of the state in `mode` into `dy`."""
         n = self.n
-        slope = [0.0] * n
+        slope = [math.nan] * n  # what is never written is found out
         try:
             self._flow(mode, t, scalars(y, n), self.parameters, slope)
+            dy[:n] = _real(slope)
         except _DOMAIN:
-            slope = [math.nan] * n
-        dy[:n] = _real(slope)
+            dy[:n] = [math.nan] * n
+        except Exception:
+            self.note(FLOW, mode, 0, t, y)
+            dy[:n] = [math.nan] * n
 
     def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
         """Write the m margins, then their m rates, into `out`."""
@@ -56,13 +69,20 @@ class Functions:
         g, r = [1.0] * m, [1.0] * m
         try:
             self._margins(mode, t, scalars(y, self.n), self.parameters, g, r)
+            out[: 2 * m] = _real(g) + _real(r)
         except _DOMAIN:
-            g = r = [math.nan] * m
-        out[: 2 * m] = _real(g) + _real(r)
+            out[: 2 * m] = [math.nan] * (2 * m)
+        except Exception:
+            self.note(MARGINS, mode, 0, t, y)
+            out[: 2 * m] = [math.nan] * (2 * m)
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
         after = np.array(y[: self.n])  # what it may compute beyond the numbers does not raise
-        mode = int(self._transition(mode, code, t, after, self.parameters))
+        try:
+            mode = int(self._transition(mode, code, t, after, self.parameters))
+        except Exception:
+            self.note(TRANSITION, mode, code, t, y)
+            return NO_MODE
         y[: self.n] = after.tolist()
         return mode

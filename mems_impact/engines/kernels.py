@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from functools import cache
@@ -10,10 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, register_jitable
 
 from mems_impact.engines.cache import compile_callback
-from mems_impact.engines.compiling import WORD, array, matrix
+from mems_impact.engines.compiling import INNER, JIT, WORD, array, matrix
+from mems_impact.engines.faults import FLOW, HEAD, JACOBIAN, MARGINS, NO_MODE, TRANSITION
 from mems_impact.engines.snapshot import Snapshot, take
 
 # One signature for all functions of an automaton, arrays being addresses:
@@ -82,22 +84,50 @@ def kernels(
     transition: Callable[..., Any],
     n: int,
     m: int,
+    bounds: bool = True,
 ) -> Kernels:
     """Compile the functions of an automaton with `n` states and `m` guards to C functions.
 
-    They are compiled anew if anything that they draw on has changed since.
+    They are compiled anew if anything that they draw on has changed since. With `bounds` they read
+    and write nothing beyond arrays. Behind the parameters there is room for a note
+    (`mems_impact.engines.faults`) of HEAD + n numbers.
     """
     snapshot = take(flow, margins, transition)
     with _compiling:
-        return _kernels(snapshot, n, m)
+        return _kernels(snapshot, n, m, bounds)
+
+
+@register_jitable(**JIT, **INNER)
+def note(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
+    """Note a call that failed behind the parameters, if it is the first."""
+    record, state = array(p + WORD * size, HEAD + n), array(y, n)
+    if record[0] == 0.0:
+        record[0] = role
+        record[1] = mode
+        record[2] = code
+        record[3] = t
+        for i in range(n):
+            record[HEAD + i] = state[i]
+
+
+@register_jitable(**JIT, **INNER)
+def no_numbers(values):  # type: ignore[no-untyped-def]
+    """Fill an array with what is told from every result."""
+    for i in range(values.size):
+        values[i] = math.nan
 
 
 @cache
-def _kernels(snapshot: Snapshot, n: int, m: int) -> Kernels:
-    flow, margins, transition = snapshot.frozen()
+def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
+    flow, margins, transition = snapshot.frozen(boundscheck=bounds)
 
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        flow(mode, t, array(y, n), array(p, size), array(out, n))
+        no_numbers(array(out, n))  # what is never written is found out
+        try:
+            flow(mode, t, array(y, n), array(p, size), array(out, n))
+        except Exception:
+            note(FLOW, mode, code, t, y, p, size, n)
+            no_numbers(array(out, n))
         return mode
 
     def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
@@ -105,18 +135,24 @@ def _kernels(snapshot: Snapshot, n: int, m: int) -> Kernels:
         for i in range(m):
             g[i] = 1.0
             r[i] = 1.0
-        margins(mode, t, array(y, n), array(p, size), g, r)
+        try:
+            margins(mode, t, array(y, n), array(p, size), g, r)
+        except Exception:
+            note(MARGINS, mode, code, t, y, p, size, n)
+            no_numbers(g)
         return mode
 
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        return transition(mode, code, t, array(y, n), array(p, size))
+        try:
+            return transition(mode, code, t, array(y, n), array(p, size))
+        except Exception:
+            note(TRANSITION, mode, code, t, y, p, size, n)
+        return NO_MODE
 
-    name = f"{snapshot.name}_{n}_{m}"
-    return Kernels(
-        _kernel(flow_kernel, name, snapshot.lasting),
-        _kernel(margins_kernel, name, snapshot.lasting),
-        _kernel(transition_kernel, name, snapshot.lasting),
-    )
+    name = f"{snapshot.name}_{n}_{m}_{bounds:d}"
+    kept = name if snapshot.lasting else None
+    made = [_kernel(each, name, kept) for each in (flow_kernel, margins_kernel, transition_kernel)]
+    return Kernels(*made)
 
 
 def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
@@ -128,16 +164,20 @@ def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
 
 @cache
 def _jacobian(snapshot: Snapshot, n: int) -> Any:
-    (jacobian,) = snapshot.frozen()
+    (jacobian,) = snapshot.frozen(boundscheck=True)
 
     def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
+        try:
+            jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
+        except Exception:
+            note(JACOBIAN, mode, code, t, y, p, size, n)
         return mode
 
-    return _kernel(jacobian_kernel, f"{snapshot.name}_{n}", snapshot.lasting)
+    name = f"{snapshot.name}_{n}"
+    return _kernel(jacobian_kernel, name, name if snapshot.lasting else None)
 
 
-def _kernel(function: Callable[..., Any], name: str, lasting: bool) -> Any:
+def _kernel(function: Callable[..., Any], name: str, kept: str | None) -> Any:
     # Symbols of compiled code carry this name: automata that meet in a process must not share.
     function.__qualname__ += f"_{name}"
-    return compile_callback(function, KERNEL, name if lasting else None)
+    return compile_callback(function, KERNEL, kept)

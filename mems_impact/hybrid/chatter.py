@@ -66,6 +66,8 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         past[j] = y[j]
         entered[j] = y[j]
     touch = contract.transition(engine, mode, code, t, entered)
+    if not finite(s, entered):
+        remaining = 0.0  # no way to go on from there, as the caller finds
     if remaining > 0.0:
         # Every flight leaves the gap as it was. So on average the bodies move as if they were in
         # touch already, where there is a mode in which they are.
@@ -98,6 +100,14 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         s.instant = 0
     s.t = t
     return True
+
+
+def finite(s: Any, y: Any) -> bool:
+    """Return whether all of a state are finite numbers."""
+    all_are = True
+    for j in range(s.n):
+        all_are = all_are and math.isfinite(y[j])
+    return all_are
 
 
 def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[float, float]:
@@ -184,9 +194,8 @@ def carry(engine: Any, s: Any, t: float, remaining: float, guard: int) -> bool:
     entered, left, g = row(s, ENTERED), row(s, LEFT), row(s, G)
     mode = s.mode
     follow(engine, s, mode, t, entered, remaining, left)
-    for j in range(s.n):
-        if not math.isfinite(left[j]):
-            return False
+    if not finite(s, left):
+        return False
     ended = violated(engine, s, mode, t + remaining, left, guard, NONE)
     if ended == NONE:
         return True

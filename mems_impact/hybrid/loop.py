@@ -14,11 +14,10 @@ completes sequences of impacts; `record` holds what the loop remembers.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from mems_impact.engines import contract
-from mems_impact.hybrid.chatter import complete_chatter
+from mems_impact.hybrid.chatter import complete_chatter, finite
 from mems_impact.hybrid.guards import (
     HAIR,
     clearly,
@@ -310,10 +309,10 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
         if not 0 <= s.mode < s.modes:
             s.failure, s.mode = s.mode, mode
             return NO_SUCH_MODE
+        if not finite(s, y):
+            return NOT_FINITE
         changed = mode != s.mode
         for i in range(s.n):
-            if not math.isfinite(y[i]):
-                return NOT_FINITE
             changed = changed or past[i] != y[i]
         note(s, s.t, kind, guard, mode, past, y)
         if kind == TRANSITION:
@@ -335,6 +334,8 @@ def resolve(engine: Any, s: Any, y: Any, guard: int) -> int:
                 s.rows -= 1  # the end of the sequence, which led nowhere
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
+            if not finite(s, y):
+                return NOT_FINITE
             guard = violated(engine, s, s.mode, s.t, y, NONE, after)
         if not changed and kind != SWITCH and row(s, RECORDS)[struck] == 0:
             # Nothing moved: looking again would find the same.

@@ -84,6 +84,8 @@ class Problem:
     refusal: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.options, Options):
+            raise InvalidParameter("options", self.options, "Options(…)")
         if not (math.isfinite(self.period) and self.period > 0.0):
             raise InvalidParameter(field="period", value=self.period, allowed="finite and above 0")
         times = (0.0, *self.switches)
@@ -147,6 +149,8 @@ def bind(problem: Problem) -> Bound:
     EngineUnavailable
         If the compiled engine is asked for and can't be had. With engine="auto" the interpreted
         one takes over, with an `EngineFallbackWarning`.
+    FunctionError
+        If a function cannot be compiled; later, by a call, if one fails.
     FunctionsMissing
         If the problem has no functions.
     """
@@ -162,17 +166,18 @@ def bind(problem: Problem) -> Bound:
         m=len(automaton.guards),
         parameters=problem.parameters,
         section=problem.section,
+        bounds=automaton.bounds,
     )
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):
         try:
-            return _compiled(equations, options, max_step)
+            return _compiled(automaton, equations, options, max_step)
         except EngineUnavailable as error:
             if options.engine == "compiled":
                 raise
             message = f"{error}; falling back to the interpreted engine, which is far slower"
             warnings.warn(message, EngineFallbackWarning, stacklevel=5)
-    return _interpreted(equations, options, max_step)
+    return _interpreted(automaton, equations, options, max_step)
 
 
 def is_compiled(options: Options) -> bool:
@@ -191,13 +196,27 @@ def _module(form: str, options: Options) -> Any:
     return import_module(f"mems_impact.engines.{FOLDERS[options.method]}.{form}")
 
 
-def _compiled(equations: Equations, options: Options, max_step: float) -> Bound:
+def _compiled(
+    automaton: Automaton, equations: Equations, options: Options, max_step: float
+) -> Bound:
     from mems_impact.hybrid import native
 
-    engine = _module("compiled", options).Engine(equations, options, max_step)
+    module = _module("compiled", options)
+    module.prepare()
+    try:
+        engine = module.Engine(equations, options, max_step)
+    except Exception as error:  # numba raises what it likes
+        from mems_impact.hybrid.compiled import refused
+
+        refusal = refused(automaton, error)
+        if refusal is None:
+            raise
+        raise refusal from error
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
-        return native.compiled(function)(engine.handle, *rest)
+        result = native.compiled(function)(engine.handle, *rest)
+        _look_for_fault(engine, automaton, equations)
+        return result
 
     def table(rows: int, width: int) -> Any:
         return np.zeros((rows, width))
@@ -223,11 +242,24 @@ class _Fields(SimpleNamespace):
         setattr(self, name, value)
 
 
-def _interpreted(equations: Equations, options: Options, max_step: float) -> Bound:
+def _look_for_fault(engine: Any, automaton: Automaton, equations: Equations) -> None:
+    """Raise FunctionError if a function has failed."""
+    fault = engine.fault()
+    if fault is not None:
+        from mems_impact.hybrid.faults import explained
+
+        raise explained(automaton, np.asarray(equations.parameters).tolist(), fault)
+
+
+def _interpreted(
+    automaton: Automaton, equations: Equations, options: Options, max_step: float
+) -> Bound:
     engine = _module("interpreted", options).Engine(equations, options, max_step)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
-        return function(engine, *rest)
+        result = function(engine, *rest)
+        _look_for_fault(engine, automaton, equations)
+        return result
 
     def table(rows: int, width: int) -> Any:
         return [[0.0] * width for _ in range(rows)]

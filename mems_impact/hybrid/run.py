@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted, StiffnessWarning
+from mems_impact.errors import (
+    FunctionError,
+    InvalidParameter,
+    RunError,
+    RunInterrupted,
+    StiffnessWarning,
+)
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
@@ -66,8 +72,9 @@ def run(
     RunInterrupted
         On Ctrl-C, with what was computed.
     """
-    if not (math.isfinite(periods) and periods > 0.0):
-        raise InvalidParameter(field="periods", value=periods, allowed="finite and above 0")
+    if not 0.0 < periods <= MAX_CYCLE:
+        allowed = f"above 0 and up to {MAX_CYCLE:g}"
+        raise InvalidParameter(field="periods", value=periods, allowed=allowed)
     automaton = problem.automaton
     if np.shape(start.y) != (len(automaton.states),):
         allowed = f"one number for each of {', '.join(automaton.states)}"
@@ -181,6 +188,9 @@ class _Run:
             # The loop answers before Python hears of it, so that clock and buffers are whole.
             self._drain()
             raise RunInterrupted(self._trajectory(), self._done()) from None
+        except FunctionError as error:
+            self._drain()
+            raise self._ended_by(error.reason, error.remedy) from error
         finally:
             if self.on_stiff is None and self.bound.is_stiff():
                 warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
@@ -193,10 +203,13 @@ class _Run:
         """Write `values` to row `i` of the table."""
         self.table[i][: len(values)] = np.asarray(values, dtype=float).tolist()
 
+    def _local(self) -> Floats:
+        """Return the state as the functions see it."""
+        return np.array(self.table[record.Y][: self.clock["n"]], dtype=float)
+
     def _state(self) -> Floats:
         """Return the state, with what its cyclic components have gathered."""
-        y, offset = self.table[record.Y], self.table[record.OFFSET]
-        return np.add(y, offset)[: self.clock["n"]]
+        return self._local() + self.table[record.OFFSET][: self.clock["n"]]
 
     def _done(self) -> float:
         """Return the periods done so far."""
@@ -281,9 +294,34 @@ class _Run:
                 "check the transition and the parameters",
             ),
         }[status]
+        guards = automaton.guards
+        at_guard = status == loop.EVENT_BUDGET and failure < len(guards)
+        if at_guard and instant > 1 and not guards[failure].impact:
+            remedy = (
+                f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
+                "lead to a mode in which it does not watch: while its margin falls it fires again"
+            )
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+        if failure in (contract.NON_FINITE, contract.NO_GUARD) and status == loop.FAILED:
+            found = self._searched()
+            if found is not None:
+                reason, remedy = f"{reason}: {found.reason}", found.remedy
+        return self._ended_by(reason, remedy)
+
+    def _searched(self) -> FunctionError | None:
+        """Return what is wrong with flow or margins where the run has come to."""
+        from mems_impact.hybrid.faults import searched
+        from mems_impact.hybrid.tried import Point
+
+        clock, problem = self.clock, self.problem
+        point = Point(int(clock["mode"]), float(clock["t"]), self._local().tolist())
+        return searched(problem.automaton, np.asarray(problem.parameters).tolist(), point)
+
+    def _ended_by(self, reason: str, remedy: str) -> RunError:
+        """Return the error that ends the run, with what was computed."""
+        automaton = self.problem.automaton
         trajectory = self._trajectory()
         final = trajectory.final
         return RunError(

@@ -104,6 +104,7 @@ class Variational:
             flow=extended_flow(automaton.flow, self.n, len(self.free), self.k, p.size),
             margins=automaton.margins,
             transition=automaton.transition,
+            bounds=automaton.bounds,
         )
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
         self._problem = Problem(

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import inspect
 import itertools
+import math
 import re
 from collections import namedtuple
 from collections.abc import Callable, Sequence
@@ -164,6 +165,7 @@ class _Text:
         self.by_array = writes_into_arrays(definition.flow)
         self.space: dict[str, Any] = {
             "__name__": __name__,
+            "nan": math.nan,
             "flow_of": definition.flow,
             "Parameters": named("Parameters", definition.parameters),
         }
@@ -183,11 +185,10 @@ class _Text:
     def flow(self) -> str:
         lines = self.head()
         if self.by_array:
-            lines += self.zero("dy")  # what is not written does not change
+            lines += self.blank("dy")
             lines.append("flow_of(mode, t, y, q, dy)")
         else:
-            lines.append("slope = flow_of(mode, t, s, q)")
-            lines += [f"dy[{i}] = slope[{i}]" for i in range(self.n)]
+            lines.append(f"{self.each('dy')} = flow_of(mode, t, s, q)")
         return function("flow(mode, t, y, p, dy)", lines)
 
     def jacobian(self) -> str:
@@ -223,13 +224,17 @@ class _Text:
         return [
             f"d = p[{first}:{first + self.n}]",
             f"x = p[{first + self.n}:{first + 2 * self.n}]",
-            *self.zero("d"),
+            *self.blank("d"),
             "flow_of(mode, t, y, q, d)",
         ]
 
-    def zero(self, name: str) -> list[str]:
-        """Return the lines that fill an array with zeros."""
-        return [f"for k in range({self.n}):", f"    {name}[k] = 0.0"]
+    def blank(self, name: str) -> list[str]:
+        """Return the lines that fill an array with what is no number: what is not written shows."""
+        return [f"for k in range({self.n}):", f"    {name}[k] = nan"]
+
+    def each(self, name: str) -> str:
+        """Return the elements of an array, to be written from so many numbers, no more, no less."""
+        return "".join(f"{name}[{i}], " for i in range(self.n))
 
     def difference(self, i: int) -> list[str]:
         """Return the lines that put the rate of margin `i` into place."""
@@ -272,8 +277,7 @@ class _Text:
             lines.append(f"return int({name}(mode, t, x, q, y))")
         else:
             lines = [f"new_mode, new = {name}(mode, t, s, q)"]
-            lines += [f"y[{k}] = new[{k}]" for k in range(self.n)]
-            lines.append("return int(new_mode)")
+            lines += [f"{self.each('y')} = new", "return int(new_mode)"]
         return [f"if code == {code}:", *indented(lines)]
 
     def head(self) -> list[str]:

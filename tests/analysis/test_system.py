@@ -222,7 +222,7 @@ def test_statistics_count_in_time_where_nothing_forces():
 
 
 def test_an_observable_that_fails_once_loses_nothing():
-    failures = [ValueError]
+    failures = []
 
     def speed(mode, t, before, after, p):
         if failures:
@@ -231,6 +231,7 @@ def test_an_observable_that_fails_once_loses_nothing():
 
     run = mi.simulate(ball(observables=[mi.Observable("u", speed, at=("floor",), reduce="max")]),
                       duration=1.0, window=(0.0, 1.0))  # fmt: skip
+    failures.append(ValueError)
     with pytest.raises(ValueError):  # noqa: PT011 - its own
         _ = run.statistics
     assert run.statistics["u"] == pytest.approx(math.sqrt(2.0 * 9.81), rel=1e-9)
@@ -249,14 +250,3 @@ def test_orders_that_are_given_are_kept():
     half = mi.Guard("half way", lambda mode, t, y, p: y.x - 0.5, order=0)
     system = ball(guards=[half, floor])
     assert [guard.order for guard in system.automaton.guards] == [0, 1]
-
-
-def test_what_a_flow_does_not_write_does_not_change():
-    def fall(mode, t, y, p, dy):
-        dy[0] = y[1] if mode == FREE else 0.0
-
-    system = ball(arrays=True, flow=fall)
-    for options in (mi.Options(method="dop853"), mi.Options(engine="interpreted")):
-        run = mi.simulate(system, duration=3.0, initial={"x": 1.0, "v": -1.0}, options=options)
-        assert run.impacts["v before"].tolist() == [-1.0]
-        assert run.final.v == 0.5

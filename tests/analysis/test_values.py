@@ -258,19 +258,41 @@ def test_with_the_system_a_result_goes_on_bit_for_bit(tmp_path):
     assert mi.continue_curve(found["doubling"], "omega", 0.81) == results()["curve"]
 
 
+def swinging(mode, t, y, p):
+    return y.w, -y.x
+
+
+def driven(mode, t, y, p):
+    return y.v, p.A * math.cos(p.omega * t) - y.x
+
+
+def wall(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def thrown_back(mode, t, y, p):
+    return mode, (1.0, -y.v)
+
+
+BOTH = [mi.Impact("wall", wall, thrown_back, modes=(0,)), mi.Guard("release", wall, modes=(1,))]
+MODES = ("free", "held")
+
+
 @pytest.mark.parametrize("saved", ["run"], indirect=True)
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"states": ("x", "w"), "initial": {}}, "states are x, w"),
-        ({"parameters": {"A": 0.6, "omega": 0.8}}, "parameters are A, omega"),
+        ({"states": ("x", "w"), "flow": swinging, "guards": (), "observables": ()},
+         "states are x, w"),
+        ({"parameters": {"A": 0.6, "omega": 0.8}, "flow": driven, "guards": BOTH, "modes": MODES},
+         "parameters are A, omega"),
         ({"guards": [mi.Impact("wall", gap, rebound)], "modes": ("free", "held")}, "guards"),
-        ({"period": 2.0}, "period are 2.0"),
+        ({"period": 2.0, "parameters": {**oscillator().parameters, "A": 0.0}}, "period are 2.0"),
         ({"observables": ()}, "observables are none"),
         ({"units": {"time": "s"}}, "units are time"),
-        ({"modes": ("free", "kept")}, "modes are free, kept"),
+        ({"modes": ("free", "kept"), "guards": BOTH}, "modes are free, kept"),
     ],
-)
+)  # fmt: skip
 def test_another_system_is_refused(saved, changes, told):
     with pytest.raises(mi.InvalidParameter, match=f"system: its {told}.*give the system of"):
         mi.load(saved[2], system=oscillator(**changes))

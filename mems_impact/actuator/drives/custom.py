@@ -247,31 +247,16 @@ def _first_from(time: float, unit: float) -> float:
 @cache
 def _compiling_problem(function: Callable[..., Any]) -> str:
     """Return why numba cannot compile `function`, or nothing."""
-    from numba import njit, types
-    from numba.core.errors import NumbaError
+    from numba import types
 
     from mems_impact.engines.cvode.library import switched_off
-    from mems_impact.engines.snapshot import take
+    from mems_impact.engines.refusing import compiling
 
     if switched_off():
         return ""
-    arguments = (types.float64, types.Array(types.float64, 1, "C"))
-    try:
-        (frozen,) = take(function).frozen()
-        compiled = njit(frozen)
-        compiled.compile(arguments)
-        returned = compiled.overloads[arguments].signature.return_type
-    except NumbaError as error:
-        return f"numba cannot compile it ({_told(str(error))})"
-    except Exception as error:
-        return f"numba cannot compile it ({type(error).__name__}: {_told(str(error))})"
-    if not isinstance(returned, types.Float | types.Integer):
-        return f"must return a number on every path, not {returned}"
+    found = compiling(function, (types.float64, types.Array(types.float64, 1, "C")))
+    if found.problem:
+        return f"numba cannot compile it ({found.problem})"
+    if not isinstance(found.returned, types.Float | types.Integer):
+        return f"must return a number on every path, not {found.returned}"
     return ""
-
-
-def _told(message: str) -> str:
-    """Return the lines of numba's message that say what is wrong, without its pages of context."""
-    lines = [line.strip() for line in message.splitlines() if line.strip()]
-    telling = [line for line in lines if not line.startswith(("Failed in", "File ", "During"))]
-    return " ".join((telling or lines or ["no reason given"])[:2])[:200]

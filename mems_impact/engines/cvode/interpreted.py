@@ -14,7 +14,8 @@ from sksundae.cvode import CVODE
 from mems_impact.engines import contract
 from mems_impact.engines.cvode.first_step import first_step
 from mems_impact.engines.equations import Equations
-from mems_impact.engines.interpreting import Functions
+from mems_impact.engines.faults import JACOBIAN
+from mems_impact.engines.interpreting import Functions, scalars
 from mems_impact.engines.options import Options
 
 # Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
@@ -67,7 +68,12 @@ class Engine(Functions):
         def newton(t: float, y: Any, _dy: Any, entries: Any) -> None:
             assert jacobian is not None
             entries[:] = 0.0
-            jacobian(self._mode, min(t, self._last_instant), y, self.parameters, entries)
+            now = min(t, self._last_instant)
+            try:
+                jacobian(self._mode, now, scalars(y, self.n), self.parameters, entries)
+            except Exception:
+                self.note(JACOBIAN, self._mode, 0, now, y)
+                raise _Failure(contract.NON_FINITE) from None
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]

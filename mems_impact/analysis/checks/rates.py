@@ -1,0 +1,85 @@
+"""Whether what is given as a derivative is one: by differences with a bound of their error."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Sequence
+
+from mems_impact.hybrid.blaming import Function
+from mems_impact.hybrid.tried import Point, Tried
+
+__all__ = ["along", "check_jacobian", "check_rate", "derivative"]
+
+PART = 2.5e-4  # the step of differences, of the time scale
+SLACK = 1e-6  # of the size of a derivative, which no difference is asked to see
+CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
+FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
+
+
+def along(at: Point, slope: Sequence[float], h: float) -> Point:
+    """Return the point that lies `h` ahead on the straight line along the flow."""
+    return Point(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
+
+
+def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
+    """Return the derivative amid nine values at distances `h`, and a bound of its error.
+
+    The bound is what formulas of two steps, and of both sides, differ by: a corner shows in it.
+    """
+    middle = len(values) // 2
+
+    def value(k: int) -> float:
+        return values[middle + k]
+
+    fine = math.fsum(w * (value(k) - value(-k)) for k, w in enumerate(CENTRAL, 1)) / h
+    coarse = (8.0 * (value(2) - value(-2)) - (value(4) - value(-4))) / (24.0 * h)
+    right = math.fsum(w * value(k) for k, w in enumerate(FORWARD)) / h
+    left = -math.fsum(w * value(-k) for k, w in enumerate(FORWARD)) / h
+    rounding = 64.0 * sys.float_info.epsilon * max(map(abs, values)) / h
+    return fine, 4.0 * (abs(fine - coarse) + abs(right - left)) + rounding
+
+
+def rate_of(
+    tried: Tried, i: int, at: Point, slope: Sequence[float], unit: float
+) -> tuple[float, float]:
+    """Return the rate of a margin by differences along the flow, and a bound of its error."""
+    h = PART * unit
+    return derivative([tried.margin(i, along(at, slope, k * h)) for k in range(-4, 5)], h)
+
+
+def check_rate(tried: Tried, i: int, at: Point, slope: Sequence[float], unit: float) -> None:
+    """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
+    guard = tried.definition.guards[i]
+    given = tried.rate(i, at)
+    found, error = rate_of(tried, i, at, slope, unit)
+    size = abs(found) + abs(given)
+    if not abs(given - found) > error + SLACK * size:
+        return
+    assert guard.rate is not None
+    where = tried.place(at)
+    problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
+    remedy = "return the derivative of the margin along the flow, or give none"
+    raise Function("rate", guard.rate, guard.name).error(problem, remedy)
+
+
+def check_jacobian(tried: Tried, at: Point, unit: float) -> None:
+    """Raise FunctionError unless the given Jacobian is that of the flow."""
+    given = tried.jacobian(at)
+    slope = tried.flow(at)
+    for j in range(tried.n):
+        h = PART * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
+        columns = []
+        for k in range(-4, 5):
+            y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
+            columns.append(tried.flow(Point(at.mode, at.t, y)))
+        for i in range(tried.n):
+            found, error = derivative([column[i] for column in columns], h)
+            if abs(given[i][j] - found) > error + 1e-3 * (abs(found) + abs(given[i][j])):
+                problem = (
+                    f"has J[{i}, {j}] = {given[i][j]:.6g} where the flow's is {found:.6g} "
+                    f"({tried.place(at)[3:]})"
+                )
+                remedy = "write the derivative of component i of the flow by state j, or give none"
+                function = Function("jacobian", tried.definition.jacobian or tried.definition.flow)
+                raise function.error(problem, remedy)

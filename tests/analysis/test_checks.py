@@ -1,0 +1,318 @@
+"""Mistakes in a system of one's own: each is one sentence before anything runs.
+
+Whatever the engine, since what is tried here is the text of the functions.
+"""
+
+import functools
+import math
+import random
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.errors import FunctionError, InvalidParameter
+from tests.analysis.systems import FREE, HELD, ball
+
+CALLS = [0]
+TOTAL = 0.0
+HERE = r"\(test_checks\.py, line \d+\)"
+
+
+def by_array(flow):
+    return {"arrays": True, "flow": flow}
+
+
+def writes(i):
+    def flow(mode, t, y, p, dy):
+        dy[0], dy[1] = y[1], -p.g
+        dy[i] = 1.0
+
+    return by_array(flow)
+
+
+def half_written(mode, t, y, p, dy):
+    dy[0] = y[1]
+
+
+def reads_beyond(mode, t, y, p, dy):
+    dy[0], dy[1] = y[2], -p.g
+
+
+def writes_the_state(mode, t, y, p, dy):
+    y[0] = 2.0
+    dy[0], dy[1] = y[1], -p.g
+
+
+def adds_to_nothing(mode, t, y, p, dy):
+    dy[0] += y[1]
+    dy[1] = -p.g
+
+
+def writes_a_text(mode, t, y, p, dy):
+    dy[0], dy[1] = y[1], "down"
+
+
+def by_name_in_an_array(mode, t, y, p, dy):
+    dy[0], dy[1] = y.v, -p.g
+
+
+def misspelt_state(mode, t, y, p):
+    return y.vel, -p.g
+
+
+def misspelt_parameter(mode, t, y, p):
+    return y.v, -p.gg
+
+
+def helped(y):
+    return y.speed
+
+
+def through_a_helper(mode, t, y, p):
+    return helped(y), -p.g
+
+
+def forgotten_return(mode, t, y, p):
+    if mode == HELD:
+        return 0.0, 0.0
+    y.v, -p.g  # noqa: B018
+
+
+def counts(mode, t, y, p):
+    CALLS[0] += 1
+    return y.v, -p.g - 1e-3 * CALLS[0]
+
+
+def changes_a_global(mode, t, y, p):
+    global TOTAL
+    TOTAL = y.v
+    return y.v, -p.g
+
+
+def changes_a_closure():
+    total = 0.0
+
+    def flow(mode, t, y, p):
+        nonlocal total
+        total = y.v
+        return y.v, -p.g
+
+    return flow
+
+
+def endless(mode, t, y, p):
+    return endless(mode, t, y, p)
+
+
+def unknown_name(mode, t, y, p):
+    return y.v, -gravity  # noqa: F821
+
+
+def divides(mode, t, y, p):
+    return y.v, -p.g / y.v
+
+
+def drifting(mode, t, y, p):
+    return y.v, -p.g + 0.1 * math.cos(t)
+
+
+FLOWS = [
+    (writes(3), rf"flow 'flow' {HERE} writes dy\[3\], but it has 2 components; go from 0 to 1"),
+    (writes(5), r"writes dy\[5\], but it has 2"),
+    (writes(2), r"writes dy\[2\], but it has 2"),
+    (by_array(half_written), r"does not write dy\[1\] in mode free; write every component, 0\.0"),
+    (by_array(lambda mode, t, y, p, dy: None), rf"flow a lambda {HERE} does not write dy\[0\]"),
+    (by_array(reads_beyond), r"reads y\[2\], but it has 2"),
+    (by_array(writes_the_state), r"writes y\[0\]|writes into y"),
+    (by_array(adds_to_nothing), r"reads dy\[0\] before it is written"),
+    (by_array(writes_a_text), r"gives 'down' \(a str\) for v; let it be a number"),
+    (by_array(by_name_in_an_array), r"reads \.v of an array; write y\[0\]"),
+    ({"flow": misspelt_state}, rf"'misspelt_state' {HERE} reads y\.vel, but .* there are x, v"),
+    ({"flow": misspelt_parameter}, r"reads p\.gg, but there is no such parameter; did you mean g"),
+    ({"flow": through_a_helper}, rf"flow 'through_a_helper' {HERE} reads y\.speed"),
+    ({"flow": lambda mode, t, y, p: (y.v, -p.g, 0.0)}, "returns 3 numbers for 2 states"),
+    ({"flow": lambda mode, t, y, p: [y.v, -p.g]}, "returns a list .* return a tuple of 2"),
+    ({"flow": lambda mode, t, y, p: np.array([y.v, -p.g])}, r"\(a ndarray\).* return a tuple"),
+    ({"flow": lambda mode, t, y, p: -p.g}, r"returns the one number -9\.81"),
+    ({"flow": lambda mode, t, y, p: None}, "returns nothing in mode free"),
+    ({"flow": forgotten_return}, "'forgotten_return' .* returns nothing in mode free"),
+    ({"flow": lambda mode, t, y, p: (y.v, None)}, "gives nothing for v"),
+    ({"flow": lambda mode, t, y, p: (y.v, math.nan)}, "gives nan for v at x = 1, v = 0, t = 0"),
+    ({"flow": lambda mode, t, y, p: (y.v, (-p.g) ** 0.5)}, "gives .*j.* for v at x = 1"),
+    ({"flow": lambda mode, t, y, p: (y.v, math.sqrt(-p.g))}, "raises ValueError.* nan or inf"),
+    ({"flow": divides}, "raises ZeroDivisionError.* treat this case apart"),
+    ({"flow": lambda mode, t, y, p: (y.v, random.random())}, "two results for the same mode"),
+    ({"flow": counts}, "two results .* no random numbers, no counters"),
+    ({"flow": changes_a_global}, "changes TOTAL, which lives outside"),
+    ({"flow": changes_a_closure()}, "changes total, which lives outside"),
+    ({"flow": endless}, "calls itself without end"),
+    ({"flow": unknown_name}, "raises NameError: name 'gravity' is not defined"),
+    ({"flow": drifting}, r"no period .*; give the forcing period"),
+    ({"flow": drifting, "period": 2.0}, r"differs a period later .*; give the period of the forc"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "sentence"), FLOWS)
+def test_a_flow_is_tried(changes, sentence):
+    refused(changes, sentence, FunctionError)
+
+
+def refused(changes, sentence, kind):
+    with pytest.raises(kind, match=sentence) as caught:
+        ball(**changes)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def floor(kind=mi.Impact, **changes):
+    """Return the ball's floor with something changed."""
+    own = ball()._definition.guards[0]
+    made = {"margin": own.margin, "transition": own.transition, "rest": own.rest, **changes}
+    if kind is mi.Guard:
+        del made["rest"]
+    return {"guards": [kind("floor", modes=(FREE,), **made)]}
+
+
+def after(mode, x, v):
+    return floor(transition=lambda _mode, t, y, p: (mode, (x, v(y))))
+
+
+def into(transition):
+    guards = ball(arrays=True)._definition.guards
+    own = mi.Impact("floor", guards[0].margin, transition, modes=(FREE,))
+    return {"arrays": True, "guards": [own]}
+
+
+def no_mode(mode, t, y, p, new):
+    new[1] = -p.e * y[1]
+
+
+def beyond_the_state(mode, t, y, p, new):
+    new[2] = 0.0
+    return mode
+
+
+def upwards(y):
+    return -0.5 * y.v
+
+
+def onwards(y):
+    return 0.5 * y.v
+
+
+FUNCTIONS = [
+    (floor(margin=lambda mode, t, y, p: None), rf"margin of 'floor', a lambda, {HERE} returns"),
+    (floor(margin=lambda mode, t, y, p: (y.x, y.v)), "returns a tuple of 2 .* return one number"),
+    (floor(margin=lambda mode, t, y, p: y.height), r"reads y\.height"),
+    (floor(margin=lambda mode, t, y, p: math.log(-y.x)), "margin of 'floor'.* raises ValueError"),
+    (floor(margin=lambda mode, t, y, p: y.x * random.random()), "two results"),
+    (floor(rate=lambda mode, t, y, p: -y.v), r"rate of 'floor'.* is .* where the margin"),
+    (floor(rate=lambda mode, t, y, p: 1.001 * y.v), "where the margin changes at .* or give none"),
+    (floor(rate=lambda mode, t, y, p: None), "rate of 'floor'.* returns nothing"),
+    (after(5, 0.0, upwards), r"transition of 'floor'.* returns mode 5; .* 0 \(free\), 1 \(held\)"),
+    (after(-1, 0.0, upwards), "returns mode -1"),
+    (after(0.5, 0.0, upwards), r"returns mode 0\.5"),
+    (after("free", 0.0, upwards), r"returns 'free' \(a str\); return one of the modes"),
+    (floor(transition=lambda mode, t, y, p: (0.0, 0.0)), r"returns mode 0\.0"),
+    (floor(transition=lambda mode, t, y, p: None), "returns nothing .* the new mode and"),
+    (floor(transition=lambda mode, t, y, p: mode), "returns the one number"),
+    (floor(transition=lambda mode, t, y, p: (mode, (0.0, 0.0, 0.0))), "returns 3 numbers for 2"),
+    (floor(transition=lambda mode, t, y, p: (mode, [0.0, 0.0])), "returns a list"),
+    (floor(transition=lambda mode, t, y, p: (mode, (0.0, "up"))), r"gives 'up' \(a str\) for v"),
+    (floor(transition=lambda mode, t, y, p: (mode, (0.0, -p.f * y.v))), r"reads p\.f"),
+    (after(FREE, 0.0, onwards), "leaves its margin at zero and falling.* turn the rate round"),
+    (floor(mi.Guard, transition=lambda mode, t, y, p: (mode, (0.0, y.v - 1.0))), "and falling"),
+    (floor(rest=lambda mode, t, y, p: (HELD, (0.0, 0.0, 0.0))), "rest of 'floor'.* returns 3"),
+    (floor(rest=lambda mode, t, y, p: None), "rest of 'floor'.* returns nothing"),
+    (into(no_mode), "transition of 'floor', 'no_mode', .* returns nothing; return one"),
+    (into(beyond_the_state), r"writes new\[2\], but it has 2"),
+    ({"jacobian": lambda mode, t, y, p, J: J.__setitem__((0, 2), 1.0)}, r"writes J\[0, 2\], but"),
+    ({"jacobian": lambda mode, t, y, p, J: J.__setitem__((0, 1), -1.0)}, r"J\[0, 1\] = -1 where"),
+    ({"observables": [mi.Observable("h", lambda y, p: y.height)]}, "observable of 'h'.* y.height"),
+    ({"observables": [mi.Observable("h", lambda y, p: None)]}, "'h'.* returns nothing"),
+    ({"observables": [mi.Observable("u", lambda mode, t, before, after, p: after.w,
+                                    at=("floor",), reduce="sum")]}, "observable of 'u'.* y.w"),
+    ({"period": lambda p: 1.0 / p.f}, r"period a lambda .* reads p\.f"),
+    ({"switches": lambda p: p.f, "period": 1.0}, r"switches a lambda .* reads p\.f"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "sentence"), FUNCTIONS)
+def test_other_functions_are_tried(changes, sentence):
+    refused(changes, sentence, FunctionError)
+
+
+def settle(mode, t, y, p):
+    return 2, y
+
+
+def test_settle_is_tried_at_a_switch():
+    changes = {"period": 1.0, "switches": (0.2,), "settle": settle}
+    refused(changes, "settle 'settle' .* returns mode 2", FunctionError)
+
+
+class Falling:
+    def __call__(self, mode, t, y, p):
+        return y.v, -p.g
+
+
+GAP = ball()._definition.guards[0].margin
+ARGUMENTS = [
+    ({"flow": Falling()}, "flow = .*: must be a function, written with def or lambda"),
+    ({"flow": functools.partial(Falling(), 0)}, "must be a function, written with def or lambda"),
+    ({"flow": math.sin}, "must be a function, written with def or lambda"),
+    ({"flow": lambda mode, t, y: (y.v, 0.0)}, r"must be a function flow\(mode, t, y, p\)"),
+    (floor(margin=lambda y: y.x), r"margin of 'floor' = .* takes 1 arguments.*\(mode, t, y, p\)"),
+    (floor(margin=max), "margin of 'floor' = .* must be a function"),
+    (floor(transition=lambda mode, t, y, p, new: mode), "transition of 'floor'.* takes 5"),
+    (floor(rest=lambda y: y), "rest of 'floor'.* takes 1"),
+    (floor(rate=3.0), "rate of 'floor' = 3: must be a function"),
+    ({"settle": lambda y: y}, "settle = .* takes 1"),
+    ({"jacobian": lambda mode, t, y, p: 0.0}, "jacobian = .* takes 4"),
+    ({"guards": mi.Guard("g", GAP)}, "guards = .*: must be a list of Guard and Impact"),
+    ({"guards": [mi.Guard("", GAP)]}, "name of a guard = '': must be a text"),
+    ({"guards": [mi.Guard("g", GAP), mi.Guard("g", GAP)]}, "guards = .* a name of its own"),
+    ({"guards": [mi.Guard("g", GAP, modes=(7,))]}, "modes of 'g' = 7: must be one of the 1 modes"),
+    ({"guards": [mi.Guard("g", GAP, modes=())]}, r"modes of 'g' = \(\): must be a tuple of modes"),
+    ({"guards": [mi.Guard("g", GAP, modes=FREE)]}, "modes of 'g' = 0: must be a tuple of modes"),
+    ({"guards": [mi.Guard("g", GAP, modes="free")]}, "modes of 'g' = 'free'"),
+    ({"guards": [mi.Guard("g", GAP, modes=(0, 0))]}, r"modes of 'g' = \(0, 0\)"),
+    ({"guards": [mi.Guard("g", GAP, order="first")]}, "order of 'g' = 'first'"),
+    ({"guards": [mi.Guard("g", GAP, rest=Falling())]}, "rest of 'g' = "),
+    ({"modes": ()}, r"modes = \(\): must be the modes of the system"),
+    ({"modes": "free"}, "modes = 'free': must be the modes of the system"),
+    ({"modes": ("free", "free")}, "modes = .* a name of its own for each"),
+    ({"modes": (HELD, FREE)}, "modes = .* in the order of their numbers"),
+    ({"modes": ("flying", "lying")}, "modes of 'floor' = 'free': must be called flying"),
+    ({"states": "xv"}, "states = 'xv': must be names"),
+    ({"states": 0}, "states = 0: must be names, or how many"),
+    ({"states": ()}, r"states = \(\): must be one or more"),
+    ({"states": (1, 2)}, "states = 1: must be each a name"),
+    ({"states": ("x", "x")}, "must be names that differ"),
+    ({"parameters": [9.81]}, "parameters = .*numbers by name"),
+    ({"initial": [1.0, 0.0]}, "initial = .* must be a State, or numbers by the names"),
+    ({"initial": {"x": -1.0}}, "initial: lies beyond the guard 'floor', whose margin is -1"),
+    ({"units": ["m"]}, "units = .* must be units by name"),
+    ({"units": {"z": "m"}}, "units = 'z': must be names among x, v, g, e, time"),
+    ({"units": {"x": 1}}, "unit of x = 1: must be a text"),
+    ({"section": "x"}, r"section = 'x': must be a state and its value: \('x', 0\.0\)"),
+    ({"section": ("x", "0")}, "section = .* a state and its value"),
+    ({"switches": "ab"}, "switches = 'ab': must be times"),
+    ({"switches": 0.5}, "switches = 0.5: must be times"),
+    ({"period": "1"}, "period = '1': must be a finite number"),
+    ({"period": 0.0}, "period = 0: must be finite and above 0"),
+    ({"time_scale": [1.0]}, "time_scale = .* must be a finite number"),
+    ({"cyclic": "x"}, "cyclic = 'x': must be a list of names among x, v"),
+    ({"observables": mi.Observable("h", lambda y, p: y.x)}, "observables = .* a list"),
+    ({"observables": ["h"]}, "observables = 'h': must be each an Observable"),
+    ({"observables": [mi.Observable("x", lambda y, p: y.x)]}, "observables = 'x': must be a name"),
+    ({"observables": [mi.Observable("u", Falling(), at=("wall",), reduce="sum")]},
+     "at of 'u' = 'wall': must be one of floor"),
+    ({"observables": [mi.Observable("u", Falling(), at="floor", reduce="sum")]}, "at of 'u' = 'f"),
+    ({"observables": [mi.Observable("h", lambda y: y.x)]}, r"function of 'h' = .* a function"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "sentence"), ARGUMENTS)
+def test_arguments_are_looked_at(changes, sentence):
+    refused(changes, sentence, InvalidParameter)
