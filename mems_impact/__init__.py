@@ -35,6 +35,11 @@ if TYPE_CHECKING:
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit
+    from mems_impact.analysis.parts.friction import Friction, Stribeck
+    from mems_impact.analysis.parts.part import Part
+    from mems_impact.analysis.parts.relay import Relay
+    from mems_impact.analysis.parts.stopper import Stopper
+    from mems_impact.analysis.parts.surface import Surface
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
@@ -84,6 +89,7 @@ __all__ = [
     "FileNotWritten",
     "Fit",
     "FitWarning",
+    "Friction",
     "FunctionsMissing",
     "GrazingType",
     "Guard",
@@ -191,6 +197,11 @@ _HOMES = {
         "step_lengths",
     ),
     "actuator.design.fit": ("Fit", "fit"),
+    "analysis.parts.friction": ("Friction", "Stribeck"),
+    "analysis.parts.part": ("Part",),
+    "analysis.parts.relay": ("Relay",),
+    "analysis.parts.stopper": ("Stopper",),
+    "analysis.parts.surface": ("Surface",),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),

@@ -11,7 +11,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.problem import Section
 
-__all__ = ["function", "guards", "mode_names", "numbers", "place", "section"]
+__all__ = ["alone_with_parts", "function", "guards", "mode_names", "numbers", "place", "section"]
 
 
 def numbers(values: Mapping[str, float]) -> dict[str, float]:
@@ -50,6 +50,13 @@ def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> t
         known = [", ".join(names) for names in found]
         raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
     return next(iter(found), ("free",))
+
+
+def alone_with_parts(**others: Any) -> None:
+    """Raise InvalidParameter if something is given that parts say."""
+    for field, value in others.items():
+        if value is not None:
+            raise InvalidParameter(field, value, "left out where parts are given, which say it")
 
 
 def place(field: str, state: str, states: tuple[str, ...]) -> int:

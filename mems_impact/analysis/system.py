@@ -11,6 +11,8 @@ from mems_impact.analysis import given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.parts.assembly import assembled
+from mems_impact.analysis.parts.part import Part, Quantity
 from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
 from mems_impact.analysis.terms import Terms
@@ -54,6 +56,12 @@ class System(Terms):
         Names and values.
     guards : sequence of Guard, optional
         What ends a mode, or is recorded: `Guard` and `Impact`.
+    parts : sequence of Part, optional
+        What stands ready: `Friction`, `Stopper`, `Relay`, `Surface`. ``flow`` then tells the rest,
+        and finds the mode of each part by its name (``mode.wall``).
+    masses : mapping of str to float, str or callable, optional
+        Of the bodies on which parts act, by their velocities: numbers, parameters or functions of
+        ``p``; 1 by default.
     modes : sequence of Mode or str, optional
         All modes, from `modes`; needed where no guard names one and there are several.
     period : float or callable, optional
@@ -114,6 +122,8 @@ class System(Terms):
         flow: Callable[..., Any],
         parameters: Mapping[str, float] | None = None,
         guards: Sequence[Guard] = (),
+        parts: Sequence[Part] = (),
+        masses: Mapping[str, Quantity] | None = None,
         modes: Sequence[Mode | str] | None = None,
         period: Number | None = None,
         switches: Sequence[float] | Callable[..., Sequence[float]] = (),
@@ -134,6 +144,18 @@ class System(Terms):
         self.name = name
         self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
+        self._begin: Callable[..., int] | None = None
+        if parts:
+            given.alone_with_parts(modes=modes, settle=settle, jacobian=jacobian)
+            made = assembled(
+                parts,
+                flow=given.function("flow", flow),
+                states=states,
+                parameters=tuple(self._parameters),
+                masses=masses or {},
+                guards=guards,
+            )
+            flow, settle, guards, modes, self._begin = made
         self._definition = Definition(
             states=states,
             modes=given.mode_names(modes, guards),
@@ -259,7 +281,10 @@ class System(Terms):
 
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state whose mode is not given; `y` may be put right."""
-        return 0
+        if self._begin is None:
+            return 0
+        p = self._named(problem.parameters[: len(self._parameters)].tolist())
+        return int(self._begin(time, self._state(y), p))
 
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
