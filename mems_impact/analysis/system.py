@@ -13,9 +13,9 @@ from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
+from mems_impact.analysis.shown import Shown
 from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
-from mems_impact.analysis.terms import Terms
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
@@ -40,7 +40,7 @@ __all__ = ["System"]
 Number = float | Callable[..., float]
 
 
-class System(Terms):
+class System(Shown):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -314,34 +314,6 @@ class System(Terms):
     def tidied(self, mode: int, y: Floats) -> Floats:
         """Return a state that Newton's method has found, without what rounding made of it."""
         return y
-
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """The states by which sweeps and branches show an orbit, where the section cuts it."""
-        return self.visible
-
-    @property
-    def told(self) -> tuple[str, ...]:
-        """The statistics that a sweep tells of every value."""
-        return ("impacts per period", *(each.name for each in self.observables))
-
-    @property
-    def quantities(self) -> Mapping[str, tuple[str, str]]:
-        """The statistics that the figure of a sweep shows: column and words, by a short name."""
-        return {each.name: (each.name, each.name) for each in self.observables}
-
-    @property
-    def symbols(self) -> Mapping[str, str]:
-        """Symbols of parameters in figures, where they are not to be read off the names."""
-        return {}
-
-    def start_of(self, direction: str) -> State:
-        """Return where a sweep "up" or "down" starts if nothing is said."""
-        return self.initial
-
-    def moves(self, instant: Instant) -> bool:
-        """Return whether statistics need to know where an arc has come to at any time."""
-        return any(not each.at for each in self.observables)
 
     # What all kinds of system share.
 

@@ -131,8 +131,11 @@ def assembled(
             )
         )
     for i, guard in enumerate(guards):
-        roles = ("margin", "transition", "rate", "rest")
-        made.append(replace(guard, **{role: space.get(f"users_{role}_{i}") for role in roles}))
+        found: dict[str, Any] = {
+            role: space.get(f"users_{role}_{i}")
+            for role in ("margin", "transition", "rate", "rest")
+        }
+        made.append(replace(guard, **found))
     names = itertools.product(*(part.modes for part in reversed(parts)))
     modes = tuple("-".join(reversed(each)) for each in names)
     return Assembly(space["flow"], space["settle"], tuple(made), modes, space["begin"])

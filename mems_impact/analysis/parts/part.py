@@ -40,7 +40,7 @@ class Watch:
     changes : mapping of int to str
         What the event makes of components of the state, from the old ones.
     leads : str
-        The part's own mode after it, an expression, in which ``x`` is at hand; by default whichever fits the new state.
+        The part's own mode after it, an expression; by default whichever fits the new state.
     rest : mapping of int to str or None
         Of an impact: `changes` where there is no rebound.
     """
@@ -120,7 +120,7 @@ class Words:
     def value(self, field: str, quantity: Quantity, arguments: str = "p") -> str:
         """Return a number, a parameter or the call of a function as an expression."""
         if callable(quantity):
-            return self.call(field, quantity, arguments)
+            return self.call(quantity, arguments)
         if isinstance(quantity, str):
             if quantity not in self.parameters:
                 known = ", ".join(self.parameters) or "of which there are none"
@@ -132,9 +132,10 @@ class Words:
             raise InvalidParameter(self.label(field), quantity, allowed)
         return repr(float(quantity))
 
-    def call(self, field: str, function: Callable[..., Any], arguments: str) -> str:
-        """Return the call of a function as an expression."""
-        name = f"{field}_{self.place}"
+    def call(self, function: Callable[..., Any], arguments: str) -> str:
+        """Return the call of a function of the user as an expression."""
+        known = (name for name, value in self.space.items() if value is function)
+        name = next(known, f"given_{len(self.space)}")
         self.space[name] = function
         return f"{name}({arguments})"
 

@@ -57,7 +57,7 @@ class Relay(Part):
         """Return the input, the thresholds, and how fast the input rises if that is known."""
         lower, upper = words.value("lower", self.lower), words.value("upper", self.upper)
         if callable(self.input):
-            return words.call("input", self.input, "t, y, p"), lower, upper, None
+            return words.call(self.input, "t, y, p"), lower, upper, None
         place = words.index("input", self.input)
         return f"y[{place}]", lower, upper, f"x[{place}]"
 

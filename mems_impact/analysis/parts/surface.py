@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
 from mems_impact.errors import InvalidParameter
@@ -37,13 +37,14 @@ class Surface(Part):
 
     Notes
     -----
-    Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves up``
-    and ``NAME leaves down``. Where both flows lead away the state stays on the side that it is on.
-    Sliding along two surfaces at a time is not defined by this method.
+    Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
+    up`` and ``NAME leaves down``. Where both flows lead away the state stays on the side that it is
+    on. Sliding along two surfaces at a time is not defined by this method.
 
     References
     ----------
-    .. [1] A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer, 1988.
+    .. [1] A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer,
+       1988.
 
     Examples
     --------
@@ -58,7 +59,7 @@ class Surface(Part):
     'sliding'
     """
 
-    h: str | Mapping[str, float | str] | Callable[..., float]
+    h: str | Mapping[str, float | str] | tuple[tuple[str, float | str], ...] | Callable[..., float]
     level: Quantity = field(default=0.0, kw_only=True)
     rate: Callable[..., float] | None = field(default=None, kw_only=True)
 
@@ -76,18 +77,18 @@ class Surface(Part):
         """Return h as an expression."""
         level = words.value("level", self.level)
         if callable(self.h):
-            return f"({words.call('h', self.h, 't, y, p')} - {level})"
+            return f"({words.call(self.h, 't, y, p')} - {level})"
         return f"({self.along(words, 'y')} - {level})"
 
     def along(self, words: Words, slopes: str) -> str:
         """Return the derivative of h along slopes, ``slopes[j]``, as an expression."""
         if self.rate is not None:
             parts = ", ".join(f"{slopes}[{j}]" for j in range(len(words.states)))
-            return words.call("rate", self.rate, f"t, y, State({parts}), p")
-        terms = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
+            return words.call(self.rate, f"t, y, State({parts}), p")
+        terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
         return " + ".join(
             f"{words.value(f'factor of {state}', factor)} * {slopes}[{words.index('h', state)}]"
-            for state, factor in terms  # type: ignore[union-attr]
+            for state, factor in terms
         )
 
     def fits(self, words: Words) -> list[str]:

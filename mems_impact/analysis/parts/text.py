@@ -3,9 +3,9 @@
 Modes multiply: the mode of the system is a number, of which each part's own is a digit. In every
 mode the flow is that of the user with the forces of the parts. A contact that holds has the force
 that takes its relative acceleration away; as many as hold are solved for together, by elimination
-without pivots, since their matrix is symmetric and positive. One that another one makes superfluous,
-as a body that sticks to the ground and lies on a stop besides, has no force of its own, and its
-mode is no mode of the system.
+without pivots, since their matrix is symmetric and positive. One that another one makes
+superfluous, as a body that sticks to the ground and lies on a stop besides, has no force of its
+own, and such a mode fits no state.
 
 After an event the modes are chosen that fit the state: at first with all parts but the one that
 caused it left as they are, so that two events of one instant do not undo each other.
@@ -202,12 +202,8 @@ class Text:
         (-1 for none), the own mode in which that leaves it (-1 for any), 1 if the state may have
         been moved.
         """
-        keeps = [
-            f"(fired == {i} or m{i} == last{i})" for i in range(len(self.parts))
-        ]
-        taken = [
-            f"(fired != {i} or own < 0 or m{i} == own)" for i in range(len(self.parts))
-        ]
+        keeps = [f"(fired == {i} or m{i} == last{i})" for i in range(len(self.parts))]
+        taken = [f"(fired != {i} or own < 0 or m{i} == own)" for i in range(len(self.parts))]
         search = [
             *self.digits("candidate"),
             f"kept = {' and '.join(keeps)}",
@@ -254,8 +250,7 @@ class Text:
             given = getattr(guard, role)
             if given is None:
                 continue
-            self.space[f"given_{role}_{i}"] = given
-            call = f"given_{role}_{i}({self.own_modes()}, t, y, p)"
+            call = self.words[0].call(given, f"{self.own_modes()}, t, y, p")
             lines = [*self.digits()]
             if role in ("margin", "rate"):
                 lines.append(f"return {call}")
@@ -271,7 +266,8 @@ class Text:
         lines = [f"{words.mode} = mode // {self.strides[words.place]} % {len(words.part.modes)}"]
         if "x[" in expression:
             lines.append("x = slopes(mode, t, y, p)")
-        if isinstance(words.part, Surface) and (words.upper in expression or words.lower in expression):
+        asks = words.upper in expression or words.lower in expression
+        if isinstance(words.part, Surface) and asks:
             lines += self.both_sides(words, words.part, "mode", words.mode)
         return lines
 
