@@ -91,6 +91,12 @@ def assembled(
     """
     check(parts, flow, states, masses, guards)
     text = Text(parts, states, parameters, masses, flow)
+    driven = {both.on for _, _, both in text.contacts}
+    for words, _, both in text.contacts:
+        if both.against in driven and both.resisting is None:
+            velocity = states[both.against]
+            allowed = f"given for {velocity!r}, on which {words.part.name!r} and another part act"
+            raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)
     sources = [text.field(), text.slopes(), text.fits(), text.settled()]
     sources.append(
