@@ -30,12 +30,12 @@ class Stopper(Contact):
         The states of the body.
     upper, lower : float, str or callable
         Where the stop is, one of them: ``position <= upper``, or ``position >= lower``. A number, a
-        parameter or a function of ``p``. Between two bodies, of the difference of their positions.
+        parameter or a function of ``p``. Between two bodies, of how far they are apart.
     restitution : float, str or callable
         A number (>= 0), a parameter or ``restitution(p)``.
-    against : tuple of str, optional
-        Position and velocity of the other body. Without a mass it moves as the flow says, whatever
-        strikes it.
+    against : str or tuple of str, optional
+        Position and velocity of the other body; its velocity alone where `position` is a distance
+        from it. Without a mass it moves as the flow says, whatever strikes it.
 
     Notes
     -----
@@ -60,7 +60,7 @@ class Stopper(Contact):
     upper: Quantity | None = field(default=None, kw_only=True)
     lower: Quantity | None = field(default=None, kw_only=True)
     restitution: Quantity = field(kw_only=True)
-    against: tuple[str, str] | None = field(default=None, kw_only=True)
+    against: str | tuple[str, str] | None = field(default=None, kw_only=True)
 
     modes: ClassVar[tuple[str, ...]] = ("free", "held")
     signs: ClassVar[tuple[int, ...]] = (0, 1)
@@ -73,7 +73,10 @@ class Stopper(Contact):
 
     def sides(self, words: Words) -> Sides:
         """Return the body, and the other one."""
-        return sides(words, self.velocity, self.against[1] if self.against else 0.0, "against")
+        other = self.against if isinstance(self.against, str) else (self.against or (0.0, 0.0))[1]
+        if isinstance(other, str):
+            words.index("against", other)  # a velocity, no parameter
+        return sides(words, self.velocity, other, "against")
 
     def inwards(self, expression: str) -> str:
         """Return an expression, positive away from the stop, of one along the position."""
@@ -86,7 +89,7 @@ class Stopper(Contact):
         assert level is not None
         at = words.value("upper" if self.upper is not None else "lower", level)
         size = f"abs(y[{place}]) + abs({at})"
-        if self.against is not None:
+        if isinstance(self.against, tuple):
             other = words.index("against", self.against[0])
             at, size = f"({at} + y[{other}])", f"{size} + abs(y[{other}])"
         return place, at, size
@@ -137,4 +140,6 @@ class Stopper(Contact):
             share = f"({both.resisting}) / ({both.yielding} + {both.resisting})"
             speed = f"({speed} + (1.0 + {restitution}) * {both.slip} * {share})"
         changes = {both.on: f"{speed} - {restitution} * {both.slip}", both.against: speed}
-        return changes if both.resisting is not None else {place: at, **changes}
+        # Two positions are left as they are: which of them would have to be put right?
+        apart = isinstance(self.against, tuple) and both.resisting is not None
+        return changes if apart else {place: at, **changes}
