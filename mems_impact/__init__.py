@@ -37,6 +37,11 @@ if TYPE_CHECKING:
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit
+    from mems_impact.analysis.parts.friction import Friction, Stribeck
+    from mems_impact.analysis.parts.part import Part
+    from mems_impact.analysis.parts.relay import Relay
+    from mems_impact.analysis.parts.stopper import Stopper
+    from mems_impact.analysis.parts.surface import Surface
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
@@ -90,6 +95,7 @@ __all__ = [
     "FileNotWritten",
     "Fit",
     "FitWarning",
+    "Friction",
     "FunctionError",
     "FunctionsMissing",
     "GrazingType",
@@ -104,12 +110,17 @@ __all__ = [
     "Orbit",
     "OrbitError",
     "Run",
+    "Part",
+    "Relay",
     "RunError",
     "RunInterrupted",
     "SpecialPoint",
     "State",
     "Steps",
     "StiffnessWarning",
+    "Stopper",
+    "Stribeck",
+    "Surface",
     "SweepInterrupted",
     "System",
     "Target",
@@ -203,6 +214,11 @@ _HOMES = {
         "step_lengths",
     ),
     "actuator.design.fit": ("Fit", "fit"),
+    "analysis.parts.friction": ("Friction", "Stribeck"),
+    "analysis.parts.part": ("Part",),
+    "analysis.parts.relay": ("Relay",),
+    "analysis.parts.stopper": ("Stopper",),
+    "analysis.parts.surface": ("Surface",),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),

@@ -18,8 +18,9 @@ from mems_impact.hybrid.problem import Section
 from mems_impact.hybrid.written import named, writes_into_arrays
 
 __all__ = [
-    "ARGUMENTS", "changing", "flow", "function", "guards", "initial", "mode_names", "number",
-    "numbers", "observables", "optional", "places", "section", "states", "times", "units",
+    "ARGUMENTS", "alone_with_parts", "changing", "flow", "function", "guards", "initial",
+    "mode_names", "number", "numbers", "observables", "optional", "places", "section", "states",
+    "times", "units",
 ]  # fmt: skip
 
 PLAIN = "a function, written with def or lambda"
@@ -134,6 +135,13 @@ def places(field: str, given: Sequence[str], states: tuple[str, ...]) -> tuple[i
     if len(set(found)) != len(found):
         raise InvalidParameter(field, list(found), "names that differ")
     return tuple(_place(field, state, states) for state in found)
+
+
+def alone_with_parts(**others: Any) -> None:
+    """Raise InvalidParameter if something is given that parts say."""
+    for field, value in others.items():
+        if value is not None:
+            raise InvalidParameter(field, value, "left out where parts are given, which say it")
 
 
 def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Section | None:

@@ -11,9 +11,11 @@ from mems_impact.analysis import checks, given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.parts.assembly import assembled
+from mems_impact.analysis.parts.part import Part, Quantity
+from mems_impact.analysis.shown import Shown
 from mems_impact.analysis.state import State
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
-from mems_impact.analysis.terms import Terms
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
@@ -37,7 +39,7 @@ __all__ = ["System"]
 Number = float | Callable[..., float]
 
 
-class System(Terms):
+class System(Shown):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -53,6 +55,12 @@ class System(Terms):
         Names and values.
     guards : sequence of Guard, optional
         What ends a mode, or is recorded: `Guard` and `Impact`.
+    parts : sequence of Part, optional
+        What stands ready: `Friction`, `Stopper`, `Relay`, `Surface`. ``flow`` then tells the rest,
+        and finds the mode of each part by its name (``mode.wall``).
+    masses : mapping of str to float, str or callable, optional
+        Of the bodies on which parts act, by their velocities: numbers, parameters or functions of
+        ``p``; 1 by default.
     modes : sequence of Mode or str, optional
         All modes, from `modes`; needed where no guard names one and there are several.
     period : float or callable, optional
@@ -115,6 +123,8 @@ class System(Terms):
         flow: Callable[..., Any],
         parameters: Mapping[str, float] | None = None,
         guards: Sequence[Guard] = (),
+        parts: Sequence[Part] = (),
+        masses: Mapping[str, Quantity] | None = None,
         modes: Sequence[Mode | str] | None = None,
         period: Number | None = None,
         switches: Sequence[float] | Callable[..., Sequence[float]] = (),
@@ -133,6 +143,18 @@ class System(Terms):
         self.name = str(name)
         self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
+        self._begin: Callable[..., int] | None = None
+        if parts:
+            given.alone_with_parts(modes=modes, settle=settle, jacobian=jacobian)
+            made = assembled(
+                parts,
+                flow=flow,
+                states=names,
+                parameters=tuple(self._parameters),
+                masses=masses or {},
+                guards=guards,
+            )
+            flow, settle, guards, modes, self._begin = made
         self._definition = Definition(
             states=names,
             modes=given.mode_names(modes, guards),
@@ -258,7 +280,10 @@ class System(Terms):
 
     def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
         """Return the mode of a state whose mode is not given; `y` may be put right."""
-        return 0
+        if self._begin is None:
+            return 0
+        p = self._named(problem.parameters[: len(self._parameters)].tolist())
+        return int(self._begin(time, self._state(y), p))
 
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
@@ -290,34 +315,6 @@ class System(Terms):
     def tidied(self, mode: int, y: Floats) -> Floats:
         """Return a state that Newton's method has found, without what rounding made of it."""
         return y
-
-    @property
-    def shown(self) -> tuple[str, ...]:
-        """The states by which sweeps and branches show an orbit, where the section cuts it."""
-        return self.visible
-
-    @property
-    def told(self) -> tuple[str, ...]:
-        """The statistics that a sweep tells of every value."""
-        return ("impacts per period", *(each.name for each in self.observables))
-
-    @property
-    def quantities(self) -> Mapping[str, tuple[str, str]]:
-        """The statistics that the figure of a sweep shows: column and words, by a short name."""
-        return {each.name: (each.name, each.name) for each in self.observables}
-
-    @property
-    def symbols(self) -> Mapping[str, str]:
-        """Symbols of parameters in figures, where they are not to be read off the names."""
-        return {}
-
-    def start_of(self, direction: str) -> State:
-        """Return where a sweep "up" or "down" starts if nothing is said."""
-        return self.initial
-
-    def moves(self, instant: Instant) -> bool:
-        """Return whether statistics need to know where an arc has come to at any time."""
-        return any(not each.at for each in self.observables)
 
     # What all kinds of system share.
 

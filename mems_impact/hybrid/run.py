@@ -19,6 +19,7 @@ from mems_impact.errors import (
     StiffnessWarning,
 )
 from mems_impact.hybrid import loop, record
+from mems_impact.hybrid.opposed import LOOKED_AT, SLIDE, opposed
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 
@@ -133,6 +134,7 @@ class _Run:
         switches = len(problem.switches)
         self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
         self.events = np.zeros((EVENT_ROWS + m, loop.HEAD + 2 * n))
+        self.latest = self.events[:0]  # the last events, whoever consumes them
         self.samples = np.zeros((rows, 3 + n))
         self._put(record.ORDER, [guard.order for guard in automaton.guards])
         self._put(record.IMPACT, [guard.impact for guard in automaton.guards])
@@ -218,6 +220,7 @@ class _Run:
 
     def _drain(self) -> None:
         rows = self.events[: self.clock["rows"]]
+        self.latest = np.concatenate([self.latest, rows[-LOOKED_AT:]])[-LOOKED_AT:]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
@@ -304,6 +307,10 @@ class _Run:
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+        if status in (loop.CYCLING, loop.EVENT_BUDGET):
+            latest = Events.from_rows(self.latest)
+            opposite = opposed(latest, automaton, self.problem.period)
+            reason, remedy = (opposite, SLIDE) if opposite else (reason, remedy)
         if failure in (contract.NON_FINITE, contract.NO_GUARD) and status == loop.FAILED:
             found = self._searched()
             if found is not None:

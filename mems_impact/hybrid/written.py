@@ -238,20 +238,23 @@ class _Text:
 
     def difference(self, i: int) -> list[str]:
         """Return the lines that put the rate of margin `i` into place."""
-        lines = [f"r[{i}] = 0.0"]
-        for step, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
-            for sign in (1, -1):
-                moved = f"{float(sign * step)} * h"
-                if self.by_array:
-                    lines.append(f"for k in range({self.n}):")
-                    lines.append(f"    x[k] = y[k] + {moved} * d[k]")
-                    state = "x"
-                else:
-                    parts = (f"y[{k}] + {moved} * d[{k}]" for k in range(self.n))
-                    state = f"State({', '.join(parts)})"
-                value = f"margin_{i}(mode, t + {moved}, {state}, q)"
-                lines.append(f"r[{i}] += {sign * weight / 60.0!r} * {value}")
-        return [*lines, f"r[{i}] /= h"]
+        # A loop, so that the margin is compiled once and not six times.
+        if self.by_array:
+            move = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
+            state = "x"
+        else:
+            move = []
+            state = f"State({', '.join(f'y[{k}] + moved * d[{k}]' for k in range(self.n))})"
+        first, second, third = 45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0
+        point = [
+            "size = 1 + point // 2",
+            "sign = 1.0 - 2.0 * (point % 2)",
+            "moved = sign * size * h",
+            *move,
+            f"weight = {first!r} if size == 1 else ({second!r} if size == 2 else {third!r})",
+            f"r[{i}] += sign * weight * margin_{i}(mode, t + moved, {state}, q)",
+        ]
+        return [f"r[{i}] = 0.0", "for point in range(6):", *indented(point), f"r[{i}] /= h"]
 
     def transition(self) -> str:
         lines = self.head()

@@ -1,0 +1,161 @@
+"""Dry friction, by the laws of Coulomb and Stribeck, on the ground, a belt or another body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from mems_impact.analysis.parts.contact import Contact, Sides, sides
+from mems_impact.analysis.parts.part import Quantity, Watch, Words
+
+__all__ = ["Friction", "Stribeck"]
+
+STUCK, FORWARD, BACKWARD = 0, 1, 2
+ROUNDING = "1e-10"  # of the limit: what is so near to it holds
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """The law of Stribeck: a coefficient of friction that falls with the speed u.
+
+    ``dynamic + (static - dynamic) exp(-u/speed) + viscous u``.
+
+    Parameters
+    ----------
+    static, dynamic, speed, viscous : float or str
+        Numbers, or names of parameters; `viscous` is 0 by default.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> law = mi.Stribeck("mu_s", "mu_d", "v_s")
+    >>> belt = mi.Friction("belt", "v", mu=law, surface="v_belt")
+    """
+
+    static: Quantity
+    dynamic: Quantity
+    speed: Quantity
+    viscous: Quantity = 0.0
+
+    def at(self, words: Words, speed: str) -> str:
+        """Return the coefficient at a relative speed, as an expression."""
+        names = ("static", "dynamic", "speed", "viscous")
+        static, dynamic, unit, viscous = (words.value(name, getattr(self, name)) for name in names)
+        decay = f"math.exp(-({speed}) / {unit})"
+        return f"{dynamic} + ({static} - {dynamic}) * {decay} + {viscous} * ({speed})"
+
+
+@dataclass(frozen=True)
+class Friction(Contact):
+    """Dry friction on a body, with sticking.
+
+    A body that slides is braked by mu times the normal force. Where its relative speed comes to
+    zero it sticks if the force that this takes, against all others, is no more than the static
+    limit; else it slides on, as the load has it. It breaks away when the load reaches the limit.
+
+    Parameters
+    ----------
+    name : str
+    velocity : str
+        The state on which it acts.
+    mu : float, str, callable or Stribeck
+        The coefficient of sliding friction: a number, a parameter, or ``mu(speed, p)`` of the
+        relative speed (>= 0), or a `Stribeck` law.
+    normal : float, str or callable, optional
+        The normal force: a number, a parameter or ``normal(t, y, p)``. By default 1, so that `mu`
+        is the force itself.
+    static : float, str or callable, optional
+        The coefficient of static friction: a number, a parameter or ``static(p)``; by default `mu`
+        at no speed.
+    surface : float, str or callable, optional
+        The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
+        another velocity of the system. If that one has a mass, the force acts on it in return.
+
+    Notes
+    -----
+    Modes: stuck, forward, backward, which the flow finds as 0, 1 and -1. Events: ``NAME sticks``
+    and ``NAME slips``.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def spring(mode, t, y, p):
+    ...     return y.v, -y.x
+    >>> block = mi.System(
+    ...     states=("x", "v"), flow=spring, initial={"x": 1.0},
+    ...     parts=[mi.Friction("ground", "v", mu=0.1)],
+    ... )
+    >>> mi.simulate(block, duration=50.0).final.mode
+    'stuck'
+    """
+
+    velocity: str
+    mu: Quantity | Stribeck = field(kw_only=True)
+    normal: Quantity = field(default=1.0, kw_only=True)
+    static: Quantity | None = field(default=None, kw_only=True)
+    surface: Quantity = field(default=0.0, kw_only=True)
+
+    modes: ClassVar[tuple[str, ...]] = ("stuck", "forward", "backward")
+    signs: ClassVar[tuple[int, ...]] = (0, 1, -1)
+    holds: ClassVar[int] = STUCK
+
+    def sides(self, words: Words) -> Sides:
+        """Return the body and what it slides on."""
+        return sides(words, self.velocity, self.surface, "surface")
+
+    def sliding(self, words: Words, speed: str) -> str:
+        """Return the size of the force at a relative speed."""
+        normal = words.value("normal", self.normal, "t, y, p")
+        if isinstance(self.mu, Stribeck):
+            return f"({self.mu.at(words, speed)}) * {normal}"
+        return f"{words.value('mu', self.mu, f'{speed}, p')} * {normal}"
+
+    def limit(self, words: Words) -> str:
+        """Return the largest force that holds."""
+        if self.static is None:
+            return self.sliding(words, "0.0")
+        normal = words.value("normal", self.normal, "t, y, p")
+        return f"{words.value('static', self.static)} * {normal}"
+
+    def law(self, words: Words) -> dict[int, str]:
+        """Return the forces that brake."""
+        slip = self.sides(words).slip
+        return {
+            FORWARD: f"-({self.sliding(words, slip)})",
+            BACKWARD: self.sliding(words, f"-{slip}"),
+        }
+
+    def fits(self, words: Words) -> list[str]:
+        """Return when it sticks, and when it slides forward or backward."""
+        both = self.sides(words)
+        limit, gain = self.limit(words), both.relative("x[{}]")
+        mobility = f"({both.yielding}{f' + {both.resisting}' if both.resisting else ''})"
+        room = f"{ROUNDING} * ({limit}) * {mobility}"
+        return [
+            f"{both.near} and abs({words.force}) <= ({limit}) * (1.0 + {ROUNDING})",
+            f"{gain} >= -({room}) if {both.near} else {both.slip} > 0.0",
+            f"{gain} <= {room} if {both.near} else {both.slip} < 0.0",
+        ]
+
+    def watches(self, words: Words) -> list[Watch]:
+        """Return the end of a slip and the break-away."""
+        both = self.sides(words)
+        sign = f"(1.0 if {words.mode} == {FORWARD} else -1.0)"
+        still = {both.on: both.speed}
+        return [
+            Watch(
+                name=f"{self.name} sticks",
+                modes=(FORWARD, BACKWARD),
+                margin=f"{sign} * {both.slip}",
+                rate=f"{sign} * {both.relative('x[{}]')}",
+                changes=still,
+            ),
+            Watch(
+                name=f"{self.name} slips",
+                modes=(STUCK,),
+                margin=f"{self.limit(words)} - abs({words.force})",
+                changes=still,
+                # The load is at the limit to rounding: it slips to whichever side that drives it.
+                leads=f"{FORWARD} if {words.force} < 0.0 else {BACKWARD}",
+            ),
+        ]

@@ -1,0 +1,181 @@
+"""What a part is: modes, guards, and what it adds to the flow, as lines of text.
+
+The parts of a system are put together as source (`text`), of which the compiler sees plain
+arithmetic. So a part answers with expressions. In all of them stand ``t``, the time; ``y[j]``,
+component j of the state; ``p.name``, a parameter; and of the part itself its mode, a number, by the
+name `Words.mode`. Where `Watch` says so, ``x`` holds what the flow makes in the current mode:
+``x[j]``, the derivative of component j, and the force of a contact that holds, `Words.force`.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from mems_impact.analysis.state import is_number
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Part", "Quantity", "Watch", "Words"]
+
+Quantity = float | str | Callable[..., float]
+"""A number, the name of a parameter, or a function."""
+
+ANY = "-1"  # in place of a mode: the one that fits
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watch:
+    """A guard of a part.
+
+    Attributes
+    ----------
+    name : str
+        What tables call the event.
+    modes : tuple of int
+        The part's own modes in which it watches.
+    margin, rate : str
+        Expressions; without a rate it is taken by differences. ``x`` is at hand.
+    changes : mapping of int to str
+        What the event makes of components of the state, from the old ones.
+    leads : str
+        The part's own mode after it, an expression; by default whichever fits the new state.
+    rest : mapping of int to str or None
+        Of an impact: `changes` where there is no rebound.
+    """
+
+    name: str
+    modes: tuple[int, ...]
+    margin: str
+    rate: str | None = None
+    changes: Mapping[int, str] = field(default_factory=dict)
+    leads: str = ANY
+    rest: Mapping[int, str] | None = None
+
+
+@dataclass(frozen=True)
+class Words:
+    """How the text calls what a part speaks of.
+
+    Attributes
+    ----------
+    part : Part
+    place : int
+        Which of the parts it is.
+    states, parameters : tuple of str
+    masses : mapping of str to Quantity
+        By the velocity to which they belong.
+    contact : int or None
+        Which of the contacts it is.
+    space : dict
+        The functions that the text calls, by name.
+    """
+
+    part: Part
+    place: int
+    states: tuple[str, ...]
+    parameters: tuple[str, ...]
+    masses: Mapping[str, Quantity]
+    contact: int | None
+    space: dict[str, Any]
+
+    @property
+    def mode(self) -> str:
+        """The part's own mode."""
+        return f"m{self.place}"
+
+    @property
+    def last(self) -> str:
+        """The part's own mode before an event."""
+        return f"last{self.place}"
+
+    @property
+    def fired(self) -> str:
+        """Whether the event is one of the part's own."""
+        return f"fired == {self.place}"
+
+    @property
+    def upper(self) -> str:
+        """The derivative of a surface's height along the flow above it."""
+        return f"up{self.place}"
+
+    @property
+    def lower(self) -> str:
+        """The derivative of a surface's height along the flow below it."""
+        return f"down{self.place}"
+
+    @property
+    def force(self) -> str:
+        """The force of the contact where it holds."""
+        return f"x[{len(self.states)} + {self.contact}]"
+
+    def index(self, field: str, state: str) -> int:
+        """Return the number of a state."""
+        if state not in self.states:
+            allowed = f"one of {', '.join(self.states)}"
+            raise InvalidParameter(self.label(field), state, allowed)
+        return self.states.index(state)
+
+    def value(self, field: str, quantity: Quantity, arguments: str = "p") -> str:
+        """Return a number, a parameter or the call of a function as an expression."""
+        if callable(quantity):
+            return self.call(quantity, arguments)
+        if isinstance(quantity, str):
+            if quantity not in self.parameters:
+                known = ", ".join(self.parameters) or "of which there are none"
+                allowed = f"a number, a function, or one of the parameters, {known}"
+                raise InvalidParameter(self.label(field), quantity, allowed)
+            return f"p.{quantity}"
+        if not is_number(quantity):
+            allowed = "a number, the name of a parameter, or a function"
+            raise InvalidParameter(self.label(field), quantity, allowed)
+        return repr(float(quantity))
+
+    def call(self, function: Callable[..., Any], arguments: str) -> str:
+        """Return the call of a function of the user as an expression."""
+        known = (name for name, value in self.space.items() if value is function)
+        name = next(known, f"given_{len(self.space)}")
+        self.space[name] = function
+        return f"{name}({arguments})"
+
+    def mass(self, velocity: str) -> str:
+        """Return the mass of a body as an expression; 1 where forces are per mass."""
+        return self.value(f"mass of {velocity}", self.masses.get(velocity, 1.0))
+
+    def label(self, field: str) -> str:
+        """Return what errors call a field of the part."""
+        return f"{field} of {self.part.name!r}"
+
+
+@dataclass(frozen=True)
+class Part:
+    """Something that a system is put together from: ``System(parts=[...])``.
+
+    A subclass is a frozen dataclass of what its user gives. Strings in it name states or
+    parameters of the system, which `Words` turns into expressions and checks.
+
+    Parameters
+    ----------
+    name : str
+        What tables call it; the flow finds its mode as ``mode.name``.
+    """
+
+    name: str
+
+    modes: ClassVar[tuple[str, ...]] = ()
+    """What its modes are called."""
+    signs: ClassVar[tuple[int, ...]] = ()
+    """What the flow finds as ``mode.name`` in each of them."""
+
+    @abstractmethod
+    def fits(self, words: Words) -> list[str]:
+        """Return the conditions under which each of its modes fits the state, in order.
+
+        At hand are ``x``, `Words.last`, `Words.fired` and ``jumped``, 1 where the state may have
+        been moved by the event of another part, or a run begins.
+        """
+
+    @abstractmethod
+    def watches(self, words: Words) -> list[Watch]:
+        """Return its guards."""

@@ -1,0 +1,128 @@
+"""A surface in the space of states at which the flow jumps, and along which it may slide."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Surface"]
+
+ABOVE, BELOW, SLIDING = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Surface(Part):
+    """A switching surface ``h = 0`` with sliding, by Filippov's convex method.
+
+    The flow finds 1 in ``mode.name`` where ``h > 0`` and -1 where ``h < 0``. A state that comes to
+    the surface crosses it if the flow beyond leads away. If both flows lead towards it, the state
+    slides: on ``(f+ L- - f- L+)/(L- - L+)``, with L+ and L- the derivatives of h along both flows,
+    until one of them changes its sign.
+
+    Parameters
+    ----------
+    name : str
+    h : str, mapping of str to float or str, or callable
+        A state; or a sum, ``{"x": "c", "v": 1.0}`` for c x + v, of states times numbers or
+        parameters; or ``h(t, y, p)``.
+    level : float, str or callable, optional
+        What is taken from h: a number (0 by default), a parameter or a function of ``p``.
+    rate : callable, optional
+        Of a callable `h`: ``rate(t, y, d, p)``, its time derivative where the states have the
+        derivatives ``d.x``.
+
+    Notes
+    -----
+    Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
+    up`` and ``NAME leaves down``. Where both flows lead away the state stays on the side that it is
+    on. Sliding along two surfaces at a time is not defined by this method.
+
+    References
+    ----------
+    .. [1] A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer,
+       1988.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def control(mode, t, y, p):
+    ...     return y.v, -p.u * mode.line
+    >>> braked = mi.System(
+    ...     states=("x", "v"), flow=control, parameters={"u": 1.0, "c": 1.0}, initial={"x": 2.0},
+    ...     parts=[mi.Surface("line", {"x": "c", "v": 1.0})],
+    ... )
+    >>> mi.simulate(braked, duration=10.0).final.mode
+    'sliding'
+    """
+
+    h: str | Mapping[str, float | str] | tuple[tuple[str, float | str], ...] | Callable[..., float]
+    level: Quantity = field(default=0.0, kw_only=True)
+    rate: Callable[..., float] | None = field(default=None, kw_only=True)
+
+    modes: ClassVar[tuple[str, ...]] = ("above", "below", "sliding")
+    signs: ClassVar[tuple[int, ...]] = (1, -1, 0)
+
+    def __post_init__(self) -> None:
+        if callable(self.h) == (self.rate is None):
+            allowed = "a function rate(t, y, d, p) where h is a function, and only there"
+            raise InvalidParameter(f"rate of {self.name!r}", self.rate, allowed)
+        if isinstance(self.h, Mapping):
+            object.__setattr__(self, "h", tuple(self.h.items()))  # which has a hash
+
+    def height(self, words: Words) -> str:
+        """Return h as an expression."""
+        level = words.value("level", self.level)
+        if callable(self.h):
+            return f"({words.call(self.h, 't, y, p')} - {level})"
+        return f"({self.along(words, 'y')} - {level})"
+
+    def along(self, words: Words, slopes: str) -> str:
+        """Return the derivative of h along slopes, ``slopes[j]``, as an expression."""
+        if self.rate is not None:
+            parts = ", ".join(f"{slopes}[{j}]" for j in range(len(words.states)))
+            return words.call(self.rate, f"t, y, State({parts}), p")
+        terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
+        return " + ".join(
+            f"{words.value(f'factor of {state}', factor)} * {slopes}[{words.index('h', state)}]"
+            for state, factor in terms
+        )
+
+    def fits(self, words: Words) -> list[str]:
+        """Return when the state is above, below, or slides."""
+        h, up, down = self.height(words), words.upper, words.lower
+        # Where nothing has moved the state, it is where it was, whatever rounding says of h.
+        stayed = "jumped == 0"
+        on = f"({words.fired} or {h} == 0.0 or ({stayed} and {words.last} == {SLIDING}))"
+        return [
+            f"{up} >= 0.0 if {on} else ({words.last} == {ABOVE} if {stayed} else {h} > 0.0)",
+            f"{down} <= 0.0 if {on} else ({words.last} == {BELOW} if {stayed} else {h} < 0.0)",
+            f"{on} and {up} < 0.0 and {down} > 0.0",
+        ]
+
+    def watches(self, words: Words) -> list[Watch]:
+        """Return that the surface is reached, and the two ways to leave it."""
+        sign = f"(1.0 if {words.mode} == {ABOVE} else -1.0)"
+        return [
+            Watch(
+                name=self.name,
+                modes=(ABOVE, BELOW),
+                margin=f"{sign} * {self.height(words)}",
+                rate=f"{sign} * ({self.along(words, 'x')})",
+            ),
+            Watch(
+                name=f"{self.name} leaves up",
+                modes=(SLIDING,),
+                margin=f"-{words.upper}",
+                leads=str(ABOVE),
+            ),
+            Watch(
+                name=f"{self.name} leaves down",
+                modes=(SLIDING,),
+                margin=words.lower,
+                leads=str(BELOW),
+            ),
+        ]

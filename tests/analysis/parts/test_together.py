@@ -1,0 +1,240 @@
+"""Several parts on one system: their modes multiply, and what one does the others feel."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+PLAIN = mi.Options(engine="interpreted", method="dop853")
+STOP = mi.Stopper("stop", "x", "v", upper=1.0, restitution="e")
+GROUND = mi.Friction("ground", "v", mu="mu_d", static="mu_s")
+
+
+def pushed(mode, t, y, p):
+    return y.v, y.load, p.rate
+
+
+def block(parts, **changes):
+    values = {"rate": -0.5, "e": 0.6, "mu_s": 0.3, "mu_d": 0.2, **changes.pop("parameters", {})}
+    return mi.System(
+        states=("x", "v", "load"), flow=pushed, parameters=values, parts=parts, time_scale=1.0,
+        **changes,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("parts", [[STOP, GROUND], [GROUND, STOP]], ids=["stop first", "last"])
+def test_pressed_against_a_stop_it_leaves_when_the_load_pulls_harder_than_friction(parts):
+    # It rests on the stop under a load that falls from 1: at 0.2 the stop lets go, what is left is
+    # friction, and at -0.3 it breaks away.
+    start = mi.State(x=1.0, load=1.0)
+    run = mi.simulate(block(parts), duration=4.0, initial=start, options=PLAIN)
+    # Where the stop lets go, friction that pushed against it takes over in the same instant.
+    assert run.events["event"].tolist() == ["stop lets go", "ground sticks", "ground slips"]
+    assert run.events["t"].tolist() == pytest.approx([1.6, 1.6, 2.6], rel=1e-9)
+    assert (run.events["x"] == 1.0).all()
+    gone = 4.0 - 2.6
+    assert run.final.v == pytest.approx(-0.1 * gone - 0.25 * gone**2, rel=1e-9)
+
+
+@pytest.mark.parametrize("parts", [[STOP, GROUND], [GROUND, STOP]], ids=["stop first", "last"])
+def test_stuck_at_a_stop_it_breaks_away_against_it_and_stays(parts):
+    start = mi.State(x=1.0, load=0.0)
+    rising = block(parts, parameters={"rate": 0.5})
+    run = mi.simulate(rising, duration=2.0, initial=start, options=PLAIN)
+    assert run.final.x == 1.0
+    assert run.final.v == 0.0
+    assert run.final.mode in ("held-forward", "forward-held")
+    assert run.events["t"].iloc[0] == pytest.approx(0.6, rel=1e-9)
+
+
+def test_an_impact_of_a_sliding_body_loses_what_restitution_and_friction_take():
+    start = mi.State(x=0.0, v=2.0)
+    calm = block([STOP, GROUND], parameters={"rate": 0.0})
+    run = mi.simulate(calm, duration=20.0, initial=start, options=PLAIN)
+    assert run.events["event"].tolist() == ["stop", "ground sticks"]
+    speed = math.sqrt(4.0 - 2.0 * 0.2)
+    (hit,) = run.impacts.to_dict("records")
+    assert hit["v before"] == pytest.approx(speed, rel=1e-9)
+    assert hit["v after"] == pytest.approx(-0.6 * speed, rel=1e-9)
+    assert run.final.x == pytest.approx(1.0 - (0.6 * speed) ** 2 / 0.4, rel=1e-8)
+    assert run.final.mode == "free-stuck"
+
+
+def test_a_body_stuck_on_a_belt_is_carried_into_the_stop_again_and_again():
+    belt = mi.Friction("belt", "v", mu="mu_d", static="mu_s", surface=1.0)
+    carried = block([STOP, belt], parameters={"rate": 0.0})
+    run = mi.simulate(carried, duration=40.0, initial={"v": 1.0}, options=PLAIN)
+    # It strikes at 1, comes back at -0.6, is braked to 0 and taken along by 0.2, never to stick
+    # before it strikes at 0.6, and so on: flights of 2 u/0.2 that shrink by e, until it rests.
+    first = run.impacts["t"].iloc[0]
+    assert first == pytest.approx(1.0, rel=1e-12)
+    assert np.diff(run.impacts["t"])[:6] == pytest.approx(10.0 * 0.6 ** np.arange(1, 7), rel=1e-8)
+    assert run.final == mi.State(x=1.0, v=0.0, load=0.0, mode="held-backward")
+    rest = run.events.query("event == 'chatter ends'")["t"]
+    assert rest.tolist() == pytest.approx([1.0 + 10.0 * 0.6 / 0.4], rel=1e-8)
+
+
+def test_a_stuck_body_that_is_struck_slides():
+    struck = mi.System(
+        states=("x", "v", "z", "w"),
+        flow=lambda mode, t, y, p: (y.v, 0.0, y.w, 0.0),
+        masses={"v": 1.0, "w": 3.0},
+        initial={"x": -1.0, "v": 2.0},
+        parts=[
+            mi.Stopper("collision", "x", "v", upper=0.0, restitution=0.5, against=("z", "w")),
+            mi.Friction("ground", "w", mu=0.75),
+        ],
+    )  # fmt: skip
+    run = mi.simulate(struck, duration=5.0, options=PLAIN)
+    assert run.events["mode after"].tolist() == ["free-forward", "free-stuck"]
+    speed = 2.0 * 1.5 / 4.0  # by momentum and restitution
+    assert run.impacts["w after"].iloc[0] == pytest.approx(speed, rel=1e-12)
+    assert run.events["t"].tolist() == pytest.approx([0.5, 0.5 + speed / 0.25], rel=1e-9)
+
+
+def test_two_frictions_on_two_bodies_break_away_one_after_the_other():
+    pulled = mi.System(
+        states=("x", "v", "z", "w", "load"),
+        flow=lambda mode, t, y, p: (
+            y.v, y.load - 10.0 * (y.x - y.z), y.w, 10.0 * (y.x - y.z), 0.01,
+        ),
+        time_scale=1.0,
+        parts=[mi.Friction("first", "v", mu=0.2), mi.Friction("second", "w", mu=0.3)],
+    )  # fmt: skip
+    run = mi.simulate(pulled, duration=60.0, options=PLAIN)
+    events = run.events
+    assert events["event"].iloc[0] == "first slips"
+    assert events["t"].iloc[0] == pytest.approx(20.0, rel=1e-9)
+    second = events.query("event == 'second slips'").iloc[0]
+    assert 10.0 * (second["x"] - second["z"]) == pytest.approx(0.3, rel=1e-8)
+    assert second["z"] == 0.0
+    assert run.system.modes[4] == "forward-forward"
+
+
+@pytest.mark.parametrize("mu", [0.2, 0.3])
+def test_bodies_that_break_away_in_the_same_instant(mu):
+    alike = mi.System(
+        states=("v", "w", "load"),
+        flow=lambda mode, t, y, p: (y.load, -y.load, 1.0),
+        time_scale=1.0,
+        parts=[
+            mi.Friction("one", "v", mu=mu, static=0.3), mi.Friction("two", "w", mu=mu, static=0.3)
+        ],
+    )  # fmt: skip
+    run = mi.simulate(alike, duration=1.0, options=PLAIN)
+    assert sorted(run.events["event"]) == ["one slips", "two slips"]
+    assert run.events["t"].tolist() == pytest.approx([0.3, 0.3], rel=1e-12)
+    assert run.final.mode == "forward-backward"
+    assert run.final.v == -run.final.w
+    assert run.final.v == pytest.approx((0.3 - mu) * 0.7 + 0.5 * 0.49, rel=1e-9)
+
+
+def test_two_frictions_on_one_body_hold_with_both_limits():
+    double = mi.System(
+        states=("v", "load"), flow=lambda mode, t, y, p: (y.load, 0.1), time_scale=1.0,
+        parts=[mi.Friction("top", "v", mu=0.3), mi.Friction("bottom", "v", mu=0.2)],
+    )  # fmt: skip
+    run = mi.simulate(double, duration=8.0, options=PLAIN)
+    assert run.final.v == pytest.approx(0.05 * 9.0, rel=1e-8)  # from load 0.5 at t = 5
+    turned = mi.simulate(double, duration=8.0, initial={"load": 0.45}, options=PLAIN)
+    assert turned.final.mode == "forward-forward"
+
+
+def test_the_actuator_put_together_from_parts_is_the_actuator():
+    device = mi.load_actuator("zhao2004")
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    names = ("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g")
+    values = {name: float(getattr(device, name)) for name in names}
+
+    def flow(mode, t, y, p):
+        x, v = y.x - y.z, y.v - y.w
+        volt = 0.24 * math.cos(0.5 * t)
+        pull = p.alpha * volt * volt / (p.d - min(x, 0.5 * (p.delta + p.d))) ** 2
+        force = pull - p.k * x - p.c * v
+        return y.v, force / p.m2, y.w, -force / p.m1
+
+    parts = [
+        mi.Stopper("right", "x", "v", upper="delta", restitution="e", against=("z", "w")),
+        mi.Stopper("left", "x", "v", lower=lambda p: -p.delta, restitution="e", against=("z", "w")),
+        mi.Friction("ground", "w", mu="mu_d", static="mu_s",
+                    normal=lambda t, y, p: (p.m1 + p.m2) * p.g),
+    ]  # fmt: skip
+    system = mi.System(
+        states=("x", "v", "z", "w"), flow=flow, period=2.0 * math.pi, parameters=values,
+        masses={"v": "m2", "w": "m1"}, parts=parts,
+    )  # fmt: skip
+    options = mi.Options(engine="interpreted", method="dop853")
+    theirs = mi.simulate(device, drive, 40, options=options)
+    ours = mi.simulate(system, 40, options=options)
+    assert len(theirs.impacts) > 10
+    assert len(ours.impacts) == len(theirs.impacts)
+    assert np.abs(ours.impacts["t"] - theirs.impacts["t"]).max() < 1e-6
+    assert len(ours.events) == len(theirs.events)
+    assert ours.final.z == pytest.approx(theirs.final.x1, abs=1e-6)
+    assert ours.final.x - ours.final.z == pytest.approx(theirs.final.x2, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["dop853", "adams"])
+def test_they_run_compiled_as_they_run_interpreted(method):
+    system = block([STOP, GROUND, mi.Stopper("other", "x", "v", lower=-0.3, restitution="e")])
+    for start in (mi.State(v=2.0), mi.State(x=1.0, load=1.0)):
+        one, other = (
+            mi.simulate(system, duration=4.0, initial=start, options=options)
+            for options in (mi.Options(method=method), PLAIN)
+        )
+        assert one.events["event"].tolist() == other.events["event"].tolist()
+        assert np.abs(one.events["t"] - other.events["t"]).max() < 1e-7
+
+
+def test_systems_of_parts_are_values():
+    system = block([STOP, GROUND], parameters={"rate": 0.0})
+    again = pickle.loads(pickle.dumps(system))
+    assert again == system
+    start = mi.State(x=0.0, v=2.0)
+    plain = mi.simulate(again, duration=5.0, initial=start, options=PLAIN)
+    assert plain.final == mi.simulate(system, duration=5.0, initial=start, options=PLAIN).final
+    assert "free-stuck" in system.summary()["modes"]
+    assert system != block([STOP], parameters={"rate": 0.0})
+    assert system == block([STOP, GROUND], parameters={"rate": 0.0})
+
+
+def test_own_guards_find_the_modes_of_parts_by_name():
+    kick = mi.Guard("kick", lambda mode, t, y, p: 1.0 if mode.ground != 0 else 0.5 - y.load,
+                    lambda mode, t, y, p: (mode, (y.x, -1.0, y.load)))  # fmt: skip
+    strong = block([GROUND], parameters={"rate": 0.5, "mu_s": 1.0}, guards=[kick])
+    run = mi.simulate(strong, duration=1.1, options=PLAIN)
+    assert run.events["event"].tolist() == ["kick"]
+    assert run.final.mode == "backward"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"parts": [3]}, "parts = 3: must be each a part"),
+        ({"parts": [STOP, STOP]}, "must be a name of its own for each"),
+        ({"parts": [mi.Friction("a b", "v", mu=1.0)]}, "must be a Python name"),
+        ({"parts": [mi.Friction("g", "z", mu=1.0)]}, "velocity of 'g' = 'z': must be one of x, v"),
+        ({"parts": [mi.Friction("g", "v", mu="nu")]}, "mu of 'g' = 'nu': must be a number, a func"),
+        ({"parts": [mi.Friction("g", "v", mu=math.nan)]}, "mu of 'g' = nan: must be a number"),
+        ({"parts": [STOP], "masses": {"z": 1.0}}, "masses = 'z': must be velocities among"),
+        ({"parts": [STOP], "modes": ("a",)}, "modes = .*: must be left out where parts are given"),
+        ({"parts": [STOP], "guards": [mi.Guard("a", lambda mode, t, y, p: 1.0, modes=(0,))]},
+         "modes of 'a' = .*: must be none"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_one_sentence(changes, message):
+    with pytest.raises(mi.InvalidParameter, match=message):
+        block(**changes)
+
+
+def test_mistakes_of_one_part():
+    with pytest.raises(mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be one of them"):
+        mi.Stopper("s", "x", "v", restitution=1.0)
+    with pytest.raises(mi.InvalidParameter, match="rate of 's' = None: must be a function rate"):
+        mi.Surface("s", lambda t, y, p: y.x)
