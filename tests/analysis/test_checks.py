@@ -316,3 +316,20 @@ ARGUMENTS = [
 @pytest.mark.parametrize(("changes", "sentence"), ARGUMENTS)
 def test_arguments_are_looked_at(changes, sentence):
     refused(changes, sentence, InvalidParameter)
+
+
+@pytest.mark.parametrize(
+    "flow",
+    [
+        lambda mode, t, y, p: (y.v, math.sin(p.w * t)),  # nothing at all where it starts
+        lambda mode, t, y, p: (y.v, -p.w * (y.x - 1.0) - 0.3 + 0.3 * math.cos(p.w * t)),
+    ],
+)
+def test_what_is_rounding_depends_on_no_time(flow):
+    mi.System(
+        states=("x", "v"),
+        flow=flow,
+        parameters={"w": 3.0},
+        period=lambda p: 2.0 * math.pi / p.w,
+        initial={"x": 1.0},
+    )

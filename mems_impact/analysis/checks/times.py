@@ -10,8 +10,9 @@ from mems_impact.hybrid.tried import Point, Tried
 __all__ = ["check_times"]
 
 LATER = 0.6180339887498949  # of the time scale: a time that is none of a period's parts
+PARTS = (0.13, 0.29, 0.41, 0.59, 0.83)  # of the time scale, at which else the flow is looked at
 HAIR = 1e-9  # of the time scale
-SLACK = 1e-6  # of the largest component of the flow
+SLACK = 1e-6  # of the largest rate that is met
 
 
 def check_times(
@@ -20,7 +21,10 @@ def check_times(
     """Raise FunctionError unless the flow is that of a period later, or of any time without one."""
     later = at.t + (LATER * unit if period is None else period)
     again = tried.flow(Point(at.mode, later, at.y))
-    size = max(map(abs, (*slope, *again)))
+    # Where forces cancel, or a sine begins, the flow is nothing but rounding of what makes it up.
+    around = (tried.flow(Point(at.mode, at.t + part * unit, at.y)) for part in PARTS)
+    seen = (abs(rate) for rates in (slope, again, *around) for rate in rates)
+    size = max(*seen, *(abs(value) / unit for value in at.y))
     if not differ(slope, again, size):
         return
     # A forcing that jumps may do so a rounding before or after this time.
