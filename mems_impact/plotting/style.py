@@ -123,7 +123,8 @@ def crosses(captions: Mapping[str, Any]) -> str:
 def on_section(table: pd.DataFrame, state: str) -> str:
     """Return the label of an axis for a state where a table looks at it, with its unit."""
     equation = crosses(table.attrs)
-    where = f" at {equation}" if equation else " where periods begin"
+    else_where = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
+    where = f" at {equation}" if equation else else_where
     if "section" not in table.attrs:  # read back from a file
         where = " on the section"
     return with_unit(symbol(state), table, state) + where
