@@ -120,14 +120,20 @@ def find_orbit(
             )
     except OrbitError as error:
         if system.forced and not time_enters(problem, start.y):
-            own = InvalidParameter("period", system.forcing_period, "", problem=UNFORCED)
-            raise own from error
+            raise _unforced(system) from error
         if isinstance(error.partial, Point):
             error.partial = _reached(error.partial, system)
         elif isinstance(error.partial, Instant):
             error.partial = system.state_of(error.partial)
         raise
+    # At rest all repeats with any period; but a motion that leaves it does not.
+    if system.forced and not found.stable and not time_enters(problem, start.y):
+        raise _unforced(system)
     return orbit_of(system, found)
+
+
+def _unforced(system: System) -> InvalidParameter:
+    return InvalidParameter("period", system.forcing_period, "", problem=UNFORCED)
 
 
 def _reached(point: Point, system: System) -> State | None:
