@@ -108,7 +108,8 @@ class Branch(Followed):
         another event comes in or drops out), largest multiplier (its absolute value; inf where an
         impact has lost its speed), impacts and the largest impact speed over the orbit, closest
         approach, observables, and the states at the crossings of the section upwards, or where
-        forcing periods begin, largest first: v2, v2 2, v2 3, …
+        forcing periods begin, largest first: v2, v2 2, v2 3, …; of a cycle without a section their
+        largest values.
         """
         rows = [
             {

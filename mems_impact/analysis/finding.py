@@ -15,6 +15,7 @@ from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Instant
 from mems_impact.orbits import finding as orbits
 from mems_impact.orbits.shooting import Point
+from mems_impact.orbits.timing import time_enters
 
 __all__ = ["IF_STIFF", "ORBIT_OPTIONS", "find_orbit"]
 
@@ -22,6 +23,14 @@ ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits; arcs are short."""
 IF_STIFF = "bdf"
 """The method that takes over from that of `ORBIT_OPTIONS`."""
+FORCED = (
+    "the functions of the system depend on t, and nothing says with which period: give period= to "
+    "the System, or leave t out of them"
+)
+UNFORCED = (
+    "nothing in the system depends on t, and its motion does not repeat with this period: leave "
+    "period= out of the System, and its own cycle is found"
+)
 
 
 @takes_system(start="guess")
@@ -66,7 +75,8 @@ def find_orbit(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range.
+        If an argument is out of range, or the system has no period though its functions depend on
+        time, or has one though none does.
     OrbitError
         If there is no orbit near the guess, or the motion does not return, or comes to rest; its
         ``partial`` is the `State` that was reached.
@@ -80,14 +90,17 @@ def find_orbit(
     if not is_number(transient) or transient < 0.0:
         raise InvalidParameter("transient", transient, "a finite number >= 0")
     if not system.forced and periods is not None:
-        problem = "the system has no forcing period that an orbit could take several of"
-        raise InvalidParameter("periods", periods, "", problem=problem)
+        refusal = "the system has no forcing period that an orbit could take several of"
+        raise InvalidParameter("periods", periods, "", problem=refusal)
     if system.forced and period is not None:
-        problem = "an orbit of this system takes whole forcing periods: give periods="
-        raise InvalidParameter("period", period, "", problem=problem)
+        refusal = "an orbit of this system takes whole forcing periods: give periods="
+        raise InvalidParameter("period", period, "", problem=refusal)
     chosen = ORBIT_OPTIONS if options is None else options
     if_stiff = IF_STIFF if options is None else None
-    start = system.instant(guess, system.problem(chosen), field="guess")
+    problem = system.problem(chosen)
+    start = system.instant(guess, problem, field="guess")
+    if not system.forced and time_enters(problem, start.y):
+        raise InvalidParameter("period", None, "", problem=FORCED)
     try:
         if system.forced:
             found = orbits.find_orbit(
@@ -106,12 +119,21 @@ def find_orbit(
                 if_stiff=if_stiff,
             )
     except OrbitError as error:
+        if system.forced and not time_enters(problem, start.y):
+            raise _unforced(system) from error
         if isinstance(error.partial, Point):
             error.partial = _reached(error.partial, system)
         elif isinstance(error.partial, Instant):
             error.partial = system.state_of(error.partial)
         raise
+    # At rest all repeats with any period; but a motion that leaves it does not.
+    if system.forced and not found.stable and not time_enters(problem, start.y):
+        raise _unforced(system)
     return orbit_of(system, found)
+
+
+def _unforced(system: System) -> InvalidParameter:
+    return InvalidParameter("period", system.forcing_period, "", problem=UNFORCED)
 
 
 def _reached(point: Point, system: System) -> State | None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.extremes import largest_values
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.run import check_direction
 from mems_impact.analysis.state import State, whole
@@ -65,16 +66,16 @@ class Orbit(Value):
         kind = "stable" if self.stable else "unstable"
         kind += "" if self.admissible else ", inadmissible"
         hits = len(self._hits)
-        return (
-            f"{type(self).__name__}(periods={self.periods}, impacts={hits}, {kind}, {self.state})"
-        )
+        length = f"periods={self.periods}" if self.system.forced else f"period={self.period:.9g}"
+        return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {self.state})"
 
     def summary(self) -> dict[str, Any]:
         """Return where it is, and whether it is stable and one of the system's."""
         largest = self.multipliers[:3].tolist()
+        lasts = self.system.scales.label("period", self.system.unit("time"))
         return {
             "system": repr(self.system),
-            "periods": self.periods,
+            **({"periods": self.periods} if self.system.forced else {lasts: self.period}),
             "state": repr(self.state),
             "impacts": len(self._hits),
             "stable": self.stable,
@@ -278,13 +279,24 @@ class Orbit(Value):
 
     @cached_property
     def shown_states(self) -> Floats:
-        """`System.shown` at the section upwards, or where periods begin; largest first."""
-        if self.system.section is None:
+        """`System.shown` at the section upwards, or where periods begin; largest first.
+
+        Of a cycle, which begins anywhere, the largest values where there is no section.
+        """
+        if self.system.section is not None:
+            y = self.crossings.crossings(1).after
+        elif self.system.forced:
             y = self.grid(1).y[: self.periods]
         else:
-            y = self.crossings.crossings(1).after
+            y = self._largest[None]
         places = [self.system.states.index(name) for name in self.system.shown]
         return np.asarray(-np.sort(-y[:, places], axis=0))
+
+    @property
+    def _largest(self) -> Floats:
+        """The largest value of each state over the orbit."""
+        arcs = (offset + largest_values(arc) for _, offset, arc in self._arcs())
+        return np.max([*self._log.before, *self._log.after, *arcs], axis=0)
 
     @property
     def _problem(self) -> Problem:

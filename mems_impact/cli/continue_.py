@@ -61,7 +61,7 @@ def command(
     back: float | None,
     initial: dict[str, float],
     transient: float,
-    periods: int,
+    periods: int | None,
     through_grazing: bool,
     doubled: bool,
     method: str | None,

@@ -162,7 +162,12 @@ def orbit_options(method: str | None, rtol: float, atol: float, engine: str) -> 
 guess_options = combined(
     initial_option,
     transient_option("Forcing periods to run before the orbit is looked for.", 300, float),
-    periods_option("Forcing periods after which the orbit closes.", 1),
+    click.option(
+        "--periods",
+        type=int,
+        default=None,
+        help="Forcing periods after which the orbit closes; recognised by default.",
+    ),
 )
 
 

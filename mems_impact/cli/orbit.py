@@ -35,7 +35,7 @@ def command(
     changes: dict[str, float],
     initial: dict[str, float],
     transient: float,
-    periods: int,
+    periods: int | None,
     method: str | None,
     rtol: float,
     atol: float,

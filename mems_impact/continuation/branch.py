@@ -10,6 +10,7 @@ import numpy as np
 
 from mems_impact.continuation.anew import anew
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
+from mems_impact.continuation.ending import LOSSES, spent, stuck
 from mems_impact.continuation.locating import BranchEvent, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -31,7 +32,6 @@ SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
-SHORT = 0.1  # part of the largest step below which a branch says what holds it back
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
 
@@ -140,7 +140,7 @@ def points_of(
     shooting = orbit.equations((parameter,))
     try:
         point = solve(shooting, orbit.point.unknowns, np.array([value]))
-    except OrbitError as error:
+    except LOSSES as error:
         branch.ended = f"the first orbit could not be corrected: {error}"
         return
     along = tangent(point)
@@ -149,7 +149,7 @@ def points_of(
     walker = _Walker(branch, low, high, steps or Steps(), reconnecting)
     try:
         yield from walker.walk(shooting, point, along)
-    except (OrbitError, InvalidParameter) as error:
+    except LOSSES as error:
         branch.ended = str(error)
 
 
@@ -172,7 +172,7 @@ class _Walker:
 
     def walk(self, shooting: Shooting, point: Point, along: Floats) -> Iterator[BranchPoint]:
         """Yield the points of the branch."""
-        piece = 0
+        piece, parameter = 0, self.branch.parameter
         held = ""  # why the last step that was shortened was
         self.branch.points.append(
             BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
@@ -203,11 +203,11 @@ class _Walker:
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
                     self._finish(shooting, point, following, piece)
-            except (OrbitError, InvalidParameter) as error:
+            except LOSSES as error:
                 length /= 2.0
                 held = str(error)
                 if budget == 0 or length < self.steps.smallest:
-                    self.branch.ended = f"no further step possible: {error}"
+                    self.branch.ended = stuck(self.branch.points[-1].orbit, parameter, error)
                     return
                 continue
             self.branch.special_points += found.special_points
@@ -262,15 +262,10 @@ class _Walker:
             elif iterations >= HARD:
                 length /= 1.5
                 held = f"a correction takes {iterations} Newton steps"
-        self.branch.ended = f"the budget of {self.steps.most} points is used up"
-        if held and length < SHORT * self.steps.largest:
-            self.branch.ended += f"; steps are down to a length of {length:.2g}: {held}"
-        else:
-            moved = abs(float(along[-1])) * length
-            self.branch.ended += (
-                f"; a step of length {length:.2g} moves {self.branch.parameter} by a part of "
-                f"{moved / max(abs(float(point.values[0])), moved):.1g}"
-            )
+        moved, value = abs(float(along[-1])) * length, float(point.values[0])
+        self.branch.ended = spent(
+            self.steps, length, held, parameter, moved / max(abs(value), moved)
+        )
 
     def _check_kept(self, shooting: Shooting, following: Point, found: _Found) -> None:
         """Raise OrbitError if a step leads off the automaton's orbits at no point that was found.
@@ -286,7 +281,7 @@ class _Walker:
         """Return what `reconnect` finds at `lost`, or None and why it finds nothing."""
         try:
             return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
-        except (OrbitError, InvalidParameter) as error:
+        except LOSSES as error:
             return None, str(error)
 
     def _rename(

@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import brentq
 
+from mems_impact.continuation.anew import oriented, renumbered
 from mems_impact.continuation.branch import BranchEvent, Steps
 from mems_impact.continuation.conditions import Singular, condition_of
 from mems_impact.continuation.corrector import NODES, Step
+from mems_impact.continuation.ending import LOSSES, reason_of, stuck
 from mems_impact.continuation.grazing import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -23,6 +25,7 @@ from mems_impact.continuation.monitors import (
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.cycles import begun_anew, check_moving, well_begun
 from mems_impact.orbits.newton import Solution, newton
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
 from mems_impact.orbits.shooting import Point
@@ -173,8 +176,8 @@ class _Curve:
             along = self._tangent(point)
             along = along if along[-1] * direction >= 0.0 else -along
             point = self._correct(self.start, along, self.start).point
-        except OrbitError as error:
-            curve.ended = f"the first point could not be corrected: {error.reason}"
+        except LOSSES as error:
+            curve.ended = f"the first point could not be corrected: {reason_of(error)}"
             return curve
         length = steps.initial
         behind: list[Floats] = []
@@ -187,17 +190,18 @@ class _Curve:
             try:
                 step = Step(self._correct, point, along, behind[-NODES:])
                 following = step.at(length).point
+                check_moving(self.shooting, point, following)
                 after = self._tests(following)
                 special, lost = self._special(step, length, before, after)
                 self.gradient = self.condition.gradient(following)
                 ahead = self._tangent(following, along)
                 if ahead @ along < 0.95:
                     raise OrbitError("the curve turns too sharply", "take a shorter step")
-            except OrbitError as error:
+            except LOSSES as error:
                 self.gradient = self.condition.gradient(point)
                 length /= 2.0
                 if length < steps.smallest:
-                    curve.ended = f"no further step possible: {error.reason}"
+                    curve.ended = stuck(curve.points[-1].orbit, curve.parameters, error)
                     return curve
                 continue
             curve.special_points += special
@@ -212,11 +216,32 @@ class _Curve:
             behind.append(step.start)
             point, along, before = following, ahead, after
             self._append(point)
+            if not well_begun(self.shooting, point):
+                try:
+                    point, along = self._begin_anew(point, along)
+                    before, behind = self._tests(point), []
+                except LOSSES as error:
+                    curve.ended = stuck(curve.points[-1].orbit, curve.parameters, error)
+                    return curve
             if progress is not None:
                 progress(float(point.values[1]))
             length = min(1.5 * length, steps.largest)
         curve.ended = f"the budget of {steps.most} points is used up"
         return curve
+
+    def _begin_anew(self, point: Point, along: Floats) -> tuple[Point, Floats]:
+        """Begin the cycles elsewhere; return the same point of the curve, and its direction."""
+        count = len(self.shooting.segments)
+        self.shooting, unknowns, first = begun_anew(self.shooting, point)
+        self.monitor = renumbered(self.monitor, count, first)
+        self.zero = {renumbered(other, count, first) for other in self.zero}
+        self.condition = condition_of(self.shooting, self.monitor)
+        start = np.concatenate([unknowns, point.values])
+        there = self._evaluate(start)
+        self.gradient = self.condition.gradient(there)
+        there = self._correct(start, self._tangent(there), start).point
+        self.gradient = self.condition.gradient(there)
+        return there, oriented(self._tangent(there), along, 2)
 
     def _append(self, point: Point) -> None:
         values = (float(point.values[0]), float(point.values[1]))

@@ -21,6 +21,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, reduced_components
 from mems_impact.orbits.shooting import Point, Shooting
 
 SPEED = 1e-3  # of the trial impacts that show the kick
+ALONG = 1e-6  # part of a kick that is none across the flow
 SEQUENCE = 200  # periods over which the signs are looked at
 
 CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
@@ -38,7 +39,10 @@ def contact_coefficient(shooting: Shooting, point: Point, monitor: Monitor, k: i
 def contact_sequence(
     shooting: Shooting, point: Point, monitor: Monitor, count: int
 ) -> Floats | None:
-    """Return xi_1 .. xi_count, or None if the orbit has events."""
+    """Return xi_1 .. xi_count, or None if the orbit has events, or the kick goes along it.
+
+    The kick of a cycle in a plane does: it comes to the stopper a little later or sooner, no more.
+    """
     if any(event is not None for event in point.events):
         return None
     touch = closest(shooting, point, monitor.guard)
@@ -62,6 +66,11 @@ def contact_sequence(
     total = total[np.ix_(keep, keep)]
     gradient = event.margin_by_state[monitor.guard][free][keep]
     image = kick(shooting, point, segment.mode, monitor.guard, time, to_touch.end)[keep]
+    if shooting.phase is not None:
+        along = to_touch.slope_end[free][keep]
+        aside = image - along * float(along @ image) / float(along @ along)
+        if np.linalg.norm(aside) < ALONG * np.linalg.norm(image):
+            return None
     values = []
     for _ in range(count):
         image = total @ image
@@ -144,7 +153,8 @@ def grazing_type(orbit: PeriodicOrbit, monitor: Monitor) -> str:
         return DEAD
     sequence = contact_sequence(orbit.shooting, orbit.point, monitor, SEQUENCE)
     if sequence is None:
-        raise InvalidParameter(field="orbit", value="with events", allowed="an orbit without")
+        problem = "the type is that of an orbit without events, and of a cycle only outside a plane"
+        raise InvalidParameter(field="orbit", value=None, allowed="", problem=problem)
     return CONTINUOUS if stays_positive(sequence) else JUMP
 
 

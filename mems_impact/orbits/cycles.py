@@ -139,10 +139,11 @@ def check_moving(shooting: Shooting, before: Point, after: Point) -> None:
         )
 
 
-def begun_anew(shooting: Shooting, point: Point) -> tuple[Shooting, Floats]:
+def begun_anew(shooting: Shooting, point: Point) -> tuple[Shooting, Floats, int]:
     """Return the equations of a cycle and its unknowns, begun amid the longest stretch of it.
 
-    A cycle without marks begins where it did, with its phase condition across the flow there.
+    And in which segment that lies, the last being one with the first. A cycle without marks begins
+    where it did, with its phase condition across the flow there.
     """
     states, _ = shooting.unpack(point.unknowns)
     free, last = shooting.free, len(shooting.segments) - 1
@@ -164,4 +165,4 @@ def begun_anew(shooting: Shooting, point: Point) -> tuple[Shooting, Floats]:
     )
     phase = Phase.across(arc.slope_end[free], first[free], point.period)
     other = shooting.recut(guess.segments, phase)
-    return other, other.pack(guess)
+    return other, other.pack(guess), i

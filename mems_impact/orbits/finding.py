@@ -158,7 +158,7 @@ def find_cycle(
         found = _corrected(shooting, read)
     if well_begun(found.shooting, found.point):
         return found
-    shooting, unknowns = begun_anew(found.shooting, found.point)
+    shooting, unknowns, _ = begun_anew(found.shooting, found.point)
     return make_orbit(shooting, solve(shooting, unknowns, found.point.values))
 
 

@@ -22,7 +22,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     """Draw one state of a periodic orbit over another, with impacts and the section.
 
     A dotted line joins the states before and after a jump. A diamond is where the orbit crosses
-    the Poincaré section, or where a forcing period begins if the system has none.
+    the Poincaré section, or where a forcing period or the cycle begins if the system has none.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def _closed(orbit: Orbit) -> pd.DataFrame:
 def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
     """Mark the crossings of the section, and the section itself where it is a line."""
     rows, section = orbit.section(), captions(orbit.system)
-    label = crosses(section) or "period begins"
+    label = crosses(section) or ("period begins" if orbit.system.forced else "cycle begins")
     if section["section"]:
         state, level = section["section"]
         draw = ax.axvline if state == x else ax.axhline if state == y else None

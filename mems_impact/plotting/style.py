@@ -125,7 +125,8 @@ def on_section(table: pd.DataFrame, state: str) -> str:
     if table.attrs.get("equilibria"):
         return with_unit(symbol(state), table, state)
     equation = crosses(table.attrs)
-    where = f" at {equation}" if equation else " where periods begin"
+    else_where = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
+    where = f" at {equation}" if equation else else_where
     if "section" not in table.attrs:  # read back from a file
         where = " on the section"
     return with_unit(symbol(state), table, state) + where

@@ -123,7 +123,9 @@ def captions(labels: Labels) -> dict[str, Any]:
     if section is not None:
         name = labels.automaton.states[section[0]]
         equation = [name, float(labels.scales.out(section[1], unit_of(name, labels.units)))]
-    return {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
+    forced = {} if labels.forced else {"forced": False}
+    told = {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
+    return {**told, **forced}
 
 
 @cache

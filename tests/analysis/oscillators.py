@@ -99,7 +99,9 @@ def _rebound(mode, t, y, p):
     return mode, (p.wall, -p.e * y.v)
 
 
-def van_der_pol(*, wall: float | None = None, **changes: float) -> mi.System:
+def van_der_pol(
+    *, wall: float | None = None, period: float | None = None, **changes: float
+) -> mi.System:
     """Van der Pol's oscillator, beside a wall if that is given."""
     given = {"mu": 1.0, **({} if wall is None else {"wall": wall, "e": 0.8}), **changes}
     guards = [] if wall is None else [mi.Impact("wall", _room, _rebound)]
@@ -107,6 +109,7 @@ def van_der_pol(*, wall: float | None = None, **changes: float) -> mi.System:
         states=("x", "v"),
         flow=_van_der_pol,
         parameters=given,
+        period=period,
         guards=guards,
         initial={"x": 0.1},
     )
@@ -127,10 +130,22 @@ def roessler(**changes: float) -> mi.System:
 
 
 def _spiral(mode, t, y, p):
-    grows = p.mu + y.x * y.x + y.y * y.y - (y.x * y.x + y.y * y.y) ** 2
+    square = y.x * y.x + y.y * y.y
+    grows = p.mu + p.k * square - square * square
     return grows * y.x - y.y, y.x + grows * y.y
 
 
 def spiral(mu: float) -> mi.System:
-    """Circles of the radius r with mu + r^2 - r^4 = 0, passed at the angular speed one."""
-    return mi.System(states=("x", "y"), flow=_spiral, parameters={"mu": mu}, initial={"x": 1.0})
+    """Circles of the radius r with mu + k r^2 - r^4 = 0, passed at the angular speed one."""
+    return mi.System(
+        states=("x", "y"), flow=_spiral, parameters={"mu": mu, "k": 1.0}, initial={"x": 1.0}
+    )
+
+
+def _swinging(mode, t, y, p):
+    return y.v, math.cos(t) - y.x - 0.1 * y.v
+
+
+def swinging() -> mi.System:
+    """A driven oscillator that does not say with which period it is driven."""
+    return mi.System(states=("x", "v"), flow=_swinging, initial={"x": 1.0})

@@ -1,6 +1,7 @@
 """Limit cycles of systems without forcing, against closed forms and SciPy."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from tests.analysis.oscillators import (
     belt_period,
     roessler,
     spiral,
+    swinging,
     thermostat,
     van_der_pol,
 )
@@ -66,6 +68,8 @@ def test_the_period_along_a_branch_is_that_of_the_closed_form(stick_slip):
         expected = belt_period(orbit.system.value("v"), 0.4)
         assert orbit.period == pytest.approx(expected, abs=1e-9)
         assert orbit.admissible
+    # Where it sticks for longer than it slips, the cycle is begun there.
+    assert {branch.orbits[i].state.mode for i in (0, -1)} == {"slip", "stick"}
 
 
 def test_a_thermostat_has_the_period_of_the_closed_form():
@@ -140,6 +144,21 @@ def test_a_period_doubling_against_scipy(doubling):
     assert doubling.value == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
+def test_a_doubled_cycle_is_one_of_twice_the_period_and_ends_where_it_began(doubling):
+    twice = mi.switch_branch(doubling, bounds=(2.0, 3.2), steps=mi.Steps(largest=0.1))
+    orbit = twice.orbits[-1]
+    assert orbit.periods == 1
+    assert orbit.stable
+    assert orbit.period == pytest.approx(2.0 * doubling.orbit.period, rel=0.01)
+    again = find(orbit.system, transient=200.0)
+    assert again.period == pytest.approx(orbit.period, abs=1e-8)
+    back = mi.continue_orbit(orbit, "c", 2.0, steps=mi.Steps(largest=0.1))
+    assert "half the period" in back.ended
+    (end,) = back.special_points
+    assert end.value == pytest.approx(doubling.value, abs=1e-8)
+
+
 def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     """mu + r^2 - r^4 = 0 turns where r^2 = 1/2 and mu = -1/4, and comes to r = 0 at mu = 0."""
     orbit = find(spiral(0.5))
@@ -159,6 +178,16 @@ def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
 
 
 @pytest.mark.slow
+def test_a_curve_of_folds_of_cycles():
+    """mu + k r^2 - r^4 = 0 turns where mu = -k^2/4."""
+    steps = mi.Steps(largest=0.1)
+    (fold,) = mi.continue_orbit(find(spiral(0.5)), "mu", -0.5, steps=steps).special_points
+    curve = mi.continue_curve(fold, "k", 2.0, steps=steps)
+    assert curve.ended == "k reached its bound"
+    np.testing.assert_allclose(curve.table["mu"], -0.25 * curve.table["k"] ** 2, atol=1e-9)
+
+
+@pytest.mark.slow
 def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
     free = find(van_der_pol(wall=2.2))
     branch = mi.continue_orbit(free, "wall", 1.8, steps=mi.Steps(largest=0.1))
@@ -169,6 +198,12 @@ def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
     last = branch.orbits[-1]
     assert len(last.impacts) == 1
     assert last.admissible
+    assert branch.table["x"].iloc[0] == pytest.approx(grazing.value, abs=1e-6)
+    curve = mi.continue_curve(grazing, "mu", 1.5, steps=mi.Steps(largest=0.1))
+    assert curve.ended == "mu reached its bound"
+    assert not curve.special_points
+    tops = find(van_der_pol(mu=1.5)).shown_states[0, 0]
+    assert curve.table["wall"].iloc[-1] == pytest.approx(tops, abs=1e-6)
     # The same orbit, found by itself.
     again = find(van_der_pol(wall=1.8))
     assert again.period == pytest.approx(last.period, abs=1e-9)
@@ -183,6 +218,25 @@ def test_what_comes_to_rest_or_does_not_return_is_told():
         find(belt(), periods=1)
     with pytest.raises(mi.InvalidParameter, match="a finite number > 0"):
         find(belt(), period=-1.0)
+
+
+def test_a_period_that_is_missing_or_not_there_is_told():
+    with pytest.raises(mi.InvalidParameter, match="depend on t, and nothing says"):
+        find(swinging())
+    with pytest.raises(mi.InvalidParameter, match="nothing in the system depends on t"):
+        find(van_der_pol(period=3.0))
+
+
+def test_a_cycle_is_stored_shown_and_drawn(stick_slip, tmp_path):
+    stick_slip.save(tmp_path / "cycle.zip")
+    assert mi.load(tmp_path / "cycle.zip", system=belt()) == stick_slip
+    assert pickle.loads(pickle.dumps(stick_slip)) == stick_slip
+    assert "period=7.09526" in repr(stick_slip)
+    assert stick_slip.summary()["period [s]"] == stick_slip.period
+    # The farthest that it comes: the right end of its circle, at the speed of the belt at most.
+    np.testing.assert_allclose(stick_slip.shown_states, [[1.1, 0.3]], atol=1e-9)
+    axes = mi.plot_orbit(stick_slip)
+    assert "cycle begins" in axes.get_legend_handles_labels()[1]
 
 
 def test_a_period_that_is_given_is_where_newton_begins(stick_slip):

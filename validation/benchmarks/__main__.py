@@ -11,6 +11,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from validation.benchmarks import (
+    cycles,
     engines,
     figure4,
     figure7,
@@ -25,6 +26,7 @@ from validation.benchmarks.timing import Row, machine
 
 TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "callbacks": engines.against_python_callbacks,
+    "cycle": cycles.cycles,
     "heyoka": matched_error.against_heyoka,
     "onestep": onestep.one_step,
     "orbits": orbits.orbits,

@@ -1,0 +1,47 @@
+"""Why a branch or a curve ends, in words that a user can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mems_impact.continuation.corrector import Steps
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.orbits.orbit import PeriodicOrbit
+
+LOSSES = (OrbitError, RunError, InvalidParameter, np.linalg.LinAlgError)
+"""What may keep a branch from going on: it ends there, and what there is of it is returned."""
+
+SHORT = 0.1  # part of the largest step below which a branch says what holds it back
+NEUTRAL = 1e-7  # distance from +1 of a multiplier that is there all along
+SHORTER = "take a shorter step"  # what a corrector says to a branch; to its user it is no help
+
+
+def reason_of(error: Exception) -> str:
+    """Return what an error says, without advice that only a step can follow."""
+    if isinstance(error, OrbitError) and error.remedy == SHORTER:
+        return str(error.reason)
+    return str(error)
+
+
+def stuck(orbit: PeriodicOrbit, parameters: str | tuple[str, ...], error: Exception) -> str:
+    """Return why there is no step beyond `orbit`, however short."""
+    names = (parameters,) if isinstance(parameters, str) else parameters
+    values: Mapping[str, float] = orbit.family.values
+    where = " and ".join(f"{name} = {values[name]:.9g}" for name in names)
+    told = f"no further step possible beyond {where}: {reason_of(error)}"
+    if np.abs(orbit.multipliers - 1.0).min() < NEUTRAL:
+        told += (
+            "; a multiplier is 1, as where something may be shifted, or is conserved: then orbits "
+            "lie side by side at one value, and none of them can be followed"
+        )
+    return told
+
+
+def spent(steps: Steps, length: float, held: str, parameter: str, part: float) -> str:
+    """Return that the points are used up, and what has held the last steps back."""
+    told = f"the budget of {steps.most} points is used up"
+    if held and length < SHORT * steps.largest:
+        return f"{told}; steps are down to a length of {length:.2g}: {held}"
+    return f"{told}; a step of length {length:.2g} moves {parameter} by a part of {part:.1g}"
