@@ -150,6 +150,7 @@ def actuator_automaton(
     voltage_rate: Callable[..., float],
     left: Callable[..., float] | None = None,
     left_rate: Callable[..., float] | None = None,
+    bounds: bool = True,
 ) -> Automaton:
     """Return the automaton of the actuator under the waveform ``voltage(t, q)``.
 
@@ -160,6 +161,8 @@ def actuator_automaton(
         and the drive's parameters (see `mems_impact.actuator.drives.base.Drive`).
     left, left_rate : callable, optional
         Those at the left electrode; none by default.
+    bounds : bool, optional
+        Whether compiled functions are kept within their arrays; those of users must be.
     """
     pulls = one_sided(voltage, voltage_rate)
     if left is not None and left_rate is not None:
@@ -254,5 +257,6 @@ def actuator_automaton(
         transition=transition,
         jacobian=jacobian,
         cyclic=(X1,),
-        recipe=(actuator_automaton, (voltage, voltage_rate, left, left_rate)),
+        bounds=bounds,
+        recipe=(actuator_automaton, (voltage, voltage_rate, left, left_rate, bounds)),
     )

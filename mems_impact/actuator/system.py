@@ -117,8 +117,13 @@ class ActuatorSystem(System):
         """The actuator's modes and guards, under the drive's waveform."""
         drive = self.drive
         return actuator_automaton(
-            drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate
+            drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate, self._bounds
         )
+
+    @cached_property
+    def _bounds(self) -> bool:
+        """Whether functions may read beyond arrays, and have to be kept from it: the user's."""
+        return not self.told_by_numbers
 
     @property
     def parameters(self) -> dict[str, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
@@ -121,9 +121,19 @@ def announce() -> None:
 
     On a terminal, where somebody waits; elsewhere in the log named ``mems_impact``.
     """
-    text = (
-        "compiling to native code: some seconds, once for an installation and for each new system"
+    _say("compiling to native code: some seconds, once for an installation and for each new system")
+
+
+def announce_unkept(things: Iterable[Any]) -> None:
+    """Say that compiled code cannot be kept on disk, since it draws on `things`."""
+    kinds = ", ".join(sorted({type(thing).__name__ for thing in things}))
+    _say(
+        "the compiled code of this system is not kept: its functions draw on objects that are "
+        f"others in every process ({kinds}); let them draw on numbers"
     )
+
+
+def _say(text: str) -> None:
     if sys.stderr is not None and sys.stderr.isatty():
         sys.stderr.write(f"mems-impact: {text}\n")
     else:

@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, register_jitable
 
-from mems_impact.engines.cache import compile_callback
+from mems_impact.engines.cache import announce_unkept, compile_callback
 from mems_impact.engines.compiling import INNER, JIT, WORD, array, matrix
 from mems_impact.engines.faults import FLOW, HEAD, JACOBIAN, MARGINS, NO_MODE, TRANSITION
 from mems_impact.engines.snapshot import Snapshot, take
@@ -122,7 +122,8 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
     flow, margins, transition = snapshot.frozen(boundscheck=bounds)
 
     def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
-        no_numbers(array(out, n))  # what is never written is found out
+        if bounds:
+            no_numbers(array(out, n))  # what is never written is found out
         try:
             flow(mode, t, array(y, n), array(p, size), array(out, n))
         except Exception:
@@ -143,14 +144,24 @@ def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
         return mode
 
     def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        state, record = array(y, n), array(p + WORD * size, HEAD + n)
+        first = record[0] == 0.0
+        if first:  # it may change some of the state before it fails
+            for i in range(n):
+                record[HEAD + i] = state[i]
         try:
-            return transition(mode, code, t, array(y, n), array(p, size))
+            return transition(mode, code, t, state, array(p, size))
         except Exception:
+            if first:
+                for i in range(n):
+                    state[i] = record[HEAD + i]
             note(TRANSITION, mode, code, t, y, p, size, n)
         return NO_MODE
 
     name = f"{snapshot.name}_{n}_{m}_{bounds:d}"
     kept = name if snapshot.lasting else None
+    if kept is None:
+        announce_unkept(snapshot.passing)
     made = [_kernel(each, name, kept) for each in (flow_kernel, margins_kernel, transition_kernel)]
     return Kernels(*made)
 

@@ -63,6 +63,11 @@ class Snapshot:
     functions: tuple[FunctionType, ...] = field(compare=False)
     _kept: tuple[Any, ...] = field(compare=False, repr=False)  # told by their place in memory
 
+    @property
+    def passing(self) -> tuple[Any, ...]:
+        """What its functions draw on that is another object in every process."""
+        return self._kept
+
     def frozen(self, **options: Any) -> list[Any]:
         """Return copies of the functions, and of all functions that they call, for numba.
 
