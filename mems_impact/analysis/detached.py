@@ -47,6 +47,7 @@ def description(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
         "parameters": system.parameters,
         "units": dict(system.units),
         "scales": system.scales,
+        "typical": system._typical,
         "section": system.section,
         "initial": system.initial,
         "shown": system.shown,
@@ -110,6 +111,7 @@ class DetachedSystem(System):
         self._told, self._path, self._moved = dict(told), path, False
         self.name = told["name"]
         self._parameters = dict(told["parameters"])
+        self._typical = told.get("typical")
         observables = told["observables"]
         self.observables = tuple(Observable(function=_absent, **each) for each in observables)
 
