@@ -66,7 +66,9 @@ def description(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
 
 def check_same(given: System, told: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system is the one that a description tells of."""
-    own = description(given.shifted(told["parameters"]) if _fits(given, told) else given, {})
+    if _fits(given, told):
+        given = given.restored(told["parameters"], told["scales"], told.get("typical"))
+    own = description(given, {})
     for what in COMPARED:
         mine, its = _names(own[what]), _names(told[what])
         if mine != its:

@@ -82,4 +82,4 @@ def tell_of_orbits(period: float, parameters: Mapping[str, float]) -> None:
 def _warn(what: str, sizes: Mapping[str, float]) -> None:
     pairs = ", ".join(f"{name!r}: {size:.0e}" for name, size in sizes.items())
     message = f"{what}; say what is typical, for example System(typical={{{pairs}}})"
-    warnings.warn(message, ScaleWarning, stacklevel=5)
+    warnings.warn(message, ScaleWarning, stacklevel=6)
