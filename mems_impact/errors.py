@@ -26,6 +26,7 @@ __all__ = [
     "OrbitError",
     "RunError",
     "RunInterrupted",
+    "ScaleWarning",
     "StiffnessWarning",
     "SweepInterrupted",
     "UnitsWarning",
@@ -337,6 +338,10 @@ class FitWarning(UserWarning):
 
 class UnitsWarning(UserWarning):
     """The numbers of a device file look like SI, but it does not say so."""
+
+
+class ScaleWarning(UserWarning):
+    """Numbers lie far from order one, and nothing was said of what is typical."""
 
 
 class StiffnessWarning(UserWarning):

@@ -34,6 +34,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Numbers, Problem, Section
+from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.units import DIMENSIONLESS, Scales
 
@@ -93,7 +94,9 @@ class ActuatorSystem(System):
     def _key(self) -> tuple[Any, ...]:
         return dict(self.actuator), self.drive, self._scales
 
-    def restored(self, values: Mapping[str, float], scales: Scales) -> ActuatorSystem:
+    def restored(
+        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
+    ) -> ActuatorSystem:
         """Return the system at the values of a file, and in the scales in which it counted."""
         other = self.shifted(values)
         other._put(other.actuator, other.drive, scales)
@@ -132,6 +135,11 @@ class ActuatorSystem(System):
         for name in PARAMETER_NAMES:
             values.setdefault(name, float(getattr(self.actuator, name)))
         return values
+
+    @property
+    def is_scaled(self) -> bool:
+        """Always."""
+        return True
 
     @property
     def scales(self) -> Scales:

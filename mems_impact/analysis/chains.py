@@ -97,13 +97,11 @@ class Study:
         point["section"] = {
             "period": (cycle[settled] - self.transient).astype(float),
             **{
-                name: system.scales.out(y[settled, system.states.index(name)], system.unit(name))
+                name: system.out(name, y[settled, system.states.index(name)])
                 for name in self.states
             },
         }
-        point["statistics"] = {
-            name: system.scales.out(run.gathered[name], system.unit(name)) for name in system.told
-        }
+        point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}
         return point, run.final
 
 

@@ -47,6 +47,7 @@ def description(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
         "parameters": system.parameters,
         "units": dict(system.units),
         "scales": system.scales,
+        "typical": system._typical,
         "section": system.section,
         "initial": system.initial,
         "shown": system.shown,
@@ -65,7 +66,9 @@ def description(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
 
 def check_same(given: System, told: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system is the one that a description tells of."""
-    own = description(given.shifted(told["parameters"]) if _fits(given, told) else given, {})
+    if _fits(given, told):
+        given = given.restored(told["parameters"], told["scales"], told.get("typical"))
+    own = description(given, {})
     for what in COMPARED:
         mine, its = _names(own[what]), _names(told[what])
         if mine != its:
@@ -110,6 +113,7 @@ class DetachedSystem(System):
         self._told, self._path, self._moved = dict(told), path, False
         self.name = told["name"]
         self._parameters = dict(told["parameters"])
+        self._typical = told.get("typical")
         observables = told["observables"]
         self.observables = tuple(Observable(function=_absent, **each) for each in observables)
 

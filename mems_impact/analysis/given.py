@@ -19,8 +19,8 @@ from mems_impact.hybrid.written import named, writes_into_arrays
 
 __all__ = [
     "ARGUMENTS", "alone_with_parts", "changing", "flow", "function", "guards", "initial",
-    "mode_names", "number", "numbers", "observables", "optional", "places", "section", "states",
-    "times", "units",
+    "mode_names", "number", "numbers", "observables", "optional", "places", "section", "sizes",
+    "states", "times", "units",
 ]  # fmt: skip
 
 PLAIN = "a function, written with def or lambda"
@@ -135,6 +135,17 @@ def places(field: str, given: Sequence[str], states: tuple[str, ...]) -> tuple[i
     if len(set(found)) != len(found):
         raise InvalidParameter(field, list(found), "names that differ")
     return tuple(_place(field, state, states) for state in found)
+
+
+def sizes(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return typical sizes."""
+    if given is not None and not isinstance(given, Mapping):
+        raise InvalidParameter("typical", given, "sizes by the names of states, units, or 'time'")
+    found = dict(given or {})
+    for name, size in found.items():
+        if not (is_number(size) and size > 0.0):
+            raise InvalidParameter(f"typical {name}", size, "a finite number > 0")
+    return found
 
 
 def alone_with_parts(**others: Any) -> None:

@@ -86,7 +86,7 @@ class Orbit(Value):
     @property
     def period(self) -> float:
         """The forcing period, of which the orbit takes `periods`; or that of a limit cycle."""
-        return float(self.system.scales.out(self.found.point.period, "s"))
+        return float(self.system.out("time", self.found.point.period))
 
     @property
     def options(self) -> Options:
@@ -149,13 +149,16 @@ class Orbit(Value):
 
         Negative on an inadmissible orbit that penetrates.
         """
-        return float(self.system.scales.out(self.closest, self.system.unit("closest approach")))
+        return float(self.system.out("closest approach", self.closest))
 
     @property
     def closest(self) -> float:
         """`closest_approach` in the units of the numerics."""
-        gaps = [i for i, guard in enumerate(self.system.automaton.guards) if guard.impact]
-        least = min(float(arc.minima[gaps].min(initial=math.inf)) for arc in self.found.point.arcs)
+        guards = self.system.automaton.guards
+        gaps = [i for i, guard in enumerate(guards) if guard.impact]
+        units = np.array([self.system.margin_factor(guards[i].name) for i in gaps])
+        found = (arc.minima[gaps] * units for arc in self.found.point.arcs)
+        least = min(float(gap.min(initial=math.inf)) for gap in found)
         return least if math.isfinite(least) else math.nan
 
     @cached_property
@@ -369,7 +372,8 @@ class Orbit(Value):
     def _sentence(self, defect: Defect) -> str:
         segment, modes = self.found.segments[defect.segment], self.system.modes
         where = f"segment {defect.segment} ({modes[segment.mode]})"
-        value = f"{defect.value:.3g}"
+        unit, time = self.system.margin_factor(defect.guard), self.system.factor("time")
+        value = f"{defect.value * (unit / time if defect.kind == 'reversed' else unit):.3g}"
         match defect.kind:
             case "missed":
                 return f"{where} passes the {defect.guard} without it, by {value}"
@@ -378,7 +382,7 @@ class Orbit(Value):
             case "mode":
                 return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
             case "order":
-                return f"{where} ends before it starts, by {-defect.value:.3g}"
+                return f"{where} ends before it starts, by {-defect.value * time:.3g}"
         return f"{where}: {defect.guard}, {defect.kind}, {value}"
 
     def _what_ends(self, code: int) -> str:

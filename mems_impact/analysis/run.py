@@ -233,7 +233,7 @@ class Run(Value):
         """What arguments count in: forcing periods, or a unit of time where nothing forces."""
         if self.system.forced:
             return 1.0
-        return float(self.system.scales.out(self.trajectory.period, "s"))
+        return float(self.system.out("time", self.trajectory.period))
 
     def _state_at(self, border: int) -> Floats:
         """Return the state where the window begins (0) or ends (1)."""

@@ -8,6 +8,7 @@ from typing import Any, get_args
 
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
+from mems_impact.analysis.sizes import Largest, tell_of_run
 from mems_impact.analysis.state import State, is_number
 from mems_impact.analysis.statistics import Deferred, Span
 from mems_impact.analysis.system import System
@@ -84,7 +85,7 @@ def simulate(
         system = system.ending(until)
         problem = system.problem(options)
     start = system.instant(initial, problem)
-    unit = 1.0 if system.forced else float(system.scales.out(problem.period, "s"))
+    unit = 1.0 if system.forced else float(system.out("time", problem.period))
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
@@ -93,14 +94,19 @@ def simulate(
     begin = partial(system.gatherer, problem, start, Span(first, last, problem.period))
     gatherer = begin()
     kept: list[Events] = []
+    largest = Largest(start.y)
 
     def consume(events: Events) -> None:
+        largest(events)
         if keep == "events":
             kept.append(events)
         else:
             gatherer(events)
 
     def finished(trajectory: Trajectory) -> Run:
+        if not system.is_scaled:
+            timed = system.forced or problem.time_scale is not None
+            tell_of_run(system.states, options, trajectory, largest, timed)
         if kept:
             trajectory = trajectory.with_events(Events.joined(kept))
         lengths = [len(events) for events in kept]
@@ -138,7 +144,7 @@ def _length(
     if duration is not None:
         if periods is not None:
             raise InvalidParameter("duration", duration, "given, or periods, not both")
-        return float(system.scales.into(duration, "s")) / period
+        return float(system.into("time", duration)) / period
     if system.forced:
         return float(PERIODS if periods is None else periods)
     if periods is not None:

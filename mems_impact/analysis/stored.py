@@ -27,6 +27,7 @@ from mems_impact.continuation import curve as curves
 from mems_impact.continuation.equilibria import Equilibria, EquilibriumEvent
 from mems_impact.continuation.monitors import Monitor
 from mems_impact.engines.options import Options
+from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.trajectory import Events, Instant, Trajectory
 from mems_impact.hybrid.variational import Arc, Event
 from mems_impact.orbits.equilibrium import Balance, StationaryState
@@ -48,7 +49,7 @@ def restored(told: Mapping[str, Any], reader: Reader) -> System:
     if reader.system is None:
         return DetachedSystem(told, reader.path)
     check_same(reader.system, told, reader.path)
-    system: System = reader.system.restored(told["parameters"], told["scales"])
+    system: System = reader.system.restored(told["parameters"], told["scales"], told.get("typical"))
     return system
 
 
@@ -92,6 +93,7 @@ def register_run(kind: type[run.Run]) -> None:
 register(System, parts=lambda system: description(system, system.functions), reading=restored)
 register(DetachedSystem, "System", parts=lambda system: system.description, reading=restored)
 register(Build)
+register(Typical)
 register(Scales, parts=lambda scales: {"factors": scales.factors, "named": scales.named},
          whole=lambda factors, named: Scales.of(factors, named))  # fmt: skip
 register(

@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
-
-import numpy as np
 
 from mems_impact.analysis import checks, given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
+from mems_impact.analysis.numerics import Number, Numerics
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
-from mems_impact.analysis.shown import Shown
+from mems_impact.analysis.sizes import tell_of_orbits
 from mems_impact.analysis.state import State
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span
+from mems_impact.analysis.typical import typical_of
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
-from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.portable import portable, reference
-from mems_impact.hybrid.problem import Numbers, Problem, Section
-from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.scaling import Typical
+from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.written import (
-    RATE_STEP,
     Definition,
     ending,
-    hidden_parameters,
-    named,
-    writes_into_arrays,
-    written,
 )
 from mems_impact.orbits.family import Family
 from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["System"]
 
-Number = float | Callable[..., float]
 
-
-class System(Shown):
+class System(Numerics):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -78,6 +72,10 @@ class System(Shown):
         Named quantities that tables and studies show beside the states.
     units : mapping of str to str, optional
         Units of states, parameters and ``"time"``.
+    typical : mapping of str to float, optional
+        Sizes that are typical of states, parameters and ``"time"``, or of units: ``{"x": 1e-6,
+        "time": 1e-3}``, ``{"m": 1e-6, "s": 1e-3}``. The numerics then count in these, so that
+        tolerances are relative to them; what is given and returned stays in the system's units.
     cyclic : sequence of str, optional
         States that enter no function, such as a position that only grows. They are accumulated
         apart, and an orbit need not close in them.
@@ -133,6 +131,7 @@ class System(Shown):
         initial: Mapping[str, float] | State | None = None,
         observables: Sequence[Observable] = (),
         units: Mapping[str, str] | None = None,
+        typical: Mapping[str, float] | None = None,
         cyclic: Sequence[str] = (),
         jacobian: Callable[..., Any] | None = None,
         time_scale: Number | None = None,
@@ -143,7 +142,6 @@ class System(Shown):
         self.name = str(name)
         self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
-        self._begin: Callable[..., int] | None = None
         if parts:
             given.alone_with_parts(modes=modes, settle=settle, jacobian=jacobian)
             made = assembled(
@@ -170,15 +168,21 @@ class System(Shown):
         quantities = (each.name for each in self.observables)
         self._units = given.units(units, (*names, *self._parameters, *quantities))
         self._initial = given.initial(initial)
-        problem = self.problem(Options())
-        checks.check(self, self._definition, problem, meant=initial is not None)
+        sizes = given.sizes(typical)
+        # In the user's own numbers, to which functions and messages belong.
+        problem, time = self.problem(Options()), sizes.get("time")
+        checks.check(self, self._definition, problem, time=time, meant=initial is not None)
+        if sizes:
+            self._typical = typical_of(
+                sizes,
+                definition=self._definition,
+                values=self._parameters,
+                initial=self._initial.as_dict(),
+                units=self._units,
+                time=self._own_time(),
+            )
 
     # What each kind of system has in its own way; the actuator's stands in its own room.
-
-    @property
-    def automaton(self) -> Automaton:
-        """Modes, flow, guards and transitions, as the event loop takes them."""
-        return written(self._definition)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -199,11 +203,6 @@ class System(Shown):
     def initial(self) -> State:
         """Where runs start if nothing else is said."""
         return self._initial
-
-    @property
-    def section(self) -> Section | None:
-        """The Poincaré section: component, level, direction."""
-        return self._section
 
     def changed(self, **values: float) -> System:
         """Return the system with other values of some parameters.
@@ -229,9 +228,13 @@ class System(Shown):
         other._parameters = {**self._parameters, **given.numbers(values)}
         return other
 
-    def restored(self, values: Mapping[str, float], scales: Scales) -> System:
-        """Return the system at the values of a file, and in the scales in which it counted."""
-        return self.shifted(values)
+    def restored(
+        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
+    ) -> System:
+        """Return the system at the values of a file, and in the units in which it counted."""
+        other = self.shifted(values)
+        other._typical = typical
+        return other
 
     @property
     def told_by_numbers(self) -> bool:
@@ -251,40 +254,6 @@ class System(Shown):
         found |= {f"observable {each.name}": each.function for each in self.observables}
         return {role: reference(given) for role, given in found.items() if callable(given)}
 
-    def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
-        """Return what of the problem depends on the parameters, in the units of the numerics.
-
-        Parameters
-        ----------
-        changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: differences by
-            a parameter at the end of its range look beyond it, as do trial steps.
-        """
-        p = self._named({**self._parameters, **(changes or {})}.values())
-        period = given.number("period", self._period, p)
-        scale = given.number("time_scale", self._time_scale, p)
-        tail = np.zeros(hidden_parameters(self._definition))
-        unit = scale if scale is not None else period if period is not None else 1.0
-        tail[0] = RATE_STEP * unit
-        return Numbers(
-            parameters=np.concatenate([np.array(p, dtype=float), tail]),
-            period=period if period is not None else unit,
-            switches=given.times("switches", self._switches, p),
-            time_scale=scale,
-        )
-
-    @property
-    def forcing_period(self) -> float | None:
-        """The forcing period; None for a system without forcing."""
-        return given.number("period", self._period, self._named(self._parameters.values()))
-
-    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
-        """Return the mode of a state whose mode is not given; `y` may be put right."""
-        if self._begin is None:
-            return 0
-        p = self._named(problem.parameters[: len(self._parameters)].tolist())
-        return int(self._begin(time, self._state(y), p))
-
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         other = self._copy()
@@ -298,20 +267,6 @@ class System(Shown):
         """Return what gathers the statistics of a run."""
         return Gathering(self, problem, start, window)
 
-    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable of a state, both in the units of the numerics."""
-        p = self._named(problem.parameters[: len(self._parameters)].tolist())
-        return float(observable.function(self._state(y), p))
-
-    def measure_event(
-        self, observable: Observable, events: Events, i: int, problem: Problem
-    ) -> float:
-        """Return an observable at an event, in the units of the numerics."""
-        p = self._named(problem.parameters[: len(self._parameters)].tolist())
-        before, after = self._state(events.before[i]), self._state(events.after[i])
-        mode, time = int(events.mode_before[i]), float(events.time[i])
-        return float(observable.function(mode, time, before, after, p))
-
     def tidied(self, mode: int, y: Floats) -> Floats:
         """Return a state that Newton's method has found, without what rounding made of it."""
         return y
@@ -324,6 +279,8 @@ class System(Shown):
 
     def family(self, options: Options) -> Family:
         """Return the problems for all values of the parameters, in the units of the numerics."""
+        if not self.is_scaled and self.forced:
+            tell_of_orbits(self.numbers().period, self.parameters)
         return Family(Build(self, options), self.inner_parameters)
 
     def at(self, inner: Mapping[str, float]) -> System:
@@ -378,12 +335,3 @@ class System(Shown):
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__)
         return other
-
-    def _named(self, values: Iterable[float]) -> Any:
-        return named("Parameters", tuple(self._parameters))(*values)
-
-    def _state(self, y: Floats) -> Any:
-        """Return a state by name, as functions read it; as a list where they take an array."""
-        if writes_into_arrays(self._definition.flow):
-            return y.tolist()
-        return named("State", self.states)(*y.tolist())

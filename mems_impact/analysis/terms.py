@@ -16,6 +16,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.tables.common import unit_of
 from mems_impact.units import Scales
 
 __all__ = ["Terms"]
@@ -104,15 +105,27 @@ class Terms(Value):
         """Return the unit of a parameter, a state or an observable, empty for a pure number."""
         return self.units.get(name, "")
 
-    def into(self, name: str, value: float) -> float:
-        """Return a value of a parameter or state in the units of the numerics."""
-        unit = self.unit(name)
-        return float(self.scales.into(value, unit)) if unit else value
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the numerics count in sizes that are typical of the system."""
+        return True
 
-    def out(self, name: str, value: float) -> float:
-        """Return a value of a parameter or state in the system's units."""
-        unit = self.unit(name)
-        return float(self.scales.out(value, unit)) if unit else value
+    def factor(self, heading: str) -> float:
+        """Return the unit of the numerics for what stands under a heading: a name, or "time"."""
+        return self.scales.factors.get(unit_of(heading, self.units), 1.0)
+
+    def margin_factor(self, guard: str) -> float:
+        """Return the unit of the numerics for the margin of a guard."""
+        return 1.0
+
+    def into(self, name: str, value: float) -> float:
+        """Return a value of a parameter, a state or the time in the units of the numerics."""
+        return value / self.factor(name)
+
+    def out(self, heading: str, value: Any) -> Any:
+        """Return a value, or an array, in the system's units."""
+        factor = self.factor(heading)
+        return value if factor == 1.0 else value * factor
 
     def label(self, name: str) -> str:
         """Return a name with its unit, to be printed."""
@@ -149,9 +162,9 @@ class Terms(Value):
         self._check_state(field, state)
         values = {**dict.fromkeys(self.states, 0.0), **self.initial.as_dict(), **state.as_dict()}
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
-        time = float(self.scales.into(state.time, "s"))
-        if self.forced and not state.time < self.scales.out(problem.period, "s"):
-            period = self.scales.out(problem.period, "s")
+        time = self.into("time", state.time)
+        if self.forced and not state.time < self.out("time", problem.period):
+            period = self.out("time", problem.period)
             raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
         if not self.forced and state.time != 0.0:
             allowed = "0: nothing forces the system, and its functions do not depend on time"
@@ -167,7 +180,7 @@ class Terms(Value):
         values = zip(self.states, instant.y.tolist(), strict=True)
         return state_from(
             {name: self.out(name, value) for name, value in values},
-            time=float(self.scales.out(instant.time, "s")) if self.forced else 0.0,
+            time=float(self.out("time", instant.time)) if self.forced else 0.0,
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
         )
 

@@ -9,7 +9,7 @@ period 0.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from functools import cache
 from importlib.metadata import version
 from types import MappingProxyType
@@ -23,7 +23,6 @@ from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Section
 from mems_impact.hybrid.trajectory import Events, Floats
-from mems_impact.units import Scales
 
 __all__ = [
     "CHATTER_ENDS",
@@ -36,6 +35,7 @@ __all__ = [
     "event_words",
     "heading",
     "is_shown",
+    "name_of",
     "states",
     "table",
     "unit_of",
@@ -62,9 +62,8 @@ class Labels(Protocol):
     def units(self) -> Mapping[str, str]:
         """Units by heading; none for a pure number."""
 
-    @property
-    def scales(self) -> Scales:
-        """From the units of the numerics to these."""
+    def out(self, heading: str, value: Any) -> Any:
+        """From the units of the numerics to these, by heading."""
 
     @property
     def forced(self) -> bool:
@@ -102,10 +101,7 @@ def table(
         For ``table.attrs``, beside units and versions.
     """
     units = {name: unit_of(name, labels.units) for name in (*given, *columns)}
-    shown = {
-        name: labels.scales.out(values, units[name]) if units[name] else values
-        for name, values in columns.items()
-    }
+    shown = {name: labels.out(name, values) for name, values in columns.items()}
     result = pd.DataFrame({**given, **shown})
     result.attrs = {
         "units": {name: unit for name, unit in units.items() if unit},
@@ -122,7 +118,7 @@ def captions(labels: Labels) -> dict[str, Any]:
     equation: list[Any] = []
     if section is not None:
         name = labels.automaton.states[section[0]]
-        equation = [name, float(labels.scales.out(section[1], unit_of(name, labels.units)))]
+        equation = [name, float(labels.out(name, section[1]))]
     forced = {} if labels.forced else {"forced": False}
     told = {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
     return {**told, **forced}
@@ -135,14 +131,19 @@ def _version() -> str:
 
 def unit_of(heading: str, units: Mapping[str, str]) -> str:
     """Return the unit of a column: of ``v2 before`` and ``v2 3`` that of ``v2``."""
+    return units.get(name_of(heading, units), "")
+
+
+def name_of(heading: str, names: Container[str]) -> str:
+    """Return what a column is about: ``v2 before`` and ``v2 3`` about ``v2``; empty if nothing."""
     if heading in TIMES:
-        return units.get("time", "")
-    while heading not in units:
+        return "time"
+    while heading not in names:
         first, _, last = heading.rpartition(" ")
         if not first or not (last in SUFFIXES or last.isdigit()):
             return ""
         heading = first
-    return units[heading]
+    return heading
 
 
 def with_units(shown: pd.DataFrame) -> pd.DataFrame:

@@ -23,7 +23,14 @@ from mems_impact.hybrid.written import Definition
 __all__ = ["check", "check_end"]
 
 
-def check(system: Terms, definition: Definition, problem: Problem, *, meant: bool) -> None:
+def check(
+    system: Terms,
+    definition: Definition,
+    problem: Problem,
+    *,
+    time: float | None,
+    meant: bool,
+) -> None:
     """Try the functions of a system along a short run.
 
     Parameters
@@ -34,6 +41,8 @@ def check(system: Terms, definition: Definition, problem: Problem, *, meant: boo
         Its functions.
     problem : Problem
         Its numbers.
+    time : float or None
+        Typical of it, where the user says so.
     meant : bool
         Whether the user says where runs start.
 
@@ -59,7 +68,7 @@ def check(system: Terms, definition: Definition, problem: Problem, *, meant: boo
     for each in observables:
         if not each.at:
             _measured(each, tried.state(start.y), tried.p)
-    unit = problem.time_scale or problem.period
+    unit = time or problem.time_scale or problem.period
     clock = Clock(system.forcing_period, unit, problem.switches)
     Short(tried, clock, met).go(start, meant=meant)
 
