@@ -14,7 +14,7 @@ from numba import types
 from numba.extending import overload
 
 from mems_impact.engines import contract
-from mems_impact.engines.compiling import INNER, JIT, data, integers, pointer
+from mems_impact.engines.compiling import INNER, JIT, WORD, data, integers, pointer
 from mems_impact.engines.equations import Equations
 from mems_impact.engines.faults import HEAD, Fault, fault_in
 from mems_impact.engines.kernels import call_kernel, kernels
@@ -29,33 +29,35 @@ class HandleOwner:
     dtype : numpy.dtype
         `mems_impact.engines.kernels.FIELDS` and the fields of the method.
     equations : Equations
-    arrays : dict of str to array
-        Memory of the method; the field of that name gets the address.
+    arrays : dict of str to int
+        Memory of the method, how many numbers; the field of that name gets the address.
     """
 
-    def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, Any]) -> None:
-        n, m = equations.n, equations.m
+    def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, int]) -> None:
+        n, m, parameters = equations.n, equations.m, np.asarray(equations.parameters, dtype=float)
         flow, margins, transition = equations.flow, equations.margins, equations.transition
         self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
-        numbers = np.array(equations.parameters, dtype=float)
-        # The kernels note behind the parameters where they fail.
-        memory = np.concatenate([numbers, np.zeros(HEAD + n)])
-        self._note = memory[numbers.size :]
-        # The handle holds addresses of these arrays; they live as long as the engine.
-        self._arrays = {
-            "y": np.zeros(n),
-            "bias": np.zeros(m),
-            "parameters": memory,
-            "fired": np.zeros(2 * m + 1, dtype=np.int32),
-            **arrays,
-        }
-        self._handles = np.zeros(1, dtype=dtype)
-        self.handle = handle = self._handles.view(np.recarray)[0]
-        for name, array in self._arrays.items():
-            handle[name] = array.ctypes.data
-        # By its name as an attribute, a field takes ten times as long.
-        handle["n"], handle["m"] = n, m
-        handle["parameter_count"] = numbers.size
+        # The handle holds addresses in here; it lives as long as the engine. The kernels note
+        # behind the parameters where they fail.
+        sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}
+        fired = 2 * m + 1  # as 32-bit integers, two to a number
+        block = np.zeros(sum(sizes.values()) + fired // 2 + 1)
+        handles = np.zeros(1, dtype=dtype)
+        self._memory = block
+        self.address = handles.ctypes.data
+        # A plain record that keeps them alive. By item a field is reached ten times as fast as by
+        # attribute.
+        self.handle = handle = handles[0]
+        place, begin = block.ctypes.data, 0
+        for name, size in sizes.items():
+            handle[name] = place + WORD * begin
+            if name == "parameters":
+                note = begin + parameters.size
+                block[begin:note] = parameters
+                self._note = block[note : begin + size]
+            begin += size
+        handle["fired"] = place + WORD * begin
+        handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
         handle["section"], handle["level"], _ = equations.crossing
         handle["flow"] = self._kernels.flow.address
         handle["margins"] = self._kernels.margins.address

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.portable import portable
+from mems_impact.hybrid.record import CYCLIC, HIT_BEGIN, HIT_TIME, IMPACT, ORDER, RECORDS
 
 
 @dataclass(frozen=True)
@@ -160,6 +163,18 @@ class Automaton:
     def switch_code(self) -> int:
         """The code of `transition` for "the drive has just switched"."""
         return 2 * len(self.guards)
+
+    @cached_property
+    def rows(self) -> tuple[tuple[int, list[float]], ...]:
+        """What it puts into the loop's table: rows of `record`, each with its numbers."""
+        return (
+            (ORDER, [float(guard.order or 0) for guard in self.guards]),
+            (IMPACT, [float(guard.impact) for guard in self.guards]),
+            (RECORDS, [float(guard.records) for guard in self.guards]),
+            (CYCLIC, [float(i in self.cyclic) for i in range(len(self.states))]),
+            (HIT_TIME, [-math.inf] * len(self.guards)),
+            (HIT_BEGIN, [-math.inf] * len(self.guards)),
+        )
 
 
 def _automaton(*values: Any) -> Automaton:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import warnings
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -133,17 +132,13 @@ class _Run:
         rows = max(0, last - first + 1)
         switches = len(problem.switches)
         self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
-        self.events = np.zeros((EVENT_ROWS + m, loop.HEAD + 2 * n))
+        self.events = np.empty((EVENT_ROWS + m, loop.HEAD + 2 * n))
         self.latest = self.events[:0]  # the last events, whoever consumes them
-        self.samples = np.zeros((rows, 3 + n))
-        self._put(record.ORDER, [guard.order for guard in automaton.guards])
-        self._put(record.IMPACT, [guard.impact for guard in automaton.guards])
-        self._put(record.RECORDS, [guard.records for guard in automaton.guards])
-        self._put(record.CYCLIC, [i in automaton.cyclic for i in range(n)])
+        self.samples = np.empty((rows, 3 + n))
+        for i, values in automaton.rows:
+            self._put(i, values)
         self._put(record.SWITCHES, problem.switches)
-        self._put(record.Y, start.y)
-        self._put(record.HIT_TIME, [-math.inf] * m)
-        self._put(record.HIT_BEGIN, [-math.inf] * m)
+        self._put(record.Y, np.asarray(start.y, dtype=float).tolist())
         arrays = {"table": self.table, "events": self.events, "samples": self.samples}
         numbers = {
             "width": len(self.table[0]),
@@ -201,9 +196,9 @@ class _Run:
             raise self._failure(status)
         return self._trajectory(ended=status == loop.ENDED)
 
-    def _put(self, i: int, values: Any) -> None:
+    def _put(self, i: int, values: Sequence[float]) -> None:
         """Write `values` to row `i` of the table."""
-        self.table[i][: len(values)] = np.asarray(values, dtype=float).tolist()
+        self.table[i][: len(values)] = values
 
     def _local(self) -> Floats:
         """Return the state as the functions see it."""

@@ -51,24 +51,24 @@ class Engine(HandleOwner):
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         sun = library.load()
         n, m, jacobian = equations.n, equations.m, equations.jacobian
-        super().__init__(HANDLE, equations, {"spare": np.zeros(n), "seen": np.zeros(2 * m)})
+        super().__init__(HANDLE, equations, {"spare": n, "seen": 2 * m})
         handle, direction = self.handle, equations.crossing[2]
         self._callbacks = callbacks()
         context = ctypes.c_void_p()
         sun.SUNContext_Create(0, ctypes.byref(context))
         # The default handler prints to standard error; the codes say it all.
         sun.SUNContext_ClearErrHandlers(context)
-        vector = sun.N_VMake_Serial(n, int(handle.y), context)
-        dense = sun.N_VMake_Serial(n, int(handle.spare), context)
+        vector = sun.N_VMake_Serial(n, int(handle["y"]), context)
+        dense = sun.N_VMake_Serial(n, int(handle["spare"]), context)
         bdf = options.method == "bdf"
         memory = sun.CVodeCreate(CV_BDF if bdf else CV_ADAMS, context)
-        handle.cvode, handle.vector, handle.dense = memory, vector, dense
+        handle["cvode"], handle["vector"], handle["dense"] = memory, vector, dense
         owned = _Owned(sun, context, memory, [vector, dense])
         self._finalizer = weakref.finalize(self, owned.free)
 
         _must(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
         _must(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
-        _must(sun.CVodeSetUserData(memory, self._handles.ctypes.data), "CVodeSetUserData")
+        _must(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
         if bdf:
             owned.matrix = sun.SUNDenseMatrix(n, n, context)
             owned.linear = sun.SUNLinSol_Dense(vector, owned.matrix, context)
@@ -76,7 +76,7 @@ class Engine(HandleOwner):
             _must(flag, "CVodeSetLinearSolver")
             if jacobian is not None:
                 self._jacobian = jacobian_of(jacobian, n)
-                handle.jacobian = self._jacobian.address
+                handle["jacobian"] = self._jacobian.address
                 flag = sun.CVodeSetJacFn(memory, jacobian_callback().address)
                 _must(flag, "CVodeSetJacFn")
         else:

@@ -72,15 +72,14 @@ class Engine(HandleOwner):
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
-        n, m = equations.n, equations.m
-        rows = np.zeros((ROWS, max(n, 2 * m + 1)))
-        arrays = {"rows": rows, "y": rows[STATE], "components": np.zeros((n, KEPT))}
-        super().__init__(HANDLE, equations, arrays)
+        n, width = equations.n, max(equations.n, 2 * equations.m + 1)
+        super().__init__(HANDLE, equations, {"rows": ROWS * width, "components": n * KEPT})
         self._functions = functions()
         handle = self.handle
+        handle["y"] = handle["rows"] + WORD * width * STATE
         for name, function in self._functions.items():
             handle[name] = function.address
-        handle["width"] = rows.shape[1]
+        handle["width"] = width
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
