@@ -78,3 +78,21 @@ def test_two_falls_within_a_step_that_begins_and_ends_below():
         ramp(mi.Guard("seen", margin), time_scale=50.0), duration=3.0, options=WAYS[1]
     )
     assert run.events["t"].to_numpy() == pytest.approx([1.02, 2.02], abs=1e-8)
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+def test_a_zero_that_two_guards_share_is_told_at_its_time(options):
+    # CVODE, led back into a step, took the other one's zero at its end for a root on the way.
+    valley = mi.System(
+        states=("y", "s"),
+        flow=lambda mode, t, y, p: (2.0 * (y.s - 5.0), 1.0),
+        guards=[
+            mi.Guard("down", lambda mode, t, y, p: y.y),
+            mi.Guard("up", lambda mode, t, y, p: -y.y),
+        ],
+        initial={"y": 25.0 - 0.25e-6},
+        time_scale=1000.0,
+    )
+    run = mi.simulate(valley, duration=10.0, options=options)
+    assert run.events["event"].tolist() == ["down", "up"]
+    assert run.events["s"].to_numpy() == pytest.approx(run.events["t"].to_numpy(), abs=1e-9)
