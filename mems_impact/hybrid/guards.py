@@ -157,14 +157,16 @@ def violated(
 
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. Of
     guards that only record, those fire whose margin has come there now. The guard `but` is left
-    out. Of impacts alone, those up to `after`, in order, come last. Overwrites what `resolution`
-    and `trend` do.
+    out, and with it, since then a state is only tried, those that only record. Of impacts alone,
+    those up to `after`, in order, come last. Overwrites what `resolution` and `trend` do.
     """
     order = row(s, ORDER)
     resolution(engine, s, mode, t, y)
     first = behind = NONE
     for i in range(s.m):
-        if i != but and not has_passed(engine, s, mode, i, t) and fires(engine, s, mode, i, t, y):
+        if row(s, RECORDS)[i] == 1 and (but != NONE or has_passed(engine, s, mode, i, t)):
+            continue
+        if i != but and fires(engine, s, mode, i, t, y):
             if first == NONE or order[i] < order[first]:
                 first = i
             behind_it = after != NONE and row(s, IMPACT)[i] == 1 and order[i] > order[after]
@@ -174,16 +176,19 @@ def violated(
 
 
 def has_passed(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
-    """Return whether guard `i` only records, and its margin has not come to zero or below now.
+    """Return whether the margin of guard `i`, which only records, has not come to zero or below now.
 
     After `resolution` of a state that a transition has left, PAST being the one before it, or that
     is looked at again because of a margin in doubt.
     """
     looked, passed, g = row(s, LOOKED)[i], row(s, PASSED), row(s, G)
-    if row(s, RECORDS)[i] == 0:
-        return False
+    rounding = rounding_of(s, i)
     if looked > clearly(s, i):
         passed[i] = 0.0
+    elif looked > rounding and passed[i] == 1:
+        contract.margins(engine, mode, t, row(s, PAST), g)
+        if g[i] < -rounding:
+            passed[i] = 0.0  # thrown up, if not far; else it is where its fall was told
     elif looked < -clearly(s, i) and passed[i] == 0 and contract.bias(engine, i) <= HAIR:
         # Another mode may begin to watch it where it is negative already: that is no fall.
         contract.margins(engine, mode, t, row(s, PAST), g)

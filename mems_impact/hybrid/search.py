@@ -137,12 +137,19 @@ def late(engine: Any, s: Any, i: int, before: float, t: float) -> float:
     """Return how long before `t`, where margin `i` has fired, it was zero.
 
     CVODE stops a little late, by some hundred roundings of time: impact after impact that adds up.
+    A margin that stays at zero it may tell anywhere there. Overwrites STATE and G.
     """
-    now = row(s, NOW)
-    rate = now[s.m + i]
+    now, g, y = row(s, NOW), row(s, G), row(s, STATE)
+    margin, rate = now[i] + contract.bias(engine, i), now[s.m + i]
+    if margin == 0.0 and 1e-6 * (t - before) > 8.0 * EPS * abs(t):
+        earlier = t - 1e-6 * (t - before)
+        contract.interpolate(engine, earlier, y)
+        contract.margins(engine, s.mode, earlier, y, g)
+        if g[i] == now[i]:
+            return t - crossing(engine, s, i, before, earlier)
     if not rate < 0.0:
         return 0.0
-    by: float = (now[i] + contract.bias(engine, i)) / rate
+    by: float = margin / rate
     return by if 8.0 * EPS * abs(t) < by < 1e-6 * (t - before) else 0.0
 
 

@@ -78,3 +78,47 @@ def test_two_falls_within_a_step_that_begins_and_ends_below():
         ramp(mi.Guard("seen", margin), time_scale=50.0), duration=3.0, options=WAYS[1]
     )
     assert run.events["t"].to_numpy() == pytest.approx([1.02, 2.02], abs=1e-8)
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+def test_a_zero_that_two_guards_share_is_told_at_its_time(options):
+    # CVODE, led back into a step, took the other one's zero at its end for a root on the way.
+    valley = mi.System(
+        states=("y", "s"),
+        flow=lambda mode, t, y, p: (2.0 * (y.s - 5.0), 1.0),
+        guards=[
+            mi.Guard("down", lambda mode, t, y, p: y.y),
+            mi.Guard("up", lambda mode, t, y, p: -y.y),
+        ],
+        initial={"y": 25.0 - 0.25e-6},
+        time_scale=1000.0,
+    )
+    run = mi.simulate(valley, duration=10.0, options=options)
+    assert run.events["event"].tolist() == ["down", "up"]
+    assert run.events["s"].to_numpy() == pytest.approx(run.events["t"].to_numpy(), abs=1e-9)
+
+
+@pytest.mark.parametrize("options", WAYS, ids=["adams", "dop853"])
+@pytest.mark.parametrize(("e", "falls", "rises"), [(0.5, 1, 0), (0.8, 2, 1)])
+def test_every_flight_of_a_ball_has_its_apex(e, falls, rises, options):
+    flying, lying = mi.modes("flying", "lying")
+    ball = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -9.81) if mode == flying else (0.0, 0.0),
+        parameters={"e": e},
+        guards=[
+            mi.Impact("floor", lambda mode, t, y, p: y.x,
+                      lambda mode, t, y, p: (flying, (0.0, -p.e * y.v)),
+                      rest=lambda mode, t, y, p: (lying, (0.0, 0.0)), modes=(flying,)),
+            mi.Guard("apex", lambda mode, t, y, p: y.v),
+            mi.Guard("half down", lambda mode, t, y, p: y.x - 0.5),
+            mi.Guard("half up", lambda mode, t, y, p: 0.5 - y.x),
+        ],
+        initial={"x": 1.0},
+    )  # fmt: skip
+    run = mi.simulate(ball, duration=5.0, options=options)
+    hits = run.impacts["t"].to_numpy()
+    apex = run.events.loc[run.events["event"] == "apex", "t"].to_numpy()
+    assert apex == pytest.approx([0.0, *(0.5 * (hits[1:] + hits[:-1]))], abs=1e-9)
+    counts = run.events["event"].value_counts()
+    assert (counts["half down"], counts["half up"]) == (falls, rises)

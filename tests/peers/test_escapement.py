@@ -64,6 +64,12 @@ def started(faster=1.0):
     )  # fmt: skip
 
 
+@pytest.fixture(params=["dop853", pytest.param("adams", marks=pytest.mark.slow)])
+def options(request):
+    # Thirty guards whose rates are differences compile for half a minute: not here.
+    return mi.Options(engine="interpreted", method=request.param)
+
+
 def test_thirty_guards_and_a_tooth_in_two_beats():
     assert len(CLOCK.automaton.guards) == 30
     assert run_of_the_crown() == pytest.approx(PITCH, rel=1e-14)

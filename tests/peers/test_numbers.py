@@ -39,8 +39,9 @@ def test_an_electron_crosses_a_micrometre(atol, time_scale, accuracy, options):
 
 
 # SciPy #17066 and #19418: the event lies on the end of a step, and is steep there.
-@pytest.mark.parametrize("time_scale", [1.0, 1600.0])
-def test_a_steep_condition_ends_a_throw(time_scale, options):
+# A rate that is taken by differences says little of such a one: it may be early by 1e-6 of a step.
+@pytest.mark.parametrize(("time_scale", "accuracy"), [(1.0, 1e-9), (1600.0, 1e-6)])
+def test_a_steep_condition_ends_a_throw(time_scale, accuracy, options):
     def cube_root(mode, t, y, p):
         return math.copysign(abs(y.x) ** (1.0 / 3.0), y.x)
 
@@ -52,8 +53,8 @@ def test_a_steep_condition_ends_a_throw(time_scale, options):
     )
     run = mi.simulate(throw, duration=100.0, until=cube_root, options=options)
     assert run.ended == "until"
-    assert run.extent[1] * time_scale == pytest.approx(40.0, rel=1e-9)
-    assert run.final.v == pytest.approx(-10.0, rel=1e-9)
+    assert run.events["t"].tolist() == pytest.approx([40.0], rel=accuracy)
+    assert run.final.v == pytest.approx(-10.0, rel=2.0 * accuracy)
 
 
 # SciPy #18039: a source in pieces; the second of two pulses is stepped over.

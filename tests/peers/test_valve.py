@@ -155,7 +155,7 @@ def test_a_valve_sticks_slides_and_stops(options):
     ]  # fmt: skip
     first = run.events.iloc[: len(expected)]
     assert first["event"].tolist() == [name for _, name, _, _ in expected]
-    for column, k, accuracy in (("t", 0, 1e-10), ("x", 2, 1e-11), ("v", 3, 1e-6)):
+    for column, k, accuracy in (("t", 0, 1e-10), ("x", 2, 1e-10), ("v", 3, 1e-6)):
         assert first[column].to_numpy() == pytest.approx(
             np.array([event[k] for event in expected]), abs=accuracy, rel=0.0
         )
