@@ -28,9 +28,14 @@ INSTANT = 100  # times that one guard may fire in one instant
 WEAK = 1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
 SEQUENCE = 3  # flights
 ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
+FALLING = 1e-3  # a rate that falls after a transition, of that before it
 BISECTIONS = 50
 
 Met = Callable[[int, Point, Point], None]
+
+
+class Lost(Exception):
+    """From here on the short run says nothing about the system."""
 
 
 class Clock:
@@ -92,7 +97,7 @@ class Short:
             return
         try:
             self.follow(start, slope, now)
-        except Undefined:
+        except (Lost, Undefined):
             return  # at a point of these checks' own
 
     def watching(self, mode: int) -> list[int]:
@@ -233,9 +238,15 @@ class Short:
     def resolve(self, i: int, at: Point) -> Point:
         """Carry out the transitions of an instant, beginning with guard `i`."""
         guard, fired = self.guards[i], 0
-        kind = "rest" if guard.impact and guard.rest and self.accumulates(i, at) else "transition"
+        kind = "transition"
+        if guard.impact and self.accumulates(i, at):
+            kind = "rest"
+            if guard.rest is None:
+                raise Lost
         while guard.transition is not None:
             before = self.rate(i, at, self.tried.flow(at))
+            if before >= 0.0:
+                raise Lost  # rounding, rather than the flow, has led through zero
             mode, y = self.tried.transition(kind, i, at)
             after = Point(mode, at.t, y)
             self.met(i, at, after)
@@ -259,9 +270,9 @@ class Short:
         if i not in self.watching(at.mode):
             return False
         slope = self.tried.flow(at)
-        scale = abs(before) * self.clock.unit
-        rate = self.rate(i, at, slope)
-        return self.tried.margin(i, at) <= ZERO * scale and rate < -1e-6 * abs(before)
+        rate, error = rate_of(self.tried, i, at, slope, self.clock.unit)
+        low = self.tried.margin(i, at) <= ZERO * abs(before) * self.clock.unit
+        return low and rate < -FALLING * abs(before) - error
 
     def still_falling(self, i: int, kind: str, at: Point) -> FunctionError:
         """Return the sentence about a transition that leads nowhere."""

@@ -9,40 +9,53 @@ from mems_impact.hybrid.tried import Point, Tried
 
 __all__ = ["check_times"]
 
-LATER = 0.6180339887498949  # of the time scale: a time that is none of a period's parts
-PARTS = (0.13, 0.29, 0.41, 0.59, 0.83)  # of the time scale, at which else the flow is looked at
+PARTS = (0.1459, 0.3820, 0.6180)  # of the time scale: times that are no common parts of a period
 HAIR = 1e-9  # of the time scale
-SLACK = 1e-6  # of the largest rate that is met
+SLACK = 1e-6  # of the largest component of the flow, or of what time changes in it
 
 
 def check_times(
     tried: Tried, at: Point, slope: Sequence[float], period: float | None, unit: float
 ) -> None:
-    """Raise FunctionError unless the flow is that of a period later, or of any time without one."""
-    later = at.t + (LATER * unit if period is None else period)
-    again = tried.flow(Point(at.mode, later, at.y))
-    # Where forces cancel, or a sine begins, the flow is nothing but rounding of what makes it up.
-    around = (tried.flow(Point(at.mode, at.t + part * unit, at.y)) for part in PARTS)
-    seen = (abs(rate) for rates in (slope, again, *around) for rate in rates)
-    size = max(*seen, *(abs(value) / unit for value in at.y))
-    if not differ(slope, again, size):
-        return
-    # A forcing that jumps may do so a rounding before or after this time.
-    for hair in (-HAIR * unit, HAIR * unit):
-        if not differ(slope, tried.flow(Point(at.mode, later + hair, at.y)), size):
+    """Raise FunctionError unless the flow is that of a period later, or of any time without one.
+
+    Parameters
+    ----------
+    tried : Tried
+    at : Point
+    slope : sequence of float
+        The flow there.
+    period : float or None
+    unit : float
+        The time scale.
+    """
+
+    def ahead(time: float) -> list[float]:
+        return tried.flow(Point(at.mode, at.t + time, at.y))
+
+    others = [ahead(part * (period or unit)) for part in PARTS]
+    # Where terms of the flow cancel, their rounding is far larger than what is left.
+    size = max(abs(value) for each in (slope, *others) for value in each)
+    size = max(size, *(abs(value) / unit for value in at.y))
+    if period is None:
+        wrong = [differ(slope, each, size) for each in others]
+        if not any(wrong):
             return
-    for name, now, then in zip(tried.states, slope, again, strict=True):
-        if differ([now], [then], size):
-            change = f"{now:.6g} at t = {at.t:.6g} and {then:.6g} at t = {later:.6g}"
-            problem = (
-                f"depends on time, but the system has no period (for {name} it gives {change})"
-            )
-            remedy = "give the forcing period"
-            if period is not None:
-                problem = f"differs a period later (for {name} it gives {change})"
-                remedy = "give the period of the forcing"
-            remedy += "; what depends on time in another way is a state of its own"
-            raise Function("flow", tried.definition.flow).error(problem, remedy)
+        later, again = PARTS[wrong.index(True)] * unit, others[wrong.index(True)]
+        problem, remedy = "depends on time, but the system has no period", "give the forcing period"
+    else:
+        # A forcing that jumps may do so a rounding before or after this time.
+        for time in (period, period - HAIR * unit, period + HAIR * unit):
+            if not differ(slope, ahead(time), size):
+                return
+        later, again = period, ahead(period)
+        problem, remedy = "differs a period later", "give the period of the forcing"
+    changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
+    i = changes.index(max(changes))
+    values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
+    problem += f" (for {tried.states[i]} it gives {values})"
+    remedy += "; what depends on time in another way is a state of its own"
+    raise Function("flow", tried.definition.flow).error(problem, remedy)
 
 
 def differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:

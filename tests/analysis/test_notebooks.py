@@ -1,0 +1,92 @@
+"""Functions from a cell, a script, another function: they run compiled, and are kept on disk."""
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = """
+    import logging
+    import math
+    import threading
+    import mems_impact as mi
+
+    logging.basicConfig(level=logging.INFO)
+    CELL = '''
+    LEVEL = -1.0
+
+    def height(mode, t, y, p):
+        return y.x - LEVEL
+
+    def bounce(mode, t, y, p):
+        return mode, (LEVEL, -p.e * y.v)
+    '''
+
+    def fall(mode, t, y, p):
+        return y.v, -p.g
+
+    def lower(level):
+        return lambda mode, t, y, p: y.x - level, lambda mode, t, y, p: (mode, (level, -p.e * y.v))
+
+    lock = threading.Lock()
+
+    def locked(mode, t, y, p):
+        return (y.v, -p.g) if lock is not None else (0.0, 0.0)
+
+    def first_impact(flow, gap, rebound):
+        guards = [mi.Impact("floor", gap, rebound)]
+        values = {"g": 2.0, "e": 0.5}
+        ball = mi.System(states=("x", "v"), flow=flow, parameters=values, guards=guards)
+        options = mi.Options(engine="compiled", method="dop853")
+        return mi.simulate(ball, duration=1.5, options=options).impacts["t"].round(9).tolist()
+
+    import textwrap
+    cell = {"__name__": "__main__"}
+    exec(compile(textwrap.dedent(CELL), "<ipython-input-7-c0ffee>", "exec"), cell)
+"""
+KEPT = """
+    print(first_impact(fall, cell["height"], cell["bounce"]))
+    print(first_impact(fall, *lower(-1.0)))
+"""
+UNKEPT = """
+    print(first_impact(locked, *lower(-1.0)))
+"""
+NOTICE = "compiling to native code"
+NOT_KEPT = "the compiled code of this system is not kept"
+
+
+def go(folder, script):
+    (folder / "script.py").write_text(textwrap.dedent(script))
+    paths = {"PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(folder / "compiled")}
+    done = subprocess.run(
+        [sys.executable, "script.py"], cwd=folder, env={**os.environ, **paths},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split("\n")[:-1], done.stderr
+
+
+@pytest.mark.slow
+def test_functions_from_anywhere_run_compiled_and_say_where_they_are_not_kept(tmp_path):
+    found, said = go(tmp_path, SCRIPT + KEPT)
+    assert found == ["[1.0]"] * 2
+    assert NOTICE in said
+    assert NOT_KEPT not in said
+    found, said = go(tmp_path, SCRIPT + KEPT)  # all of it from disk
+    assert found == ["[1.0]"] * 2
+    assert NOTICE not in said
+
+
+@pytest.mark.slow
+def test_a_function_that_draws_on_an_object_says_that_it_is_not_kept(tmp_path):
+    found, said = go(
+        tmp_path, SCRIPT.replace("    print(first_impact(fall", "    0 and (") + UNKEPT
+    )
+    assert found == ["[1.0]"]
+    assert (
+        f"{NOT_KEPT}: its functions draw on objects that are others in every process (lock)" in said
+    )
