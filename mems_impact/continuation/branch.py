@@ -10,7 +10,7 @@ import numpy as np
 
 from mems_impact.continuation.anew import anew
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
-from mems_impact.continuation.ending import LOSSES, spent, stuck
+from mems_impact.continuation.ending import LOSSES, none_beyond, spent, stuck
 from mems_impact.continuation.locating import BranchEvent, locate, rank, special_at
 from mems_impact.continuation.monitors import (
     FOLD,
@@ -282,7 +282,7 @@ class _Walker:
         try:
             return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
         except LOSSES as error:
-            return None, str(error)
+            return None, none_beyond(error)
 
     def _rename(
         self,

@@ -7,14 +7,22 @@ from collections.abc import Mapping
 import numpy as np
 
 from mems_impact.continuation.corrector import Steps
-from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.errors import MemsImpactError, OrbitError
 from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import Point
 
-LOSSES = (OrbitError, RunError, InvalidParameter, np.linalg.LinAlgError)
-"""What may keep a branch from going on: it ends there, and what there is of it is returned."""
+LOSSES = (MemsImpactError, ArithmeticError, ValueError)
+"""What may keep a branch from going on: it ends there, and what there is of it is returned.
+
+Beside the package's own errors those that a function of the system raises out of its range.
+"""
 
 SHORT = 0.1  # part of the largest step below which a branch says what holds it back
 NEUTRAL = 1e-7  # distance from +1 of a multiplier that is there all along
+SIDE_BY_SIDE = (
+    "a multiplier is 1, as where something may be shifted, or is conserved: then orbits lie side "
+    "by side at one value, and none of them can be followed; a weak spring or damper holds it"
+)
 SHORTER = "take a shorter step"  # what a corrector says to a branch; to its user it is no help
 
 
@@ -32,11 +40,18 @@ def stuck(orbit: PeriodicOrbit, parameters: str | tuple[str, ...], error: Except
     where = " and ".join(f"{name} = {values[name]:.9g}" for name in names)
     told = f"no further step possible beyond {where}: {reason_of(error)}"
     if np.abs(orbit.multipliers - 1.0).min() < NEUTRAL:
-        told += (
-            "; a multiplier is 1, as where something may be shifted, or is conserved: then orbits "
-            "lie side by side at one value, and none of them can be followed"
-        )
+        return f"{told}; {SIDE_BY_SIDE}"
     return told
+
+
+def none_beyond(error: Exception) -> str:
+    """Return why the orbits of another signature cannot be found where two signatures meet."""
+    point = error.partial if isinstance(error, OrbitError) else None
+    if isinstance(point, Point):
+        sizes = np.linalg.svd(point.jacobian, compute_uv=False)
+        if not sizes[-1] > NEUTRAL * sizes[0]:
+            return f"{reason_of(error)}; {SIDE_BY_SIDE}"
+    return str(error)
 
 
 def spent(steps: Steps, length: float, held: str, parameter: str, part: float) -> str:

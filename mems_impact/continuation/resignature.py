@@ -282,4 +282,6 @@ def _at_level(
         return point, np.append(point.residual, condition.value(point) - level), matrix
 
     reason = "the orbits of the other signature could not be corrected"
-    return newton(equations, start, reason=reason, remedy="find one beyond").point
+    return newton(
+        equations, start, reason=reason, remedy="find an orbit beyond and follow that"
+    ).point

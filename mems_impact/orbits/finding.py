@@ -7,17 +7,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from mems_impact.errors import InvalidParameter, OrbitError, RunError
-from mems_impact.hybrid.problem import Problem
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant
 from mems_impact.orbits.cycles import begun_anew, cycle_near, well_begun
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.returning import MOST, flow_at, forcing_periods
+from mems_impact.orbits.returning import MOST, Recognised, flow_at, forcing_periods
 from mems_impact.orbits.shooting import Shooting
-from mems_impact.orbits.signature import Guess, at_period_start, read_guess
+from mems_impact.orbits.signature import Guess, at_period_start, guess_from, read_guess
 
 SAME = 1e-6  # part of the size of an orbit by which two of its states differ that are one
 COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
@@ -64,11 +63,13 @@ def find_orbit(
     if periods is not None and periods < 1:
         raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
 
-    def settled(family: Family, on_stiff: OnStiff) -> tuple[Family, Instant]:
+    def settled(family: Family, on_stiff: OnStiff) -> tuple[Family, Instant, Recognised | None]:
         problem, start = family.problem(), guess
         if transient > 0.0:
             start = run(problem, start, transient, consume=_drop, on_stiff=on_stiff).final
-        return family, at_period_start(problem, start, on_stiff)
+        start = at_period_start(problem, start, on_stiff)
+        recognised = forcing_periods(problem, start, on_stiff) if periods is None else None
+        return family, start, recognised
 
     def closing(family: Family, start: Instant, count: int) -> PeriodicOrbit:
         def approach(family: Family, on_stiff: OnStiff) -> tuple[Shooting, Guess]:
@@ -77,23 +78,26 @@ def find_orbit(
 
         return _corrected(*_unless_stiff(family, if_stiff, approach))
 
-    family, start = _unless_stiff(family, if_stiff, settled)
-    if periods is not None:
-        return closing(family, start, periods)
-    later, near, after = _recognised(family.problem(), start)
-    try:
-        found = closing(family, start, near or 1)
-    except OrbitError as error:
-        if near:
-            raise
-        if not after:
-            raise OrbitError(
-                f"{error.reason}, and none that the motion settles on within {3 * MOST} periods",
-                "let transients die out (transient=300), or say periods=; a chaotic motion does "
-                "not settle at all",
-                error.partial,
-            ) from error
-        found = closing(family, later, after)
+    family, start, recognised = _unless_stiff(family, if_stiff, settled)
+    if recognised is None:
+        return closing(family, start, periods or 1)
+    if recognised.near <= 1:
+        try:
+            read = guess_from(recognised.once, 1, recognised.once.problem.switches)
+            return _corrected(Shooting(family, read.segments, active), read)
+        except OrbitError as error:
+            if recognised.near:
+                raise
+            if not recognised.settled:
+                raise OrbitError(
+                    f"{error.reason}, and none on which the motion settles in {3 * MOST} periods",
+                    "let transients die out (transient=300), or say periods=; a chaotic motion "
+                    "does not settle at all",
+                    error.partial,
+                ) from error
+        found = closing(family, recognised.later, recognised.settled)
+    else:
+        found = closing(family, start, recognised.near)
     again = _passes(found)
     return found if again == 1 else closing(found.family, found.instant, found.periods // again)
 
@@ -207,13 +211,6 @@ def _unless_stiff(
         return approach(family, end)
     except _Stiff:
         return approach(family.by(if_stiff), None)
-
-
-def _recognised(problem: Problem, start: Instant) -> tuple[Instant, int, int]:
-    try:
-        return forcing_periods(problem, start, lambda: None)
-    except RunError:
-        return start, 0, 0  # the orbit may lie where no run stays
 
 
 def _drop(_: object) -> None:

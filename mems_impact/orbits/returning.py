@@ -5,23 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.errors import OrbitError
+from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 from mems_impact.hybrid.variational import free_components
 
 CLOSE = 1e-3  # distance of a return, as a part of the extent of the motion
+SETTLED = 1e-8  # distance, as a part of the state, at which nothing more is to be looked at
 FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
 MULTIPLES = 4  # of the first return that are looked at for a closer one
 MOST = 16  # forcing periods after which an orbit is recognised
 SAMPLES = 256  # by which the extent of a motion is measured
 LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
-AT_ONCE = 1e-9  # time after which a motion is no longer where it began
+SHORTEST = 1e-6  # piece of a run, in units of the problem's time
+AT_ONCE = 1e-12  # time after which a motion is no longer where it began
 STILL = 1e-7  # extent, as a part of the largest seen, below which nothing moves
 STEPS, LOST = 300_000, 20_000  # spent on a motion that does not return, on its first state
 
@@ -65,37 +68,48 @@ def extent_of(trajectory: Trajectory, free: list[int]) -> Floats:
     return np.asarray(np.ptp(grid.y[:, free], axis=0))
 
 
+class Recognised(NamedTuple):
+    """After how many forcing periods a motion returns.
+
+    Attributes
+    ----------
+    once : Trajectory
+        Its first period.
+    near : int
+        To its beginning; 0 if it does not.
+    later : Instant
+        Where it has come after many periods.
+    settled : int
+        To that; 0 if it does not, or that was not looked at.
+    """
+
+    once: Trajectory
+    near: int
+    later: Instant
+    settled: int
+
+
 def forcing_periods(
     problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
-) -> tuple[Instant, int, int]:
-    """Recognise after how many forcing periods a motion returns.
+) -> Recognised:
+    """Recognise after how many forcing periods the motion from the start of a period returns.
 
-    Parameters
-    ----------
-    problem : Problem
-    start : Instant
-        Where a period begins.
-    on_stiff : callable, optional
-        As of `mems_impact.hybrid.run.run`.
-
-    Returns
-    -------
-    near, settled, final
-        Forcing periods after which the motion returns to `start`, and to its end, where the run
-        from `start` has come; 0 where it does not.
+    `on_stiff` is that of `mems_impact.hybrid.run.run`.
     """
     free = list(free_components(problem.automaton))
     once = run(problem, start, 1, on_stiff=on_stiff)
+    change = np.abs(once.final.y - start.y)[free].max(initial=0.0)
+    if once.final.mode == start.mode and change <= SETTLED * np.abs(start.y[free]).max(initial=0.0):
+        return Recognised(once, 1, start, 0)
     extent = extent_of(once, free)
-    states = np.array([start.y, once.final.y])[:, free]
-    near = first_return(states, np.array([start.mode, once.final.mode]), extent)
-    if near and np.abs(states[1] - states[0]).max() <= FAR_CLOSER * CLOSE * extent.max():
-        return start, 1, 0
-    longer = run(problem, start, 3 * MOST, on_stiff=on_stiff)
+    try:
+        longer = run(problem, start, 3 * MOST, on_stiff=on_stiff)
+    except RunError:
+        return Recognised(once, 0, start, 0)  # the orbit may lie where no run stays
     grid = longer.samples(1)
     near = first_return(grid.y[: MOST + 1, free], grid.mode[: MOST + 1], extent)
     settled = first_return(grid.y[:, free], grid.mode, extent_of(longer, free), from_last=True)
-    return replace(longer.final, cycle=0, time=0.0), near, settled
+    return Recognised(once, near, replace(longer.final, cycle=0, time=0.0), settled)
 
 
 def own_period(
@@ -119,11 +133,11 @@ def own_period(
     """
     free = list(free_components(problem.automaton))
     largest = np.zeros(len(free))
-    length, steps = 1.0, 0
+    length, steps, elapsed = _first_length(problem, start), 0, 0.0
     while steps < STEPS:
         section = _section(problem, start, largest, free)
         piece = run(replace(problem, section=section), start, length, on_stiff=on_stiff)
-        steps += piece.steps
+        steps, elapsed = steps + piece.steps, elapsed + length * problem.period
         extent = extent_of(piece, free)
         largest = np.maximum(largest, extent)
         if not (extent > STILL * largest).any():
@@ -141,9 +155,9 @@ def own_period(
             start = replace(piece.final, cycle=0, time=0.0)
         length *= 2.0
     raise OrbitError(
-        reason="the motion does not come back to where it was",
-        remedy="let transients die out (transient=…, in units of time) or give a guess nearer to a "
-        "cycle; a chaotic motion does not settle at all",
+        reason=f"the motion does not come back to where it was within {elapsed:.4g} of time",
+        remedy="let transients die out (transient=…, in units of time), give a guess nearer to a "
+        "cycle, or say with time_scale= that it is slow; a chaotic motion does not settle at all",
         partial=start,
     )
 
@@ -190,6 +204,14 @@ class Returns:
 
     def _instant(self, i: int) -> Instant:
         return Instant(0, 0.0, int(self.modes[i]), self.states[i])
+
+
+def _first_length(problem: Problem, start: Instant) -> float:
+    """Return the length of the first piece, in periods of the problem: within it little happens."""
+    size, rate = np.abs(start.y).max(), np.abs(flow_at(problem, start)).max()
+    if not rate > 0.0:
+        return 1.0
+    return float(min(1.0, max(size / rate / problem.period, SHORTEST)))
 
 
 def _section(

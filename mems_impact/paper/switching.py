@@ -158,7 +158,7 @@ def diagram(
     for start, amplitude, stop in ((kicked(actuator), high, low), (State(), low, high)):
         try:
             here = drive.replace(amplitude=amplitude)
-            orbit = find_orbit(actuator, here, guess=start, transient=500)
+            orbit = find_orbit(actuator, here, guess=start, periods=1, transient=500)
             if amplitude == high and not len(orbit.impacts):
                 continue
             branches.append(continue_orbit(orbit, "amplitude", stop=stop))
@@ -172,7 +172,7 @@ def period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[floa
     """Return the impacts per period of the stable orbit of one period, 0 without one; the orbit."""
     drive = Sine(amplitude=amplitude, omega=omega)
     try:
-        orbit = find_orbit(actuator, drive, guess=kicked(actuator), transient=500)
+        orbit = find_orbit(actuator, drive, guess=kicked(actuator), periods=1, transient=500)
     except MemsImpactError:
         return 0.0, None
     good = orbit.stable and orbit.admissible

@@ -54,6 +54,25 @@ def belt_period(v: float, drop: float) -> float:
     return 2.0 * math.pi - 2.0 * math.atan2(drop, v) + 2.0 * drop / v
 
 
+def _stribeck(mode, t, y, p):
+    friction = p.Fd + (p.Fs - p.Fd) * math.exp(-(p.v - y.v) / p.vs)
+    return (p.v, 0.0) if mode == STICK else (y.v, friction - y.x)
+
+
+def stribeck_belt(**changes: float) -> mi.System:
+    """The block on the belt, with friction that falls gradually as it slips faster."""
+    return mi.System(
+        states=("x", "v"),
+        flow=_stribeck,
+        parameters={"v": 0.3, "Fs": 1.0, "Fd": 0.6, "vs": 0.2, **changes},
+        guards=[
+            mi.Guard("break-away", _held, _slip, modes=(STICK,)),
+            mi.Guard("stick", _slower, _stick, modes=(SLIP,)),
+        ],
+        initial=mi.State(x=0.0, v=0.1, mode="slip"),
+    )
+
+
 def _heated(mode, t, y, p):
     return (p.q - y.T if mode == ON else -y.T,)
 
@@ -126,6 +145,20 @@ def roessler(**changes: float) -> mi.System:
         flow=_roessler,
         parameters={"a": 0.2, "b": 0.2, "c": 2.5, **changes},
         initial={"x": 1.0, "y": 1.0},
+    )
+
+
+def _lorenz(mode, t, y, p):
+    return p.s * (y.y - y.x), y.x * (p.r - y.z) - y.y, y.x * y.y - p.b * y.z
+
+
+def lorenz() -> mi.System:
+    """Lorenz's system, with a chaotic attractor full of unstable cycles."""
+    return mi.System(
+        states=("x", "y", "z"),
+        flow=_lorenz,
+        parameters={"s": 10.0, "r": 28.0, "b": 8.0 / 3.0},
+        initial={"x": 1.0, "y": 1.0, "z": 1.0},
     )
 
 

@@ -12,8 +12,10 @@ import mems_impact as mi
 from tests.analysis.oscillators import (
     belt,
     belt_period,
+    lorenz,
     roessler,
     spiral,
+    stribeck_belt,
     swinging,
     thermostat,
     van_der_pol,
@@ -114,6 +116,38 @@ def test_van_der_pol_against_scipy():
     period, multipliers = monodromy(flow, jacobian, guess, orbit.period)
     assert orbit.period == pytest.approx(period, abs=1e-9)
     np.testing.assert_allclose(orbit.multipliers, multipliers, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_belt_with_stribeck_friction_against_scipy():
+    orbit = find(stribeck_belt())
+
+    def slip(t, y):
+        friction = 0.6 + 0.4 * math.exp(-(0.3 - y[1]) / 0.2)
+        return [y[1], friction - y[0]]
+
+    def sticks(t, y):
+        return 0.3 - y[1] if t > 0.1 else 1.0
+
+    sticks.terminal = True
+    # Where it lets go the acceleration is zero, and its derivative -v: off it goes, downwards.
+    slipped = solve_ivp(
+        slip, (0.0, 20.0), [1.0, 0.3], method="DOP853", rtol=1e-13, atol=1e-14, events=sticks
+    )
+    expected = slipped.t[-1] + (1.0 - slipped.y[0, -1]) / 0.3
+    assert orbit.period == pytest.approx(expected, abs=1e-9)
+    assert sorted(orbit.events["event"]) == ["break-away", "stick"]
+
+
+@pytest.mark.slow
+def test_an_unstable_cycle_of_lorenz_against_a_published_number():
+    """Viswanath, Nonlinearity 16 (2003) 1035, Table 1: the cycle AB of the standard parameters."""
+    orbit = find(lorenz(), guess={"x": -13.7636, "y": -19.5788, "z": 27.0})
+    assert orbit.period == pytest.approx(1.5586522107161747, abs=1e-11)
+    assert not orbit.stable
+    # Far from any cycle the motion never settles.
+    with pytest.raises(mi.OrbitError, match="chaotic"):
+        find(lorenz())
 
 
 @pytest.fixture(scope="module")

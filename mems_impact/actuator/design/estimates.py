@@ -304,7 +304,7 @@ def period_one_window(
     if not low < amplitude < high:
         raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
     start = kicked(actuator) if guess is None else guess
-    orbit = find_orbit(actuator, drive, guess=start, transient=transient)
+    orbit = find_orbit(actuator, drive, guess=start, periods=1, transient=transient)
     if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
         reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
         raise OrbitError(reason, "take an amplitude inside the window", orbit)

@@ -1,0 +1,98 @@
+"""Branches that cannot go on: what there is of them is returned, with a reason."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+PLAIN = mi.Options(method="dop853", rtol=1e-11, atol=1e-13, engine="interpreted")
+
+
+def flow(mode, t, y, p):
+    return y.v, p.A * math.cos(t) - 0.2 * y.v - 2.0 * y.x
+
+
+def gap(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def undefined(mode, t, y, p):
+    """An impact that takes a certain energy out: slower ones are not foreseen."""
+    left = y.v * y.v - 0.1
+    return mode, (1.0, -math.sqrt(left) if left > 0.0 else math.nan)
+
+
+def out_of_range(mode, t, y, p):
+    return mode, (1.0, -math.sqrt(y.v * y.v - 0.1))
+
+
+def beyond(mode, t, y, p):
+    return mode, (1.0 + y.v, y.v)  # into the wall, further and further
+
+
+GRAZING = math.hypot(1.0, 0.2)  # the amplitude at which x = A/|2 - 1 + 0.2 i| comes to 1
+
+
+@pytest.mark.parametrize(
+    ("rebound", "reason"),
+    [
+        (undefined, "not finite"),
+        (out_of_range, "math domain error"),
+        (beyond, ""),
+    ],
+)
+def test_a_contact_that_fails_ends_the_branch_where_it_is_grazed(rebound, reason):
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        period=2.0 * math.pi,
+        parameters={"A": 1.0},
+        guards=[mi.Impact("wall", gap, rebound)],
+    )
+    start = mi.State(x=1.0 / 1.04, v=0.2 / 1.04)
+    orbit = mi.find_orbit(system, guess=start, options=PLAIN)
+    branch = mi.continue_orbit(orbit, "A", 1.1)
+    assert len(branch) > 1
+    (grazing,) = branch.special_points
+    assert grazing.value == pytest.approx(GRAZING, abs=1e-9)
+    assert branch.ended.startswith("grazing: ")
+    assert reason in branch.ended
+    assert branch.table["A"].iloc[-1] == pytest.approx(GRAZING, abs=1e-9)
+
+
+def rattle(mode, t, y, p):
+    drag = 0.05 * (y.v2 - y.v1)
+    return y.v1, p.A * math.cos(p.w * t) - y.x1 - 0.1 * y.v1 + 0.2 * drag, y.v2, -drag
+
+
+def right(mode, t, y, p):
+    return 0.5 - (y.x2 - y.x1)
+
+
+def left(mode, t, y, p):
+    return 0.5 + (y.x2 - y.x1)
+
+
+def knock(mode, t, y, p):
+    together = (y.v1 + 0.2 * y.v2) / 1.2
+    apart = p.e * (y.v1 - y.v2)
+    return mode, (y.x1, together - apart / 6.0, y.x2, together + apart / 1.2)
+
+
+@pytest.mark.slow
+def test_orbits_that_lie_side_by_side_are_told():
+    """A rattler that touches neither stop may swing about any place between them."""
+    rattler = mi.System(
+        states=("x1", "v1", "x2", "v2"),
+        flow=rattle,
+        period=lambda p: 2.0 * math.pi / p.w,
+        parameters={"A": 0.05, "w": 1.3, "e": 0.9},
+        guards=[mi.Impact("right", right, knock), mi.Impact("left", left, knock)],
+    )
+    orbit = mi.find_orbit(mi.simulate(rattler, periods=300))
+    assert np.abs(orbit.multipliers - 1.0).min() < 1e-9
+    branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.Steps(largest=0.05, most=20))
+    assert len(branch)
+    assert "lie side by side" in branch.ended
