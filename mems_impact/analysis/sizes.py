@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Mapping
 
@@ -59,12 +60,14 @@ def tell_of_run(
     length = (final.cycle - start.cycle) * period + final.time - start.time
     step = length / trajectory.steps if trajectory.steps else 1.0
     if small:
-        stay = " and ".join(f"{name} stays below {size:.1e}" for name, size in small.items())
+        small = {name: decade(size) for name, size in small.items()}
+        stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
         what = f"{stay}, where atol = {options.atol:g} resolves little"
         _warn(what, small)
     elif not timed and 0.0 < step < FASTEST:
-        what = f"steps are {step:.1e} on average, in a system that is taken to move within a time 1"
-        _warn(what, {"time": 100.0 * step})
+        step = decade(step)
+        what = f"steps are below {step:.0e}, in a system that is taken to move within a time of 1"
+        _warn(what, {"time": 10.0 * step})
 
 
 def tell_of_orbits(period: float, parameters: Mapping[str, float]) -> None:
@@ -77,6 +80,11 @@ def tell_of_orbits(period: float, parameters: Mapping[str, float]) -> None:
             f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
         )
         _warn(f"{listed}: far from order one, in which differences for orbits count", far)
+
+
+def decade(size: float) -> float:
+    """Return the power of ten above a size: a sweep shall not tell the same in many numbers."""
+    return float(10.0 ** math.ceil(math.log10(size)))
 
 
 def _warn(what: str, sizes: Mapping[str, float]) -> None:

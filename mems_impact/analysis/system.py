@@ -168,6 +168,7 @@ class System(Numerics):
         self.observables = tuple(observables)
         self._initial = initial if isinstance(initial, State) else state_from(initial or {})
         self._check_state("initial", self._initial)
+        self._typical = None
         if typical:
             self._typical = typical_of(
                 typical,
