@@ -16,6 +16,7 @@ __all__ = ["Largest", "tell_of_orbits", "tell_of_run"]
 
 RESOLVED = 1e3  # absolute tolerances that a state should at least come to
 FASTEST = 1e-4  # steps on average, in the time that is taken for the system's own
+LOOKS = 64  # between events
 ORDER_ONE = (1e-5, 1e5)  # sizes of times and parameters on which differences may count
 
 
@@ -50,17 +51,20 @@ def tell_of_run(
     timed : bool
         Whether the system has a time of its own: a period, or a time scale.
     """
+    limit = RESOLVED * options.atol
     sizes = np.maximum(largest.sizes, np.abs(trajectory.final.y))
+    if ((sizes > 0.0) & (sizes < limit)).any():
+        # A speed may be zero at all events: they are its turning points.
+        sizes = np.maximum(sizes, between(trajectory))
     small = {
-        name: float(size)
+        name: decade(float(size))
         for name, size in zip(states, sizes, strict=True)
-        if 0.0 < size < RESOLVED * options.atol
+        if 0.0 < size < limit
     }
     start, final, period = trajectory.start, trajectory.final, trajectory.period
     length = (final.cycle - start.cycle) * period + final.time - start.time
     step = length / trajectory.steps if trajectory.steps else 1.0
     if small:
-        small = {name: decade(size) for name, size in small.items()}
         stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
         what = f"{stay}, where atol = {options.atol:g} resolves little"
         _warn(what, small)
@@ -80,6 +84,17 @@ def tell_of_orbits(period: float, parameters: Mapping[str, float]) -> None:
             f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
         )
         _warn(f"{listed}: far from order one, in which differences for orbits count", far)
+
+
+def between(trajectory: Trajectory) -> Floats:
+    """Return the largest sizes of the states in the first two periods, between events too."""
+    start, final, period = trajectory.start, trajectory.final, trajectory.period
+    first, last = (each.cycle + each.time / period for each in (start, final))
+    length = min(2.0, last - first)
+    if length <= 0.0:
+        return np.abs(start.y)
+    seen = trajectory.samples(math.ceil(LOOKS / length), last=first + length).y
+    return np.abs(seen).max(axis=0, initial=0.0)
 
 
 def decade(size: float) -> float:
