@@ -94,17 +94,18 @@ def simulate(
     begin = partial(system.gatherer, problem, start, Span(first, last, problem.period))
     gatherer = begin()
     kept: list[Events] = []
-    largest = Largest(start.y)
+    largest = None if system.is_scaled else Largest(start.y)
 
     def consume(events: Events) -> None:
-        largest(events)
+        if largest is not None:
+            largest(events)
         if keep == "events":
             kept.append(events)
         else:
             gatherer(events)
 
     def finished(trajectory: Trajectory) -> Run:
-        if not system.is_scaled:
+        if largest is not None:
             timed = system.forced or problem.time_scale is not None
             tell_of_run(system.states, options, trajectory, largest, timed)
         if kept:

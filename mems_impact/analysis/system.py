@@ -10,6 +10,7 @@ from mems_impact.analysis.build import Build
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.numerics import Number, Numerics
 from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.parts import text
 from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
 from mems_impact.analysis.sizes import tell_of_orbits
@@ -168,6 +169,7 @@ class System(Numerics):
         quantities = (each.name for each in self.observables)
         self._units = given.units(units, (*names, *self._parameters, *quantities))
         self._initial = given.initial(initial)
+        self._typical = None
         sizes = given.sizes(typical)
         # In the user's own numbers, to which functions and messages belong.
         problem, time = self.problem(Options()), sizes.get("time")
@@ -252,7 +254,11 @@ class System(Numerics):
             for role in ("margin", "transition", "rate", "rest"):
                 found[f"{role} of {guard.name}"] = getattr(guard, role)
         found |= {f"observable {each.name}": each.function for each in self.observables}
-        return {role: reference(given) for role, given in found.items() if callable(given)}
+        return {
+            role: reference(given)
+            for role, given in found.items()
+            if callable(given) and given.__module__ != text.__name__  # written for parts
+        }
 
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""

@@ -112,7 +112,8 @@ class Terms(Value):
 
     def factor(self, heading: str) -> float:
         """Return the unit of the numerics for what stands under a heading: a name, or "time"."""
-        return self.scales.factors.get(unit_of(heading, self.units), 1.0)
+        factors = self.scales.factors
+        return factors.get(unit_of(heading, self.units), 1.0) if factors else 1.0
 
     def margin_factor(self, guard: str) -> float:
         """Return the unit of the numerics for the margin of a guard."""

@@ -263,10 +263,15 @@ def test_what_lies_far_from_one_is_told():
                       initial={"x": 1.0})  # fmt: skip
     with pytest.warns(mi.ScaleWarning, match=r"steps are .*typical=\{'time'"):
         mi.simulate(quick, duration=1e-6, options=PLAIN)
+    slider = mi.System(
+        states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -y.x), initial={"x": 1.0},
+        parts=[mi.Friction("ground", "v", mu=0.01)],
+    )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("error", mi.ScaleWarning)
         mi.simulate(oscillator(1e-10, 1.0, typical={"x": 1e-10, "v": 1e-10}), 2, options=PLAIN)
         mi.simulate(oscillator(), 2, options=PLAIN)
+        mi.simulate(slider, duration=20.0, options=PLAIN)  # no speed at any event
     with pytest.warns(mi.ScaleWarning, match=r"the period = .* far from order one"):
         oscillator(L, 1e-6).family(PLAIN)
 

@@ -118,6 +118,8 @@ def assembled(
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
     exec(compile("\n\n".join(sources), "<parts>", "exec"), space)
+    # Where it is told what a system is made of, that is the user's own.
+    space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     made = []
     for i, (words, watch) in enumerate(watches):
         kind = Guard if watch.rest is None else Impact

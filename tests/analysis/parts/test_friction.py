@@ -203,3 +203,23 @@ def test_where_stribeck_settles():
     assert run.final.x == pytest.approx(0.5 + 0.5 * math.exp(-1.5 / 0.4) + 0.9, abs=1e-6)
     root = brentq(lambda u: -0.5 / 0.4 * math.exp(-u / 0.4) + 0.6, 0.0, 3.0)
     assert 0.0 < root < 1.5  # where the law stops falling
+
+
+@pytest.mark.slow
+def test_an_orbit_that_sticks_has_the_multiplier_of_its_map():
+    driven = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, math.cos(p.omega * t) - y.x),
+        period=lambda p: 2.0 * math.pi / p.omega,
+        parameters={"omega": 0.25, "mu": 0.5},
+        parts=[mi.Friction("ground", "v", mu="mu")],
+    )
+    tight = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
+    orbit = mi.find_orbit(mi.simulate(driven, 20, options=tight), periods=1, options=tight)
+    assert orbit.state.mode == "stuck"
+    around = [
+        mi.simulate(driven, 1, initial=orbit.state.replace(x=orbit.state.x + d), options=tight)
+        for d in (1e-5, -1e-5)
+    ]
+    by_differences = (around[0].final.x - around[1].final.x) / 2e-5
+    assert orbit.multipliers.real == pytest.approx([by_differences], rel=1e-6)

@@ -116,6 +116,31 @@ def test_two_frictions_on_two_bodies_break_away_one_after_the_other():
     assert run.system.modes[4] == "forward-forward"
 
 
+def test_a_block_on_a_plate_that_is_dragged_over_the_ground():
+    # Both stick to what is below them; the force on the plate rises by 0.1 t.
+    dragged = mi.System(
+        states=("v", "w", "load"),
+        flow=lambda mode, t, y, p: (0.0, y.load / p.M, 0.1),
+        parameters={"m": 1.0, "M": 3.0},
+        masses={"v": "m", "w": "M"},
+        time_scale=1.0,
+        parts=[
+            mi.Friction("top", "v", mu=0.2, surface="w"),
+            mi.Friction("ground", "w", mu=0.5),
+        ],
+    )
+    run = mi.simulate(dragged, duration=15.0, options=PLAIN)
+    # Together from 0.5 on, with (load - 0.5)/4; the block slips where that is 0.2.
+    assert run.events["event"].tolist() == ["ground slips", "top slips"]
+    assert run.events["t"].tolist() == pytest.approx([5.0, 13.0], rel=1e-9)
+    assert run.events["v"].iloc[1] == run.events["w"].iloc[1]
+    assert run.events["v"].iloc[1] == pytest.approx(0.1 / 4.0 * 8.0**2 / 2.0, rel=1e-9)
+    assert run.final.v - run.events["v"].iloc[1] == pytest.approx(0.4, rel=1e-9)
+    gain = (1.3 - 0.5 - 0.2) / 3.0 * 2.0 + 0.1 / 3.0 * 2.0
+    assert run.final.w - run.events["w"].iloc[1] == pytest.approx(gain, rel=1e-9)
+    assert run.final.mode == "backward-forward"
+
+
 @pytest.mark.parametrize("mu", [0.2, 0.3])
 def test_bodies_that_break_away_in_the_same_instant(mu):
     alike = mi.System(
@@ -200,6 +225,8 @@ def test_systems_of_parts_are_values():
     plain = mi.simulate(again, duration=5.0, initial=start, options=PLAIN)
     assert plain.final == mi.simulate(system, duration=5.0, initial=start, options=PLAIN).final
     assert "free-stuck" in system.summary()["modes"]
+    assert list(system.functions) == ["flow"]
+    assert system.functions["flow"].endswith(":pushed")
     assert system != block([STOP], parameters={"rate": 0.0})
     assert system == block([STOP, GROUND], parameters={"rate": 0.0})
 
