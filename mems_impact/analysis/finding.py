@@ -13,7 +13,7 @@ from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Instant
-from mems_impact.orbits import orbit as orbits
+from mems_impact.orbits import finding as orbits
 from mems_impact.orbits.shooting import Point
 
 __all__ = ["IF_STIFF", "ORBIT_OPTIONS", "find_orbit"]
@@ -29,14 +29,16 @@ def find_orbit(
     system: System,
     *,
     guess: State | Mapping[str, float] | None = None,
-    periods: int = 1,
+    periods: int | None = None,
+    period: float | None = None,
     transient: float = 0,
     options: Options | None = None,
 ) -> Orbit:
     """Find a periodic orbit near a state.
 
     Its modes and events are read off a run from `guess`; all its states and event times are then
-    corrected together by Newton's method, which finds unstable orbits as well.
+    corrected together by Newton's method, which finds unstable orbits as well. Where nothing forces
+    the system the orbit is a limit cycle, whose period is found with it.
 
     Parameters
     ----------
@@ -45,9 +47,13 @@ def find_orbit(
     guess : State or mapping of str to float, optional
         A state near the orbit, such as the last one of a run; the system's start by default.
     periods : int, optional
-        Forcing periods after which the orbit closes, >= 1.
+        Forcing periods after which the orbit closes, >= 1; recognised from a run by default.
+    period : float, optional
+        Of a cycle near `guess`, roughly; recognised from a run by default. Of a system without
+        forcing.
     transient : float, optional
-        Forcing periods to run before that, >= 0: a stable orbit attracts.
+        Forcing periods to run before that, >= 0: a stable orbit attracts. A time, where nothing
+        forces the system.
     options : Options, optional
         How it is integrated; by default with method ``"dop853"``, or ``"bdf"`` if the run from
         the guess is found stiff, to 1e-11 relative and 1e-13 absolute. `Orbit.options` has what
@@ -62,30 +68,48 @@ def find_orbit(
     InvalidParameter
         If an argument is out of range.
     OrbitError
-        If there is no orbit near the guess; its ``partial`` is the `State` that was reached.
+        If there is no orbit near the guess, or the motion does not return, or comes to rest; its
+        ``partial`` is the `State` that was reached.
     RunError
         If the run from the guess fails.
     """
-    count = whole("periods", periods, 1)
+    if periods is not None:
+        periods = whole("periods", periods, 1)
+    if period is not None and not (is_number(period) and period > 0.0):
+        raise InvalidParameter("period", period, "a finite number > 0")
     if not is_number(transient) or transient < 0.0:
         raise InvalidParameter("transient", transient, "a finite number >= 0")
-    if not system.forced:
-        problem = "the system has no forcing period, and so no orbit that repeats with it"
-        raise InvalidParameter("period", None, "", problem=problem)
+    if not system.forced and periods is not None:
+        problem = "the system has no forcing period that an orbit could take several of"
+        raise InvalidParameter("periods", periods, "", problem=problem)
+    if system.forced and period is not None:
+        problem = "an orbit of this system takes whole forcing periods: give periods="
+        raise InvalidParameter("period", period, "", problem=problem)
     chosen = ORBIT_OPTIONS if options is None else options
     if_stiff = IF_STIFF if options is None else None
     start = system.instant(guess, system.problem(chosen), field="guess")
     try:
-        found = orbits.find_orbit(
-            system.family(chosen),
-            start,
-            periods=count,
-            transient=float(transient),
-            if_stiff=if_stiff,
-        )
+        if system.forced:
+            found = orbits.find_orbit(
+                system.family(chosen),
+                start,
+                periods=periods,
+                transient=float(transient),
+                if_stiff=if_stiff,
+            )
+        else:
+            found = orbits.find_cycle(
+                system.family(chosen),
+                start,
+                period=None if period is None else float(system.scales.into(period, "s")),
+                transient=float(system.scales.into(transient, "s")),
+                if_stiff=if_stiff,
+            )
     except OrbitError as error:
         if isinstance(error.partial, Point):
             error.partial = _reached(error.partial, system)
+        elif isinstance(error.partial, Instant):
+            error.partial = system.state_of(error.partial)
         raise
     return orbit_of(system, found)
 

@@ -84,7 +84,7 @@ class Orbit(Value):
 
     @property
     def period(self) -> float:
-        """The forcing period; the orbit takes `periods` of them."""
+        """The forcing period, of which the orbit takes `periods`; or that of a limit cycle."""
         return float(self.system.scales.out(self.found.point.period, "s"))
 
     @property
@@ -94,7 +94,7 @@ class Orbit(Value):
 
     @property
     def periods(self) -> int:
-        """Forcing periods after which the orbit closes."""
+        """Forcing periods after which the orbit closes; 1 for a limit cycle."""
         return self.found.periods
 
     @property
@@ -288,7 +288,7 @@ class Orbit(Value):
 
     @property
     def _problem(self) -> Problem:
-        return self.found.family.problem()
+        return self.found.problem
 
     @property
     def _hits(self) -> Events:

@@ -19,6 +19,7 @@ from mems_impact.hybrid.trajectory import Events, Instant, Trajectory
 from mems_impact.hybrid.variational import Arc, Event
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import Defect, PeriodicOrbit
+from mems_impact.orbits.phase import Phase
 from mems_impact.orbits.setting import Setting
 from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import Segment
@@ -91,11 +92,11 @@ register(
     whole=special.GrazingType,
 )
 register(Shooting, parts=lambda s: {"family": s.family, "segments": s.segments,
-         "active": s.active, "pinned": s.pinned}, whole=Shooting)  # fmt: skip
+         "active": s.active, "pinned": s.pinned, "phase": s.phase}, whole=Shooting)  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Setting, Segment,
-    Monitor,
+    Phase, Monitor,
     branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
     statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
     curve.Curve, verification.Verification,

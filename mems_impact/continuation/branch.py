@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from mems_impact.continuation.anew import anew
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
 from mems_impact.continuation.locating import BranchEvent, locate, rank, special_at
 from mems_impact.continuation.monitors import (
@@ -21,6 +22,7 @@ from mems_impact.continuation.monitors import (
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.cycles import check_moving, well_begun
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
@@ -135,7 +137,7 @@ def points_of(
     parameter, value = branch.parameter, orbit.family.value(branch.parameter)
     if not low <= value <= high:
         raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
-    shooting = Shooting(orbit.family, orbit.segments, (parameter,), orbit.shooting.pinned)
+    shooting = orbit.equations((parameter,))
     try:
         point = solve(shooting, orbit.point.unknowns, np.array([value]))
     except OrbitError as error:
@@ -187,6 +189,7 @@ class _Walker:
                 length = self._within_bounds(point, along, length)
                 step = Step(partial(correct, shooting), point, along, behind[-NODES:])
                 following, iterations = step.at(length).point, step.at(length).iterations
+                check_moving(shooting, point, following)
                 ahead = tangent(following, along)
                 after = monitors(shooting, following, ahead)
                 found = self._locate(shooting, step, length, before, after)
@@ -251,6 +254,9 @@ class _Walker:
             point, along, before = following, ahead, after
             self._append(shooting, point, along, piece)
             yield self.branch.points[-1]
+            if not well_begun(shooting, point):
+                shooting, point, along = anew(shooting, point, along)
+                before, behind = monitors(shooting, point, along), []
             if iterations <= EASY:
                 length = min(1.5 * length, self.steps.largest)
             elif iterations >= HARD:

@@ -25,7 +25,7 @@ from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.newton import Solution, newton
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
-from mems_impact.orbits.shooting import Point, Shooting
+from mems_impact.orbits.shooting import Point
 
 ITERATIONS = 10
 
@@ -145,8 +145,7 @@ class _Curve:
     ) -> None:
         orbit = special.orbit
         self.monitor, self.bounds, self.steps = special.monitor, bounds, steps
-        active, pinned = (parameter, second), orbit.shooting.pinned
-        self.shooting = Shooting(orbit.family, orbit.segments, active, pinned)
+        self.shooting = orbit.equations((parameter, second))
         self.condition = condition_of(self.shooting, self.monitor)
         values = [orbit.family.values[parameter], orbit.family.values[second]]
         self.start = np.concatenate([orbit.point.unknowns, values])

@@ -61,7 +61,7 @@ def contact_sequence(
     keep = reduced_components(shooting, point)
     total = total[np.ix_(keep, keep)]
     gradient = event.margin_by_state[monitor.guard][free][keep]
-    image = kick(shooting, point.values, segment.mode, monitor.guard, time, to_touch.end)[keep]
+    image = kick(shooting, point, segment.mode, monitor.guard, time, to_touch.end)[keep]
     values = []
     for _ in range(count):
         image = total @ image
@@ -74,9 +74,7 @@ def stays_positive(sequence: Floats) -> bool:
     return bool(np.all(sequence > -1e-10 * np.abs(sequence).max()))
 
 
-def kick(
-    shooting: Shooting, values: Floats, mode: int, guard: int, time: float, y: Floats
-) -> Floats:
+def kick(shooting: Shooting, point: Point, mode: int, guard: int, time: float, y: Floats) -> Floats:
     """Return the change of the state per speed that a weak impact at (time, y) leaves behind.
 
     Learnt from trials: the impact and what follows on it (a slip, say) until the mode is the old
@@ -87,9 +85,8 @@ def kick(
     OrbitError
         If the mode does not come back.
     """
-    family = shooting.family.at(**dict(zip(shooting.active, values.tolist(), strict=True)))
-    problem = family.problem()
-    free, variational = shooting.free, shooting.variational(shooting.setting(values))
+    problem = shooting.problem(point)
+    free, variational = shooting.free, shooting.variational(point.setting)
 
     def left_behind(speed: float) -> Floats:
         before = weak_contact(variational, mode, guard, time, y, speed)
@@ -97,7 +94,7 @@ def kick(
         back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
         if not back.size:
             raise OrbitError(
-                f"a weak contact at {values} does not lead back to the mode that it came from",
+                f"a weak contact at {point.values} does not lead back to the mode it came from",
                 "take a range in which the stopper is touched while the frame is at rest",
             )
         last = back[0]

@@ -20,7 +20,8 @@ from mems_impact.continuation.monitors import (
 )
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
+from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced, reduced_components
+from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
@@ -119,15 +120,44 @@ def halves(orbit: PeriodicOrbit) -> bool:
     that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
     fold, of an orbit that is traversed twice.
     """
+    split = _half_cycle(orbit) if orbit.shooting.phase is not None else _half(orbit)
+    if split is None:
+        return False
+    apart, size, matrix = split
+    if apart >= SAME_HALVES * size:
+        return False
+    multipliers = np.linalg.eigvals(matrix)
+    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
+
+
+def _half(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
+    """Return by how much its halves differ, their size, and the reduced matrix over the first.
+
+    None if they do not even have the same events.
+    """
     half, odd = divmod(len(orbit.segments), 2)
-    if odd or orbit.periods % 2:
-        return False
     codes = [segment.code for segment in orbit.segments]
-    if codes[:half] != codes[half:]:
-        return False
+    if odd or orbit.periods % 2 or codes[:half] != codes[half:]:
+        return None
     states, _ = orbit.shooting.unpack(orbit.point.unknowns)
     apart = float(np.abs(states[:half] - states[half:]).max())
-    if apart >= SAME_HALVES * float(np.abs(states).max()):
-        return False
-    multipliers = np.linalg.eigvals(reduced(orbit.shooting, orbit.point, half))
-    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
+    return apart, float(np.abs(states).max()), reduced(orbit.shooting, orbit.point, half)
+
+
+def _half_cycle(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
+    """Return the same of a cycle, whose second half begins within a segment."""
+    shooting, point = orbit.shooting, orbit.point
+    half, odd = divmod(len(orbit.segments) - 1, 2)
+    codes = [segment.code for segment in orbit.segments[:-1]]
+    middle, begin = 0.5 * point.period, float(point.starts[half])
+    if odd or codes[:half] != codes[half:] or not begin < middle:
+        return None
+    states, _ = shooting.unpack(point.unknowns)
+    mode = orbit.segments[half].mode
+    arc = shooting.variational(point.setting).arc(mode, states[half], begin, middle)
+    free, keep = shooting.free, reduced_components(shooting, point)
+    matrix = (arc.by_state[free] @ shooting.monodromy(point, half))[np.ix_(keep, keep)]
+    apart = float(np.abs(arc.end - states[0])[free].max())
+    if keep:
+        matrix = off_flow(matrix, point.arcs[0].slope_start[free][keep])
+    return apart, float(np.abs(states).max()), matrix

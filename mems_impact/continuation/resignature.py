@@ -53,7 +53,7 @@ def reconnect(
         If there is no such branch, or none that is found: says why.
     """
     guess, wanted, level = _other(orbit, monitor)
-    shooting = Shooting(orbit.family, guess.segments, (parameter,))
+    shooting = orbit.equations((parameter,), guess.segments, pinned=())
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
@@ -158,7 +158,7 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int]:
         )
     if one.code == other.code == switch:
         raise matters
-    problem = orbit.family.problem()
+    problem = orbit.problem
     p = np.asarray(problem.parameters, dtype=float)
     automaton, time = shooting.automaton, float(point.ends[first])
     # A guard's event before the switch belongs to the voltage before it.
@@ -208,7 +208,7 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess:
     variational = shooting.variational(point.setting)
     contact = variational.arc(segment.mode, states[i], point.starts[i], time).end
     weak = weak_contact(variational, segment.mode, guard, time, contact, SPEED)
-    problem = orbit.family.problem()
+    problem = orbit.problem
     share = 0.02
     trajectory = run(problem, Instant(0, time, segment.mode, weak), share)
     whole = 1 if time + share * problem.period < problem.period else 2

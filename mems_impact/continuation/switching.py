@@ -10,10 +10,24 @@ from mems_impact.continuation.corrector import correct
 from mems_impact.continuation.monitors import NEAR
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.shooting import Shooting
+from mems_impact.orbits.signature import Guess
 
 DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
 CLEAR = 1e-7  # relative change of the parameter by which the side is no matter of rounding
+
+
+def twice(orbit: PeriodicOrbit) -> Guess:
+    """Return an orbit traversed twice.
+
+    A cycle begins once all the same: its second pass goes on in the segment that ended the first.
+    """
+    segments, point = orbit.segments, orbit.point
+    states, _ = orbit.shooting.unpack(point.unknowns)
+    if orbit.shooting.phase is None:
+        later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in segments)
+        return Guess(segments + later, np.tile(states, (2, 1)), np.tile(point.ends, 2))
+    times = np.concatenate([point.ends[:-1], point.period + point.ends])
+    return Guess(segments[:-1] + segments, np.vstack([states, states[1:]]), times)
 
 
 def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
@@ -37,12 +51,9 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
     OrbitError
         If the orbit does not double its period.
     """
-    later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in orbit.segments)
-    segments, pinned = orbit.segments + later, orbit.shooting.pinned
-    shooting = Shooting(orbit.family, segments, (parameter,), pinned)
-    states, times = orbit.shooting.unpack(orbit.point.unknowns)
-    free = shooting.free
-    unknowns = np.concatenate([np.tile(states[:, free].ravel(), 2), np.tile(times, 2)])
+    guess = twice(orbit)
+    shooting = orbit.equations((parameter,), guess.segments)
+    unknowns = shooting.pack(guess)
     value = np.array([orbit.family.values[parameter]])
     point = shooting.evaluate(unknowns, value)
     vectors = np.linalg.svd(point.jacobian)[2]

@@ -6,7 +6,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -93,6 +93,13 @@ class Problem:
             raise InvalidParameter(field="switches", value=self.switches, allowed=allowed)
         if self.time_scale is not None and not self.time_scale > 0.0:
             raise InvalidParameter(field="time_scale", value=self.time_scale, allowed="above 0")
+
+    def counted_in(self, period: float) -> Problem:
+        """Return the same problem, its runs counted in another unit of time.
+
+        Only where nothing forces the system. Its own unit goes on to bound the steps.
+        """
+        return replace(self, period=period, time_scale=self.time_scale or self.period)
 
     @property
     def numbers(self) -> Numbers:

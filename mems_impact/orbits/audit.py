@@ -45,9 +45,9 @@ def audit(orbit: PeriodicOrbit) -> Audit:
     """Compare the monodromy matrix of `orbit` with differences of the simulated map.
 
     The differences are central ones at steps that are halved again and again, extrapolated, and
-    taken where two extrapolations agree best. Near a grazing, where the map bends like a square
-    root, the steps must be far below the square of the impact speed, and near 1e-3 of that speed
-    the integration error drowns them.
+    taken where two extrapolations agree best; of a cycle with its trivial multiplier. Near a
+    grazing, where the map bends like a square root, the steps must be far below the square of the
+    impact speed, and near 1e-3 of that speed the integration error drowns them.
 
     Raises
     ------
@@ -56,13 +56,13 @@ def audit(orbit: PeriodicOrbit) -> Audit:
     """
     if not orbit.admissible:
         raise OrbitError("the orbit is not admissible", "audit one that simulation follows", orbit)
-    problem = orbit.family.problem()
+    problem = orbit.problem
     rtol, atol = min(problem.options.rtol, TOLERANCE), min(problem.options.atol, TOLERANCE)
     problem = replace(problem, options=replace(problem.options, rtol=rtol, atol=atol))
     kept = reduced_components(orbit.shooting, orbit.point)
     components = [orbit.shooting.free[c] for c in kept]
     columns = [_column(problem, orbit.instant, orbit.periods, c, components) for c in components]
-    computed = orbit.reduced_monodromy()
+    computed = orbit.shooting.monodromy(orbit.point)[np.ix_(kept, kept)]
     if not columns:  # nothing is free at the start: the orbit forgets everything
         return Audit(computed, computed, np.zeros(0), (-1, -1), 0.0)
     simulated = np.stack([column for column, _ in columns], axis=1)

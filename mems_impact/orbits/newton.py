@@ -14,6 +14,13 @@ from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
 TOLERANCE = 1e-11  # of a Newton step
 LARGEST = 1e6  # a longer step leads nowhere
 ITERATIONS = 20
+NEARER = (
+    "take a guess nearer to an orbit: let transients die out (transient=300), or change periods"
+)
+NEARER_CYCLE = (
+    "let transients die out (transient=…, in units of time) or give a guess nearer to a cycle; a "
+    "chaotic motion comes close to where it was and leaves again"
+)
 
 # From unknowns: the equations there, all residuals, the matrix of their derivatives.
 Equations = Callable[[Floats], tuple[Point, Floats, Floats]]
@@ -98,6 +105,5 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> Point:
         equations,
         unknowns,
         reason="no orbit with this signature near the guess",
-        remedy="take a guess nearer to an orbit: let transients die out (transient=300), or "
-        "change periods",
+        remedy=NEARER if shooting.phase is None else NEARER_CYCLE,
     ).point

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.newton import solve
+from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
-from mems_impact.orbits.signature import Guess, Segment, read_guess
+from mems_impact.orbits.signature import Segment
 
 SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
 
@@ -58,8 +60,8 @@ class PeriodicOrbit:
         The solved equations.
     multipliers : complex array
         Floquet multipliers on the components that are neither cyclic nor fixed in the first
-        segment, largest first; where all are fixed, as at rest on a stopper, a single 0: what
-        disturbs such an orbit is gone in finite time.
+        segment, largest first, without the trivial one of a cycle; where all are fixed, as at rest
+        on a stopper, a single 0: what disturbs such an orbit is gone in finite time.
     defects : tuple of Defect
         Empty if the orbit is admissible.
     """
@@ -93,6 +95,26 @@ class PeriodicOrbit:
     def instant(self) -> Instant:
         """Where a run along the orbit may start."""
         return Instant(0, 0.0, self.segments[0].mode, self.state)
+
+    def equations(
+        self,
+        active: tuple[str, ...],
+        segments: tuple[Segment, ...] | None = None,
+        pinned: Sequence[int] | None = None,
+    ) -> Shooting:
+        """Return the equations of its neighbours, in other parameters or of another signature."""
+        return Shooting(
+            self.family,
+            self.segments if segments is None else segments,
+            active,
+            self.shooting.pinned if pinned is None else pinned,
+            self.shooting.phase,
+        )
+
+    @property
+    def problem(self) -> Problem:
+        """What has the orbit, counted in its periods."""
+        return self.shooting.problem(self.point)
 
     @property
     def admissible(self) -> bool:
@@ -144,12 +166,16 @@ class PeriodicOrbit:
 def reduced(shooting: Shooting, point: Point, first: int | None = None) -> Floats:
     """Return the monodromy matrix without the components that the first mode holds fixed.
 
-    Or that over the `first` segments alone.
+    Of a cycle, on the plane across the flow: without the trivial multiplier 1. Or that over the
+    `first` segments alone.
     """
     whole = shooting.monodromy(point)
     keep = reduced_components(shooting, point, whole)
     matrix = whole if first is None else shooting.monodromy(point, first)
-    return matrix[np.ix_(keep, keep)]
+    matrix = matrix[np.ix_(keep, keep)]
+    if shooting.phase is None or not keep:
+        return matrix
+    return off_flow(matrix, point.arcs[0].slope_start[shooting.free][keep])
 
 
 def reduced_components(
@@ -217,76 +243,9 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
     return tuple(found)
 
 
-def find_orbit(
-    family: Family,
-    guess: Instant,
-    *,
-    periods: int = 1,
-    transient: float = 0.0,
-    active: tuple[str, ...] = (),
-    if_stiff: str | None = None,
-) -> PeriodicOrbit:
-    """Find a periodic orbit near a state.
-
-    The signature is read off a run over `periods` periods, then all states and event times are
-    corrected by Newton's method.
-
-    Parameters
-    ----------
-    family : Family
-    guess : Instant
-        A state near the orbit.
-    periods : int
-        Periods of the problem after which the orbit closes.
-    transient : float
-        Periods to run before the signature is read.
-    active : tuple of str
-        Parameters in which the orbit is to be continued afterwards.
-    if_stiff : str, optional
-        The method that takes over if the run from `guess` is found stiff; the orbit's family is
-        then integrated by it.
-
-    Raises
-    ------
-    OrbitError
-        If no orbit is found near the guess.
-    """
-    if periods < 1:
-        raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
-    try:
-        start = _approach(family, guess, periods, transient, if_stiff is not None)
-    except _Stiff:
-        assert if_stiff is not None
-        family = family.by(if_stiff)
-        start = _approach(family, guess, periods, transient, False)
-    shooting = Shooting(family, start.segments, active)
-    unknowns, values = shooting.pack(start), np.array([family.value(a) for a in active])
-    shooting.pin(shooting.evaluate(unknowns, values))
-    return make_orbit(shooting, solve(shooting, unknowns, values))
-
-
-class _Stiff(Exception):
-    """The run from the guess is stiff."""
-
-
-def _approach(
-    family: Family, guess: Instant, periods: int, transient: float, ends_if_stiff: bool
-) -> Guess:
-    """Let the transient die out, and read the signature."""
-
-    def end() -> None:
-        raise _Stiff
-
-    problem, on_stiff = family.problem(), end if ends_if_stiff else None
-    if transient > 0.0:
-        run_ = run(problem, guess, transient, consume=lambda _: None, on_stiff=on_stiff)
-        guess = replace(run_.final, cycle=0)
-    return read_guess(problem, guess, periods, on_stiff)
-
-
 def check_closed(orbit: PeriodicOrbit) -> float:
     """Return by how much the automaton, run along the orbit, misses its own start."""
-    problem = orbit.family.problem()
+    problem = orbit.problem
     final = run(problem, orbit.instant, orbit.periods).final
     if final.mode != orbit.instant.mode:
         raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)

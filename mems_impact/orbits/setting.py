@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,8 +42,12 @@ class Setting:
     switch_rates: Floats
 
     @classmethod
-    def of(cls, family: Family, active: tuple[str, ...], values: Floats, period: float) -> Setting:
+    def of(
+        cls, family: Family, active: tuple[str, ...], values: Floats, period: float | None
+    ) -> Setting:
         """Return the setting at `values` of the parameters `active`; `period` is one near it.
+
+        None: nothing forces the system.
 
         Raises
         ------
@@ -52,7 +56,7 @@ class Setting:
         """
         there = family.at(**dict(zip(active, values.tolist(), strict=True)))
         numbers = there.numbers()
-        if not 0.5 < numbers.period / period < 2.0:
+        if period is not None and not 0.5 < numbers.period / period < 2.0:
             raise OrbitError(
                 reason=f"the period jumps to {numbers.period:.6g} here",
                 remedy="stay on this side (a sine without bias has half the period)",
@@ -69,6 +73,10 @@ class Setting:
         return cls(
             values, p, directions, scales, numbers.period, period_rates, switches, switch_rates
         )
+
+    def lasting(self, period: float) -> Setting:
+        """Return the setting of a cycle with a period of its own."""
+        return replace(self, period=period, period_rates=np.zeros_like(self.period_rates))
 
     def room(self, time: float) -> float:
         """Return the time from an event to the nearest switch of the drive."""

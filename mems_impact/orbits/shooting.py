@@ -4,11 +4,13 @@ The unknowns are the states at the starts of all segments and the times of all e
 time being an unknown, its guard is one more equation, and nothing blows up where a guard is touched
 at zero speed: the equations stay regular through a grazing, and past it they describe an orbit that
 penetrates the guard. Whether an orbit is one of the automaton is a question apart (`defects`).
+
+Where nothing forces the system the period is one more unknown, the last one, and a phase condition
+one more equation.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,10 +20,13 @@ import numpy as np
 
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.passage import NO_EVENT
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.hybrid.variational import Arc, Event, Variational, free_components
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.layout import Layout
+from mems_impact.orbits.phase import Phase
 from mems_impact.orbits.setting import Setting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
 
@@ -35,9 +40,10 @@ class Point:
 
     Attributes
     ----------
-    unknowns : float array, shape (N f + events,)
+    unknowns : float array, shape (N f + events,), or one more
     setting : Setting
-        The problem's numbers at the values of the active parameters.
+        The problem's numbers at the values of the active parameters; the period is the orbit's own
+        where nothing forces the system.
     residual : float array, shape of `unknowns`
     jacobian : float array
         By the unknowns; square.
@@ -70,7 +76,7 @@ class Point:
 
     @property
     def period(self) -> float:
-        """Of the problem at these values."""
+        """Of the forcing at these values, or of the cycle."""
         return self.setting.period
 
 
@@ -85,6 +91,8 @@ class Shooting:
         Names of the parameters by which to differentiate.
     pinned : sequence of int, optional
         Free components of the first state that keep their values (see `pin`).
+    phase : Phase, optional
+        Where a cycle begins, in a system without forcing: its period is then an unknown.
     """
 
     def __init__(
@@ -93,8 +101,10 @@ class Shooting:
         segments: tuple[Segment, ...],
         active: tuple[str, ...],
         pinned: Sequence[int] = (),
+        phase: Phase | None = None,
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
+        self.phase, self.unit = phase, 1.0 if phase is None else phase.unit
         self.automaton = family.automaton
         self.free = list(free_components(self.automaton))
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
@@ -104,10 +114,16 @@ class Shooting:
         self.layout = Layout(self)
         self._last: Setting | None = None
 
+    def recut(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
+        """Return the equations of the same cycles, begun elsewhere; they share the engine."""
+        other = Shooting(self.family, segments, self.active, self.pinned, phase)
+        vars(other)["_variational"] = self._variational
+        return other
+
     @cached_property
-    def _near(self) -> float:
-        """A period of the family, from which others are not far."""
-        return self.family.numbers().period
+    def _near(self) -> float | None:
+        """A forcing period of the family, from which others are not far."""
+        return self.family.numbers().period if self.phase is None else None
 
     @cached_property
     def _variational(self) -> Variational:
@@ -124,7 +140,7 @@ class Shooting:
     __hash__ = None  # type: ignore[assignment]
 
     def _key(self) -> tuple[Any, ...]:
-        return self.family, self.segments, self.active, self.pinned
+        return self.family, self.segments, self.active, self.pinned, self.phase
 
     def __reduce__(self) -> Any:
         return Shooting, self._key()
@@ -136,7 +152,8 @@ class Shooting:
         orbit can't determine, as the velocity of a stuck frame, keeps what it starts with.
         """
         states = np.where(np.abs(guess.states) < ACCEPTED, 0.0, guess.states)
-        return np.concatenate([states[:, self.free].ravel(), guess.times[self.events]])
+        times = guess.times[self.events if self.phase is None else [*self.events, -1]]
+        return np.concatenate([states[:, self.free].ravel(), times / self.unit])
 
     def unpack(self, unknowns: Floats) -> tuple[Floats, Floats]:
         """Return the states at the starts, shape (N, n), and the times of the events."""
@@ -145,7 +162,7 @@ class Shooting:
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
         # Where a transition sets a component to zero, its sign must not be one of rounding.
         states[np.abs(states) < NOTHING] = 0.0
-        return states, unknowns[f * count :]
+        return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
     def setting(self, values: Floats) -> Setting:
         """Return the problem's numbers at values of the active parameters.
@@ -173,6 +190,8 @@ class Shooting:
             If an arc cannot be integrated.
         """
         setting, layout, free = self.setting(values), self.layout, self.free
+        if self.phase is not None:
+            setting = setting.lasting(self.unit * float(unknowns[-1]))
         k, scales = len(self.active), setting.scales
         states, times = self.unpack(unknowns)
         starts, ends, start_rates, end_rates = layout.instants(setting, times)
@@ -219,6 +238,9 @@ class Shooting:
             row = layout.state_rows[-1, c]
             residual[row], jacobian[row], by_parameter[row] = 0.0, 0.0, 0.0
             jacobian[row, c] = 1.0
+        if self.phase is not None:
+            start, normal = states[0, free], np.array(self.phase.normal)
+            residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
         happened = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
         return Point(
             unknowns=unknowns,
@@ -236,6 +258,12 @@ class Shooting:
             end_by_unknown=end,
             end_by_parameter=end_by_parameter,
         )
+
+    def problem(self, point: Point) -> Problem:
+        """Return the problem at a point, counted in periods of its orbit."""
+        values = dict(zip(self.active, point.values.tolist(), strict=True))
+        problem = self.family.at(**values).problem()
+        return problem if self.phase is None else problem.counted_in(point.period)
 
     def monodromy(self, point: Point, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
@@ -298,66 +326,3 @@ class Shooting:
                         reason=f"{self.automaton.states[i]} does not come back to its start",
                         remedy="declare it cyclic if nothing depends on it",
                     )
-
-
-class Layout:
-    """Which rows and columns of the equations belong to what; the signature says it all."""
-
-    def __init__(self, shooting: Shooting) -> None:
-        segments, events, f = shooting.segments, shooting.events, len(shooting.free)
-        count = len(segments)
-        size = f * count + len(events)
-        self.codes = np.array(
-            [(s.mode, NO_EVENT if s.code == BOUNDARY else s.code) for s in segments],
-            dtype=np.int64,
-        )
-        self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
-        self.events = np.array(events, dtype=np.int64)
-        # Segments that begin where the one before ends, not with a period.
-        self.follows = np.array(
-            [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
-        )
-        self.by_end, self.by_start = np.zeros((count, size)), np.zeros((count, size))
-        self.by_end[self.events, f * count + np.arange(len(events))] = 1.0
-        self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
-        # An event's margin stands before the states that follow on it.
-        first = np.cumsum([i in events for i in range(count)]) + f * np.arange(count)
-        self.state_rows = first[:, None] + np.arange(f)
-        self.guard_rows = first[self.events] - 1
-        columns = f * np.arange(count)[:, None] + np.arange(f)
-        self.identity = np.zeros((size, size))
-        self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
-        self.own_state = (*np.ix_(range(count), range(shooting.n), range(f))[:2], columns[:, None])
-        self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
-        self.period_ends = self.codes[:, 1] == NO_EVENT
-        self.switch = np.array([s.switch for s in segments], dtype=np.int64)
-
-    def instants(self, setting: Setting, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return starts and ends of the segments, and their derivatives by the parameters.
-
-        These are of ends that are no unknowns.
-        """
-        count = len(self.codes)
-        ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
-        ends[self.events] = times
-        ends[self.period_ends], end_rates[self.period_ends] = setting.period, setting.period_rates
-        if self.at_switch.any():
-            switch = self.switch[self.at_switch]
-            ends[self.at_switch] = setting.switches[switch]
-            end_rates[self.at_switch] = setting.switch_rates[:, switch].T
-        starts, start_rates = np.zeros(count), np.zeros_like(end_rates)
-        starts[self.follows] = ends[:-1][self.follows[1:]]
-        start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
-        return starts, ends, start_rates, end_rates
-
-    def passage(
-        self, setting: Setting, starts: Floats, ends: Floats
-    ) -> tuple[Floats, Floats | None]:
-        """Return times and motions for `Variational.traverse`."""
-        rooms, looked = np.full(ends.size, math.inf), ends
-        if not setting.switches.size:
-            return np.stack([starts, ends, rooms, looked], axis=1), None
-        rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
-        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # before it switches
-        motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
-        return np.stack([starts, ends, rooms, looked], axis=1), np.array(motions)

@@ -76,13 +76,19 @@ def read_guess(
     OrbitError
         If two transitions fall into one instant, which the segments cannot express.
     """
+    start = at_period_start(problem, start, on_stiff)
+    trajectory = run(problem, start, periods, on_stiff=on_stiff)
+    return guess_from(trajectory, periods, problem.switches)
+
+
+def at_period_start(
+    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
+) -> Instant:
+    """Return `start`, or where the run from there comes to the start of the next period."""
     if start.time != 0.0:
         rest = 1.0 - start.time / problem.period
         start = run(problem, start, rest, on_stiff=on_stiff).final
-        start = replace(start, time=0.0)
-    start = replace(start, cycle=0)
-    trajectory = run(problem, start, periods, on_stiff=on_stiff)
-    return guess_from(trajectory, periods, problem.switches)
+    return replace(start, cycle=0, time=0.0)
 
 
 def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] = ()) -> Guess:

@@ -16,7 +16,8 @@ from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit import check_closed
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import read_guess
 from tests.continuation import free_block

@@ -5,7 +5,7 @@ import pytest
 
 from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.monitors import FOLD, Monitor, monitors
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from mems_impact.orbits.shooting import Shooting
 from tests.hybrid.systems import at
 from tests.orbits.families import actuator_orbit, oscillator, silent_orbit

@@ -9,7 +9,8 @@ from mems_impact.continuation.branch import follow
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.run import run
-from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
 

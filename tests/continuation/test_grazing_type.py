@@ -6,7 +6,7 @@ import pytest
 from mems_impact.continuation.branch import follow
 from mems_impact.continuation.grazing import contact_sequence, grazing_type
 from mems_impact.errors import InvalidParameter
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.continuation import free_block
 from tests.orbits.families import at, oscillator, silent_orbit
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from mems_impact.continuation.branch import Steps, follow
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 

@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from mems_impact.continuation.branch import follow
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.hybrid.systems import TAU, problem
 from tests.orbits.families import at, oscillator
 

@@ -11,7 +11,7 @@ from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.hybrid.systems import BALL, COULOMB, SQUARE, STOP, TAU, at, ball, coulomb, problem, stop
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}

@@ -8,7 +8,7 @@ import pytest
 from mems_impact.continuation.branch import follow
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.audit import audit
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.continuation.free_block import flow, over_period
 from tests.orbits.families import (
     DEVICE,

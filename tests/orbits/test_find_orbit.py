@@ -8,7 +8,8 @@ from scipy.linalg import expm
 
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.run import run
-from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit import check_closed
 from mems_impact.orbits.signature import BOUNDARY, Segment
 from tests.continuation import free_block
 from tests.orbits.families import (

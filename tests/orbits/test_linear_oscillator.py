@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.orbits.orbit import check_closed, find_orbit
+from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 

@@ -14,7 +14,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root
 
 from mems_impact.continuation.branch import follow
-from mems_impact.orbits.orbit import find_orbit
+from mems_impact.orbits.finding import find_orbit
 from tests.orbits.families import DEVICE, actuator, at
 
 C, N, W, E = 0.04, 3.17, 0.92, 0.80  # as in the demo

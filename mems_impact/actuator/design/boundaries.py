@@ -21,7 +21,7 @@ from mems_impact.continuation.branch import BranchPoint, OrbitBranch, Steps, poi
 from mems_impact.continuation.curve import CurvePoint, OrbitCurve
 from mems_impact.engines.options import Options
 from mems_impact.errors import OrbitError
-from mems_impact.orbits import orbit as orbits
+from mems_impact.orbits import finding as orbits
 from mems_impact.orbits.family import Family
 
 if TYPE_CHECKING:

@@ -1,0 +1,212 @@
+"""Recognising from a run after how long a motion returns."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+from mems_impact.hybrid.variational import free_components
+
+CLOSE = 1e-3  # distance of a return, as a part of the extent of the motion
+FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
+MULTIPLES = 4  # of the first return that are looked at for a closer one
+MOST = 16  # forcing periods after which an orbit is recognised
+SAMPLES = 256  # by which the extent of a motion is measured
+LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
+AT_ONCE = 1e-9  # time after which a motion is no longer where it began
+STILL = 1e-7  # extent, as a part of the largest seen, below which nothing moves
+STEPS, LOST = 300_000, 20_000  # spent on a motion that does not return, on its first state
+
+
+def first_return(
+    states: Floats, modes: NDArray[np.int64], extent: Floats, *, from_last: bool = False
+) -> int:
+    """Return after how many of a sequence of states the first (or last) one comes again; 0: never.
+
+    Parameters
+    ----------
+    states : float array, shape (k, f)
+    modes : int array, shape (k,)
+    extent : float array, shape (f,)
+        Of the motion in each component; 0 where it has none.
+    from_last : bool, optional
+        Whether the sequence is to have settled at its end, not to begin near the orbit. The return
+        must then have happened three times.
+    """
+    if from_last:
+        states, modes = states[::-1], modes[::-1]
+    size = np.where(extent > 0.0, extent, 1.0)
+    apart = np.abs((states - states[0]) / size).max(axis=1)
+    apart[modes != modes[0]] = np.inf
+    last = (len(states) - 1) // 3 if from_last else len(states) - 1
+    for k in range(1, last + 1):
+        if apart[k] < CLOSE and (not from_last or apart[2 * k] < 2.0 * CLOSE):
+            multiples = [j * k for j in range(1, MULTIPLES + 1) if j * k <= last]
+            # Near a period doubling every second return is far closer.
+            return next((j for j in multiples[1:] if apart[j] < FAR_CLOSER * apart[k]), k)
+    return 0
+
+
+def extent_of(trajectory: Trajectory, free: list[int]) -> Floats:
+    """Return the extent of a run in each free component, over its last half."""
+    first, last = (
+        at.cycle + at.time / trajectory.period for at in (trajectory.start, trajectory.final)
+    )
+    each = math.ceil(SAMPLES / (last - first))
+    grid = trajectory.samples(each, 0.5 * (first + last), last)
+    return np.asarray(np.ptp(grid.y[:, free], axis=0))
+
+
+def forcing_periods(
+    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
+) -> tuple[Instant, int, int]:
+    """Recognise after how many forcing periods a motion returns.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+        Where a period begins.
+    on_stiff : callable, optional
+        As of `mems_impact.hybrid.run.run`.
+
+    Returns
+    -------
+    near, settled, final
+        Forcing periods after which the motion returns to `start`, and to its end, where the run
+        from `start` has come; 0 where it does not.
+    """
+    free = list(free_components(problem.automaton))
+    once = run(problem, start, 1, on_stiff=on_stiff)
+    extent = extent_of(once, free)
+    states = np.array([start.y, once.final.y])[:, free]
+    near = first_return(states, np.array([start.mode, once.final.mode]), extent)
+    if near and np.abs(states[1] - states[0]).max() <= FAR_CLOSER * CLOSE * extent.max():
+        return start, 1, 0
+    longer = run(problem, start, 3 * MOST, on_stiff=on_stiff)
+    grid = longer.samples(1)
+    near = first_return(grid.y[: MOST + 1, free], grid.mode[: MOST + 1], extent)
+    settled = first_return(grid.y[:, free], grid.mode, extent_of(longer, free), from_last=True)
+    return replace(longer.final, cycle=0, time=0.0), near, settled
+
+
+def own_period(
+    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
+) -> tuple[Instant, float]:
+    """Recognise after which time the motion of a system without forcing returns.
+
+    The run goes on, for ever longer, until it comes back to where it began or where it last came
+    through a section: the plane, through where this piece of the run began, of the component that
+    changes fastest there.
+
+    Returns
+    -------
+    instant, period
+        A state near the cycle, and the time after which the motion returns to it.
+
+    Raises
+    ------
+    OrbitError
+        If it does not, or comes to rest; the last `Instant` is in it.
+    """
+    free = list(free_components(problem.automaton))
+    largest = np.zeros(len(free))
+    length, steps = 1.0, 0
+    while steps < STEPS:
+        section = _section(problem, start, largest, free)
+        piece = run(replace(problem, section=section), start, length, on_stiff=on_stiff)
+        steps += piece.steps
+        extent = extent_of(piece, free)
+        largest = np.maximum(largest, extent)
+        if not (extent > STILL * largest).any():
+            raise OrbitError(
+                reason="the motion comes to rest: an equilibrium was reached, not a cycle",
+                remedy="take a guess farther away, or other parameters",
+                partial=piece.final,
+            )
+        returns = Returns.of(piece, start, int(np.sign(flow_at(problem, start)[section[0]])))
+        found = returns.recognised(free, extent)
+        if found is not None:
+            return found
+        # A piece that is too short to come back is run again, longer, unless it never does.
+        if len(returns.times) > ENOUGH or steps > LOST:
+            start = replace(piece.final, cycle=0, time=0.0)
+        length *= 2.0
+    raise OrbitError(
+        reason="the motion does not come back to where it was",
+        remedy="let transients die out (transient=…, in units of time) or give a guess nearer to a "
+        "cycle; a chaotic motion does not settle at all",
+        partial=start,
+    )
+
+
+@dataclass(frozen=True)
+class Returns:
+    """Where a motion is in a section: first where it begins.
+
+    Attributes
+    ----------
+    times : float array, shape (k,)
+    states : float array, shape (k, n)
+    modes : int array, shape (k,)
+    """
+
+    times: Floats
+    states: Floats
+    modes: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, piece: Trajectory, start: Instant, direction: int) -> Returns:
+        """Return where a run that begins in its section comes through it in a direction."""
+        log = piece.events.crossings(direction)
+        times = log.cycle * piece.period + log.time - start.time
+        later = times > AT_ONCE * piece.period  # it may be seen to leave the section
+        return cls(
+            np.append(0.0, times[later]),
+            np.vstack([start.y, log.before[later]]),
+            np.append(start.mode, log.mode_before[later]),
+        )
+
+    def recognised(self, free: list[int], extent: Floats) -> tuple[Instant, float] | None:
+        """Return where and after how long the motion returns, to its beginning or to its end."""
+        if len(self.times) <= LEAST:
+            return None
+        states = self.states[:, free]
+        k = first_return(states, self.modes, extent)
+        if k:
+            return self._instant(0), float(self.times[k])
+        k = first_return(states, self.modes, extent, from_last=True)
+        if k:
+            return self._instant(-1), float(self.times[-1] - self.times[-1 - k])
+        return None
+
+    def _instant(self, i: int) -> Instant:
+        return Instant(0, 0.0, int(self.modes[i]), self.states[i])
+
+
+def _section(
+    problem: Problem, start: Instant, extent: Floats, free: list[int]
+) -> tuple[int, float, int]:
+    """Return the plane through a state of the component that changes fastest there.
+
+    Against its `extent` so far, where there has been one.
+    """
+    slope = flow_at(problem, start)[free] / np.where(extent > 0.0, extent, 1.0)
+    place = int(np.argmax(np.abs(slope)))
+    return free[place], float(start.y[free[place]]), 0
+
+
+def flow_at(problem: Problem, instant: Instant) -> Floats:
+    """Return the flow at an instant, shape (n,)."""
+    slope = np.zeros(instant.y.size)
+    p = np.array(problem.parameters, dtype=float)
+    problem.automaton.flow(instant.mode, instant.time, instant.y.copy(), p, slope)
+    return slope
