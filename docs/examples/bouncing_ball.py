@@ -7,9 +7,10 @@ accelerations in units of gravity. At a contact the relative velocity is turned 
 
 .. math:: \ddot x = -1, \qquad \dot x - \dot s \to -e\,(\dot x - \dot s) \ \text{at}\ x = s.
 
-Once the table is fast enough, the ball can meet it once a period, in the phase that gives back what an
-impact takes. This orbit is born in a fold and doubles its period, again and again, to chaos. Beside it,
-a ball at rest stays at rest as long as :math:`A < 1`; then the table throws it up each time.
+Once the table is fast enough, the ball can meet it once a period, in the phase that gives back
+what an impact takes. This orbit is born in a fold and doubles its period, again and again, to
+chaos. Beside it, a ball at rest stays at rest as long as :math:`A < 1`; then the table throws it
+up each time.
 """
 
 import math
@@ -35,12 +36,11 @@ def flow(mode, t, y, p):
 
 
 def gap(mode, t, y, p):
-    s, ds = table(t, p)
-    return y.x - s
+    return y.x - table(t, p)[0]
 
 
 def bounce(mode, t, y, p):
-    s, ds = table(t, p)
+    ds = table(t, p)[1]
     return FLYING, (y.x, ds - p.e * (y.v - ds))
 
 
@@ -69,7 +69,8 @@ ball = mi.System(
 )
 
 # %%
-# A run. Too slow, the ball comes to rest in ever shorter flights, of which only the first are marked.
+# A run. Too slow, the ball comes to rest in ever shorter flights, of which only the first are
+# marked.
 
 slow = mi.simulate(ball.changed(A=0.3), periods=8)
 mi.plot_run(slow, first=0)[0].figure.savefig("bouncing_ball_run.png")
@@ -82,8 +83,8 @@ print(orbit.multipliers)
 mi.plot_orbit(orbit).figure.savefig("bouncing_ball_orbit.png")
 
 # %%
-# Brute force, up from rest and down from bouncing, and the branches: up to the period doubling (PD) and
-# beyond, back through the fold (CF), and of the orbit of twice the period.
+# Brute force, up from rest and down from bouncing, and the branches: up to the period doubling
+# (PD) and beyond, back through the fold (CF), and of the orbit of twice the period.
 
 up = mi.continue_orbit(orbit, "A", stop=1.4)
 down = mi.continue_orbit(orbit, "A", stop=0.2, back=1.4)
@@ -101,9 +102,9 @@ mi.plot_branch([up, down, twice], sweep=sweep).figure.savefig("bouncing_ball_bra
 # %%
 # Check
 # -----
-# The impact takes place where the table moves at :math:`\pi (1 - e)/(1 + e)`, which cannot be more than
-# :math:`A`. The orbit is stable up to an :math:`A` that has a closed form as well (A. C. J. Luo and
-# R. P. S. Han, *Nonlinear Dynamics* 10, 1, 1996).
+# The impact takes place where the table moves at :math:`\pi (1 - e)/(1 + e)`, which cannot be more
+# than :math:`A`. The orbit is stable up to an :math:`A` that has a closed form as well (A. C. J.
+# Luo and R. P. S. Han, *Nonlinear Dynamics* 10, 1, 1996).
 
 e = ball.parameters["e"]
 needed = math.pi * (1.0 - e) / (1.0 + e)

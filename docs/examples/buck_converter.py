@@ -2,14 +2,14 @@ r"""
 Buck converter: a switch that a ramp closes
 ===========================================
 
-A converter from a supply :math:`E` to about 12 V: coil, capacitor, load, and a switch that connects the
-supply. A comparator holds the output, less :math:`V_\mathrm{ref}` and amplified, against a ramp, and
-opens the switch while it is above:
+A converter from a supply :math:`E` to about 12 V: coil, capacitor, load, and a switch that
+connects the supply. A comparator holds the output, less :math:`V_\mathrm{ref}` and amplified,
+against a ramp, and opens the switch while it is above:
 
 .. math:: C \dot v = i - v / R, \qquad L\,\dot\imath = -v\ (+E \ \text{if on}).
 
-It is meant to switch once a ramp. From a supply of 24.5 V on it needs two for a cycle, from 31.1 V on four; and
-suddenly, above 32 V, the output wanders over a volt.
+It is meant to switch once a ramp. From a supply of 24.5 V on it needs two for a cycle, from 31.1 V
+on four; and suddenly, above 32 V, the output wanders over a volt.
 """
 
 import numpy as np
@@ -81,10 +81,11 @@ mi.plot_orbit(again.orbit).figure.savefig("buck_converter_orbit.png")
 # %%
 # Check
 # -----
-# Fossas and Olivar (*IEEE Transactions on Circuits and Systems I* 43, 13, 1996) find the doublings near 24.5 V
-# and 31.1 V. The first has a closed form: the circuit is linear on either side of the switch, so that its
-# cycle follows from the time at which it closes, and the cycle's monodromy matrix from the jump of the
-# flow there, by Filippov's matrix. One equation remains: that this matrix has the eigenvalue -1.
+# Fossas and Olivar (*IEEE Transactions on Circuits and Systems I* 43, 13, 1996) find the doublings
+# near 24.5 V and 31.1 V. The first has a closed form: the circuit is linear on either side of the
+# switch, so that its cycle follows from the time at which it closes, and the cycle's monodromy
+# matrix from the jump of the flow there, by Filippov's matrix. One equation remains: that this
+# matrix has the eigenvalue -1.
 
 assert abs(doubling.value - 24.5) < 0.05
 assert abs(again.value - 31.1) < 0.05

@@ -2,13 +2,14 @@ r"""
 Coulomb oscillator: driven against dry friction
 ===============================================
 
-A mass on a spring, driven, on a ground of dry friction :math:`f` (forces in units of the drive's, time
-in units in which the natural frequency is one):
+A mass on a spring, driven, on a ground of dry friction :math:`f` (forces in units of the drive's,
+time in units in which the natural frequency is one):
 
 .. math:: \ddot x + x + f\,\mathrm{sgn}\,\dot x = \cos \omega t.
 
-With little friction it turns round twice a period without a stop. With more, it sticks at each turn
-until drive and spring exceed the friction. No damping is needed: friction alone limits the motion.
+With little friction it turns round twice a period without a stop. With more, it sticks at each
+turn until drive and spring exceed the friction. No damping is needed: friction alone limits the
+motion.
 """
 
 import math
@@ -77,8 +78,8 @@ sticking = mi.find_orbit(run)
 mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 
 # %%
-# Brute force and the branches: of the orbit with stops, and of the one without. Each is followed until
-# its stops vanish, or appear: at the same friction.
+# Brute force and the branches: of the orbit with stops, and of the one without. Each is followed
+# until its stops vanish, or appear: at the same friction.
 
 gliding = mi.find_orbit(oscillator, transient=60)
 branches = [
@@ -95,10 +96,10 @@ mi.plot_branch(branches, sweep=sweep).figure.savefig("coulomb_oscillator_branch.
 # %%
 # Check
 # -----
-# Without stops, the mass turns round at :math:`\sqrt{V^2 - f^2 U^2}`, with
-# :math:`V = 1/(1 - \omega^2)` and :math:`U = \sin(\pi/\omega) / [\omega (1 + \cos(\pi/\omega))]`, and
-# there are none up to :math:`f = V / \sqrt{U^2 + \omega^{-4}}` (J. P. Den Hartog, *Transactions of the
-# ASME* 53, APM-53-9, 107, 1931).
+# Without stops, the mass turns round at :math:`\sqrt{V^2 - f^2 U^2}`, with :math:`V = 1/(1 -
+# \omega^2)` and :math:`U = \sin(\pi/\omega) / [\omega (1 + \cos(\pi/\omega))]`, and there are none
+# up to :math:`f = V / \sqrt{U^2 + \omega^{-4}}` (J. P. Den Hartog, *Transactions of the ASME* 53,
+# APM-53-9, 107, 1931).
 
 omega, f = (oscillator.parameters[name] for name in ("omega", "f"))
 V = 1.0 / (1.0 - omega**2)

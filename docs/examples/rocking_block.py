@@ -2,15 +2,18 @@ r"""
 Rocking block: to and fro over two corners
 ==========================================
 
-A slender rigid block stands on a ground that shakes. It rocks about one of its two lower corners; each
-time it passes the upright it changes corners and keeps the part :math:`r` of its speed. With the tilt
-:math:`x` in units of that at which it balances, and time in units of its own growth:
+A slender rigid block stands on a ground that shakes. It rocks about one of its two lower corners;
+each time it passes the upright it changes corners and keeps the part :math:`r` of its speed. With
+the tilt :math:`x` in units of that at which it balances, and time in units of its own growth:
 
-.. math:: \ddot x = x - \mathrm{sgn}\,x + \beta \cos \omega t, \qquad \dot x \to r\,\dot x \ \text{at}\ x = 0.
+.. math::
 
-It begins to rock once :math:`\beta > 1`. The orbit that is found has one impact on each corner, alike.
-Shaken more it loses this symmetry where two orbits branch off, mirror images of each other, which
-double their period soon before the block topples. The symmetric orbit is born in a fold far
+   \ddot x = x - \mathrm{sgn}\,x + \beta \cos \omega t, \qquad
+   \dot x \to r\,\dot x \ \text{at}\ x = 0.
+
+It begins to rock once :math:`\beta > 1`. The orbit that is found has one impact on each corner,
+alike. Shaken more it loses this symmetry where two orbits branch off, mirror images of each other,
+which double their period soon before the block topples. The symmetric orbit is born in a fold far
 below :math:`\beta = 1`: a block that rocks goes on where one at rest stays.
 """
 
@@ -85,8 +88,8 @@ print(orbit.multipliers, tilted.multipliers, sep="\n")
 mi.plot_orbit(tilted).figure.savefig("rocking_block_orbit.png")
 
 # %%
-# Brute force, and the branches: the symmetric orbit goes on, unstable, where the others begin (CF: each
-# of these turns round into its mirror image).
+# Brute force, and the branches: the symmetric orbit goes on, unstable, where the others begin (CF:
+# each of these turns round into its mirror image).
 
 branches = [
     mi.continue_orbit(gentle, "beta", stop=0.1, back=0.95),
@@ -102,11 +105,12 @@ mi.plot_branch(branches, sweep=sweep).figure.savefig("rocking_block_branch.png")
 # %%
 # Check
 # -----
-# Between impacts all is linear, and half a period of the symmetric orbit mirrors the other. So it has a
-# closed form (S. J. Hogan, *Proceedings of the Royal Society of London A* 425, 441, 1989), here by four
-# linear equations: with :math:`x = 1 - u \cos\omega t + w \sin\omega t + a \cosh t + b \sinh t`, the block
-# is upright at the ends of the half period and :math:`\dot x` begins as it ends, times :math:`-r`; what
-# remains is :math:`u^2 + w^2 = \beta^2 / (1 + \omega^2)^2`, and the fold is where it has a double root.
+# Between impacts all is linear, and half a period of the symmetric orbit mirrors the other. So it
+# has a closed form (S. J. Hogan, *Proceedings of the Royal Society of London A* 425, 441, 1989),
+# here by four linear equations: with :math:`x = 1 - u \cos\omega t + w \sin\omega t + a \cosh t +
+# b \sinh t`, the block is upright at the ends of the half period and :math:`\dot x` begins as it
+# ends, times :math:`-r`; what remains is :math:`u^2 + w^2 = \beta^2 / (1 + \omega^2)^2`, and the
+# fold is where it has a double root.
 
 omega, r = (block.parameters[name] for name in ("omega", "r"))
 half = math.pi / omega

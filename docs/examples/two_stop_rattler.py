@@ -2,22 +2,23 @@ r"""
 Two-stop rattler: a ball in a driven box
 ========================================
 
-A box on a spring, lightly damped, is driven at its resonance; a ball of the mass ratio *m* flies between
-its two walls, a clearance *d* apart, and takes energy at every impact. In this way chimneys and
-turbine blades are calmed: an impact damper.
+A box on a spring, lightly damped, is driven at its resonance; a ball of the mass ratio *m* flies
+between its two walls, a clearance *d* apart, and takes energy at every impact. In this way
+chimneys and turbine blades are calmed: an impact damper.
 
 .. math:: \ddot x + 2 \zeta \dot x + x = \cos \omega t, \qquad \ddot z = 0 .
 
-At the best clearance the ball strikes each wall once a period, alike. With a smaller one there are more
-impacts, with a larger one the orbit loses its stability (a Neimark-Sacker point, NS), and the motion
-swells and fades. Where impacts follow each other ever faster, the ball comes to lie at a wall
-until the box draws back from it.
+At the best clearance the ball strikes each wall once a period, alike. With a smaller one there are
+more impacts, with a larger one the orbit loses its stability (a Neimark-Sacker point, NS), and the
+motion swells and fades. Where impacts follow each other ever faster, the ball comes to lie at a
+wall until the box draws back from it.
 """
 
 import math
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import mems_impact as mi
 
@@ -86,16 +87,16 @@ run = mi.simulate(box, periods=400)
 mi.plot_run(run, first=0, last=40, states=["x", "z"])[0].figure.savefig("two_stop_rattler_run.png")
 
 # %%
-# The orbit: box and ball.
+# The orbit, as the box moves.
 
 orbit = mi.find_orbit(run)
 print(orbit.multipliers)
-mi.plot_orbit(orbit, x="z", y="w").figure.savefig("two_stop_rattler_orbit.png")
+mi.plot_orbit(orbit).figure.savefig("two_stop_rattler_orbit.png")
 
 # %%
 # Brute force, and the branches both ways.
 
-up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.Steps(most=1000))
+up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.Steps(most=750))
 down = mi.continue_orbit(orbit, "d", stop=6.0)
 print(up, down, sep="\n")
 sweep = mi.sweep(box, "d", np.linspace(6.0, 30.0, 121), transient=200, periods=30)
@@ -104,12 +105,13 @@ mi.plot_branch([up, down], sweep=sweep).figure.savefig("two_stop_rattler_branch.
 # %%
 # Check
 # -----
-# Half a period of this orbit mirrors the other, which gives it a closed form (S. F. Masri and T. K.
-# Caughey, *Journal of Applied Mechanics* 33, 586, 1966). The ball leaves the right wall, where the box is
-# at :math:`x_0`, at the speed :math:`w`, and reaches the left one after half a period, in which the box moves from
-# :math:`(x_0, v)` to :math:`(-x_0, v')`. Momentum, restitution and flight give :math:`w, v, v'`, and the
-# difference to the forced motion turns as that of the free box. What remains is an equation of second degree for
-# :math:`x_0`, and the fold (CF) is where it has a double root.
+# Half a period of this orbit mirrors the other, which gives it a closed form (S. F. Masri and T.
+# K. Caughey, *Journal of Applied Mechanics* 33, 586, 1966). The ball leaves the right wall, where
+# the box is at :math:`x_0`, at the speed :math:`w`, and reaches the left one after half a period,
+# in which the box moves from :math:`(x_0, v)` to :math:`(-x_0, v')`. Momentum, restitution and
+# flight give :math:`w, v, v'`, and the difference to the forced motion turns as that of the free
+# box. What remains is an equation of second degree for :math:`x_0`, and the fold (CF) is where it
+# has a double root.
 
 p = box.parameters
 half = math.pi / p["omega"]
@@ -127,10 +129,17 @@ def forced(d, x):
 def quadratic(d):
     """Return the coefficients of |forced|^2 - |response|^2 as a polynomial of x."""
     at, slope = forced(d, 0.0), forced(0.0, 1.0)
-    size = [1.0, 1.0 / p["omega"] ** 2]
+    size = np.array([1.0, 1.0 / p["omega"] ** 2])
     response = (1.0 - p["omega"] ** 2) ** 2 + (2.0 * p["zeta"] * p["omega"]) ** 2
     return size @ slope**2, 2.0 * size @ (slope * at), size @ at**2 - 1.0 / response
 
 
-print(np.roots(quadratic(p["d"])), orbit.impacts.T)
-print([np.roots(quadratic(d)) for d in (29.5791, 29.579, 29.58)])
+def turning(d):
+    a, b, c = quadratic(d)
+    return b**2 - 4.0 * a * c
+
+
+places = np.roots(quadratic(p["d"]))
+assert np.allclose(orbit.impacts["x after"].abs(), places.max(), rtol=1e-9)
+(fold,) = (found for found in up.special_points if found.label == "CF")
+assert abs(fold.value - brentq(turning, 25.0, 35.0)) < 1e-8
