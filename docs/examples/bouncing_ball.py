@@ -69,8 +69,7 @@ ball = mi.System(
 )
 
 # %%
-# A run. Too slow, the ball comes to rest in ever shorter flights, of which only the first are
-# marked.
+# A run on a table that is too slow: the ball comes to rest, in ever shorter flights.
 
 slow = mi.simulate(ball.changed(A=0.3), periods=8)
 mi.plot_run(slow, first=0)[0].figure.savefig("bouncing_ball_run.png")
