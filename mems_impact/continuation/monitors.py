@@ -20,6 +20,7 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER = (
     "Neimark-Sacker",
 )
 NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
+AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
 LABELS = {GRAZING: "G", FOLD: "CF", PERIOD_DOUBLING: "PD", NEIMARK_SACKER: "NS"}
 
@@ -72,25 +73,28 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
 
     A gap does not jump, so that its closest approaches inside the segments are all. Another margin
     may, and then its values at the ends of the segments count too, but for the one that ends a
-    segment and the one that starts at zero and rises.
+    segment and the one that starts at zero and does not fall. Where static friction is no larger
+    than dynamic, such a margin, the speed, starts with a rate that is zero but for rounding.
     """
     m = shooting.m
+    impact = shooting.automaton.guards[guard].impact
     found: list[Closest] = []
     for i, segment in enumerate(shooting.segments):
         arc = point.arcs[i]
         start, end = float(point.starts[i]), float(point.ends[i])
-        if np.isfinite(arc.minima[guard]):
-            time = float(arc.minima_time[guard])
+        margin, rate = float(arc.margins[0, guard]), float(arc.rates[0, guard])
+        own_start = not impact and abs(margin) < AT_ZERO and rate > -AT_ZERO
+        time = float(arc.minima_time[guard])
+        if np.isfinite(arc.minima[guard]) and not (own_start and time - start < VANISHING):
             found.append(Closest(float(arc.minima[guard]), i, time, True))
-        if shooting.automaton.guards[guard].impact:
+        if impact:
             continue
         own = segment.guard(m)
         if own != guard:
             found.append(Closest(float(arc.margins[1, guard]), i, end, False))
         elif end - start < VANISHING:
             continue  # the event meets another, or the start of a period: see "length"
-        margin, rate = float(arc.margins[0, guard]), float(arc.rates[0, guard])
-        if not (abs(margin) < 1e-9 and rate > 0.0):
+        if not own_start:
             found.append(Closest(margin, i, start, False))
     return min(found, key=lambda c: c.value, default=None)
 

@@ -1,0 +1,111 @@
+r"""
+Bouncing ball: a table that shakes
+==================================
+
+A ball falls on a table that moves as :math:`s = A \cos t`, in laboratory coordinates, with
+accelerations in units of gravity. At a contact the relative velocity is turned round:
+
+.. math:: \ddot x = -1, \qquad \dot x - \dot s \to -e\,(\dot x - \dot s) \ \text{at}\ x = s.
+
+Once the table is fast enough, the ball can meet it once a period, in the phase that gives back
+what an impact takes. This orbit is born in a fold and doubles its period, again and again, to
+chaos. Beside it, a ball at rest stays at rest as long as :math:`A < 1`; then the table throws it
+up each time.
+"""
+
+import math
+
+import numpy as np
+
+import mems_impact as mi
+
+FLYING, RESTING = mi.modes("flying", "resting")
+
+
+def table(t, p):
+    return p.A * math.cos(t), -p.A * math.sin(t)
+
+
+def flow(mode, t, y, p):
+    if mode == FLYING:
+        return y.v, -1.0
+    # At rest the ball moves as the table. One that comes from elsewhere, since a sweep has just
+    # changed A below it, is drawn to it.
+    s, ds = table(t, p)
+    return ds - (y.x - s), -p.A * math.cos(t) - (y.v - ds)
+
+
+def gap(mode, t, y, p):
+    return y.x - table(t, p)[0]
+
+
+def bounce(mode, t, y, p):
+    ds = table(t, p)[1]
+    return FLYING, (y.x, ds - p.e * (y.v - ds))
+
+
+def rest(mode, t, y, p):
+    return RESTING, table(t, p)
+
+
+def pressure(mode, t, y, p):
+    return 1.0 - p.A * math.cos(t)
+
+
+def lift_off(mode, t, y, p):
+    return FLYING, table(t, p)
+
+
+ball = mi.System(
+    states=("x", "v"),
+    flow=flow,
+    period=2.0 * math.pi,
+    parameters={"A": 0.8, "e": 0.8},
+    guards=[
+        mi.Impact("table", gap, bounce, rest=rest, modes=(FLYING,)),
+        mi.Guard("lift-off", pressure, lift_off, modes=(RESTING,)),
+    ],
+    initial={"x": 5.0, "v": 3.0},
+)
+
+# %%
+# A run on a table that is too slow: the ball comes to rest, in ever shorter flights.
+
+slow = mi.simulate(ball.changed(A=0.3), periods=8)
+mi.plot_run(slow, first=0)[0].figure.savefig("bouncing_ball_run.png")
+
+# %%
+# The orbit with one impact a period, where shaking is faster.
+
+orbit = mi.find_orbit(ball, transient=200)
+print(orbit.multipliers)
+mi.plot_orbit(orbit).figure.savefig("bouncing_ball_orbit.png")
+
+# %%
+# Brute force, up from rest and down from bouncing, and the branches: up to the period doubling
+# (PD) and beyond, back through the fold (CF), and of the orbit of twice the period.
+
+up = mi.continue_orbit(orbit, "A", stop=1.4)
+down = mi.continue_orbit(orbit, "A", stop=0.2, back=1.4)
+(doubling,), (fold,) = up.special_points, down.special_points
+twice = mi.switch_branch(doubling, bounds=(1.0, 1.4))
+
+bouncing = mi.find_orbit(
+    ball.changed(A=1.2), guess=twice.orbits[-1].state, periods=2, transient=200
+)
+starts = {"up": mi.State(x=0.2, mode="resting"), "down": bouncing.state}
+values = np.linspace(0.2, 1.4, 121)
+sweep = mi.sweep(ball, "A", values, direction="both", transient=200, periods=30, initial=starts)
+mi.plot_branch([up, down, twice], sweep=sweep).figure.savefig("bouncing_ball_branch.png")
+
+# %%
+# Check
+# -----
+# The impact takes place where the table moves at :math:`\pi (1 - e)/(1 + e)`, which cannot be more
+# than :math:`A`. The orbit is stable up to an :math:`A` that has a closed form as well (A. C. J.
+# Luo and R. P. S. Han, *Nonlinear Dynamics* 10, 1, 1996).
+
+e = ball.parameters["e"]
+needed = math.pi * (1.0 - e) / (1.0 + e)
+assert abs(fold.value - needed) < 1e-9
+assert abs(doubling.value - math.hypot(needed, 2.0 * (1.0 + e**2) / (1.0 + e) ** 2)) < 1e-9
