@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Orbit", "orbit_of"]
 
-
 PERIOD_ENDS = "period ends"
 
 

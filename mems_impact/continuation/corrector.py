@@ -45,7 +45,7 @@ P = TypeVar("P", bound=Linearised)
 P_co = TypeVar("P_co", bound=Linearised, covariant=True)
 
 
-class Equations(Protocol[P_co]):
+class Solvable(Protocol[P_co]):
     """What can be evaluated: `Shooting`, `Balancing`."""
 
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
@@ -86,7 +86,7 @@ def tangent(point: Linearised, along: Floats | None = None) -> Floats:
 
 
 def correct(
-    equations: Equations[P], plane: Floats, direction: Floats, guess: Floats | None = None
+    equations: Solvable[P], plane: Floats, direction: Floats, guess: Floats | None = None
 ) -> Solution[P]:
     """Return the solution in the plane through `plane` (unknowns and parameter) across `direction`.
 

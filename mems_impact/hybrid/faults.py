@@ -10,7 +10,7 @@ from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.blaming import Function
 from mems_impact.hybrid.guarded import GuardedMatrix, GuardedVector
-from mems_impact.hybrid.tried import Point, Tried, Undefined
+from mems_impact.hybrid.tried import Place, Tried, Undefined
 from mems_impact.hybrid.written import Definition, written
 
 __all__ = ["definition_of", "explained", "searched"]
@@ -42,7 +42,7 @@ def explained(automaton: Automaton, parameters: Sequence[float], fault: Fault) -
 
 
 def searched(
-    automaton: Automaton, parameters: Sequence[float], point: Point
+    automaton: Automaton, parameters: Sequence[float], point: Place
 ) -> FunctionError | None:
     """Return the sentence about flow or margins that are no numbers at a point, if they are not."""
     definition = definition_of(automaton)
@@ -55,7 +55,7 @@ def searched(
     )
 
 
-def _margin(tried: Tried, i: int, point: Point) -> Callable[[], Any]:
+def _margin(tried: Tried, i: int, point: Place) -> Callable[[], Any]:
     guard = tried.definition.guards[i]
 
     def call() -> None:
@@ -71,7 +71,7 @@ def _by_name(
     automaton: Automaton, definition: Definition, parameters: Sequence[float], fault: Fault
 ) -> FunctionError | None:
     tried = Tried(definition, parameters[: len(definition.parameters)])
-    point = Point(fault.mode, fault.time, fault.y.tolist())
+    point = Place(fault.mode, fault.time, fault.y.tolist())
     if fault.role == JACOBIAN:
         return _first(lambda: tried.jacobian(point))
     if fault.role != TRANSITION:

@@ -315,10 +315,10 @@ class _Run:
     def _searched(self) -> FunctionError | None:
         """Return what is wrong with flow or margins where the run has come to."""
         from mems_impact.hybrid.faults import searched
-        from mems_impact.hybrid.tried import Point
+        from mems_impact.hybrid.tried import Place
 
         clock, problem = self.clock, self.problem
-        point = Point(int(clock["mode"]), float(clock["t"]), self._local().tolist())
+        point = Place(int(clock["mode"]), float(clock["t"]), self._local().tolist())
         return searched(problem.automaton, np.asarray(problem.parameters).tolist(), point)
 
     def _ended_by(self, reason: str, remedy: str) -> RunError:

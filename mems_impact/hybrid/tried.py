@@ -18,12 +18,12 @@ from mems_impact.hybrid.guarded import GuardedMatrix, GuardedVector, Misuse
 from mems_impact.hybrid.record import ENDS
 from mems_impact.hybrid.written import Definition, named, writes_into_arrays
 
-__all__ = ["Point", "Tried", "Undefined"]
+__all__ = ["Place", "Tried", "Undefined"]
 
 SHOWN = 8  # components of a state in a message
 
 
-class Point(NamedTuple):
+class Place(NamedTuple):
     """Where a function is called."""
 
     mode: int
@@ -60,7 +60,7 @@ class Tried:
         """Return a state as functions get it."""
         return list(y) if self.by_array else named("State", self.states)(*y)
 
-    def flow(self, at: Point) -> list[float]:
+    def flow(self, at: Place) -> list[float]:
         """Return the slope."""
         function = Function("flow", self.definition.flow)
         if not self.by_array:
@@ -73,15 +73,15 @@ class Tried:
             raise function.error(problem, remedy)
         return self._finite(function, slope, at)
 
-    def margin(self, i: int, at: Point) -> float:
+    def margin(self, i: int, at: Place) -> float:
         """Return the margin of guard `i`."""
         return self._scalar("margin", i, at)
 
-    def rate(self, i: int, at: Point) -> float:
+    def rate(self, i: int, at: Place) -> float:
         """Return the rate that is given of the margin of guard `i`."""
         return self._scalar("rate", i, at)
 
-    def transition(self, kind: str, i: int | None, at: Point) -> tuple[int, list[float]]:
+    def transition(self, kind: str, i: int | None, at: Place) -> tuple[int, list[float]]:
         """Return mode and state after the "transition" or "rest" of guard `i`, or "settle"."""
         guard = None if i is None else self.definition.guards[i]
         call = getattr(guard or self.definition, kind)
@@ -100,7 +100,7 @@ class Tried:
         mode, state = result
         return self._existing(function, mode), self._tuple(function, state, at)
 
-    def jacobian(self, at: Point) -> list[list[float]]:
+    def jacobian(self, at: Place) -> list[list[float]]:
         """Return the Jacobian that is given."""
         assert self.definition.jacobian is not None
         function = Function("jacobian", self.definition.jacobian)
@@ -109,7 +109,7 @@ class Tried:
         rows = [[entries[i, j] for j in range(self.n)] for i in range(self.n)]
         return [self._finite(function, row, at) for row in rows]
 
-    def _scalar(self, kind: str, i: int, at: Point) -> float:
+    def _scalar(self, kind: str, i: int, at: Place) -> float:
         guard = self.definition.guards[i]
         function = Function(kind, getattr(guard, kind), guard.name)
         value = self._call(function, at)
@@ -120,7 +120,7 @@ class Tried:
             raise self._undefined(function, value, "", at)
         return float(value)
 
-    def _call(self, function: Function, at: Point, *out: Any) -> Any:
+    def _call(self, function: Function, at: Place, *out: Any) -> Any:
         """Call a function as the engine does; twice where it has not been called in this mode."""
         call = getattr(function.call, "py_func", function.call)  # of one that numba compiled
         mode, t, y = at
@@ -145,7 +145,7 @@ class Tried:
         return result
 
     def _blamed(
-        self, function: Function, error: Exception, at: Point, out: Sequence[Any]
+        self, function: Function, error: Exception, at: Place, out: Sequence[Any]
     ) -> FunctionError | Undefined:
         """Return the sentence about an exception, after a call that watches more closely."""
         if self.by_array and not isinstance(error, Misuse):
@@ -161,7 +161,7 @@ class Tried:
         problem = f"{found.problem} {self.place(at)}"
         return Undefined(FunctionError(found.role, problem, found.remedy, found.file, found.line))
 
-    def _tuple(self, function: Function, values: Any, at: Point) -> list[float]:
+    def _tuple(self, function: Function, values: Any, at: Place) -> list[float]:
         """Return a tuple of one number for each state as a list."""
         names = ", ".join(self.states[:SHOWN]) + (", …" if self.n > SHOWN else "")
         remedy = f"return a tuple of {self.n}, for {names}, on every path"
@@ -172,7 +172,7 @@ class Tried:
             raise function.error(problem, remedy)
         return self._finite(function, values, at)
 
-    def _finite(self, function: Function, values: Sequence[Any], at: Point) -> list[float]:
+    def _finite(self, function: Function, values: Sequence[Any], at: Place) -> list[float]:
         for name, value in zip(self.states, values, strict=True):
             if isinstance(value, float | int) and math.isfinite(value):
                 continue
@@ -191,18 +191,18 @@ class Tried:
         known = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))
         raise function.error(f"returns {what}", f"return one of the modes {known}")
 
-    def _undefined(self, function: Function, value: Any, what: str, at: Point) -> Undefined:
+    def _undefined(self, function: Function, value: Any, what: str, at: Place) -> Undefined:
         problem = f"gives {value}{what} {self.place(at)}"
         return Undefined(function.error(problem, "treat this case apart, or start elsewhere"))
 
-    def place(self, at: Point) -> str:
+    def place(self, at: Place) -> str:
         """Return where a point is, worded to follow what is wrong there."""
         pairs = list(zip(self.states, at.y, strict=True))
         numbers = [f"{name} = {value:.6g}" for name, value in pairs[:SHOWN]]
         numbers += ["…"] if self.n > SHOWN else []
         return f"at {', '.join(numbers)}, t = {at.t:.6g}, mode {self._mode(at)}"
 
-    def _mode(self, at: Point) -> str:
+    def _mode(self, at: Place) -> str:
         modes = self.definition.modes
         return modes[at.mode] if 0 <= at.mode < len(modes) else str(at.mode)
 

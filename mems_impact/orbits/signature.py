@@ -171,7 +171,7 @@ def completes(events: Events, i: int) -> bool:
     return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
 
 
-class Step(NamedTuple):
+class Happening(NamedTuple):
     """A transition: its code, its time since the start of the orbit's period, and what it does."""
 
     code: int
@@ -183,7 +183,7 @@ class Step(NamedTuple):
 
 def completion(
     problem: Problem, seen: Instant, guard: int, length: float, rest: int
-) -> Iterator[Step]:
+) -> Iterator[Happening]:
     """Yield what happens from `seen`, after an impact at `guard`, until it rests in mode `rest`.
 
     The next impact is taken for one without rebound. What it sets off, a slip say, ends within the
@@ -197,7 +197,7 @@ def completion(
             continue
         code, time, y = len(automaton.guards) + guard, step.time, step.before.copy()
         mode = int(automaton.transition(mode, code, time, y, problem.parameters))
-        yield Step(code, time, mode, step.before, y)
+        yield Happening(code, time, mode, step.before, y)
         for later in _transitions(problem, replace(seen, time=time, mode=mode, y=y), length):
             if mode == rest:
                 return
@@ -206,12 +206,12 @@ def completion(
         return
 
 
-def _transitions(problem: Problem, start: Instant, length: float) -> Iterator[Step]:
+def _transitions(problem: Problem, start: Instant, length: float) -> Iterator[Happening]:
     events = run(problem, start, length / problem.period).events
     for i in np.flatnonzero(events.kind == loop.TRANSITION):
         time = (events.cycle[i] - start.cycle) * problem.period + events.time[i]
         mode, before, after = int(events.mode_after[i]), events.before[i], events.after[i]
-        yield Step(int(events.guard[i]), float(time), mode, before, after)
+        yield Happening(int(events.guard[i]), float(time), mode, before, after)
 
 
 def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:

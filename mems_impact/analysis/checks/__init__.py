@@ -17,7 +17,7 @@ from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.terms import Terms
 from mems_impact.hybrid.blaming import Function, told
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.tried import Point, Tried, Undefined
+from mems_impact.hybrid.tried import Place, Tried, Undefined
 from mems_impact.hybrid.written import Definition
 
 __all__ = ["check", "check_end"]
@@ -58,7 +58,7 @@ def check(
     observables: Sequence[Observable] = vars(system)["observables"]
     seen: set[int] = set()
 
-    def met(i: int, before: Point, after: Point) -> None:
+    def met(i: int, before: Place, after: Place) -> None:
         for each in observables:
             if definition.guards[i].name in each.at and id(each) not in seen:
                 seen.add(id(each))
@@ -84,9 +84,9 @@ def _tried(definition: Definition, problem: Problem) -> Tried:
     return Tried(definition, problem.parameters[: len(definition.parameters)].tolist())
 
 
-def _start(system: Terms, problem: Problem) -> Point:
+def _start(system: Terms, problem: Problem) -> Place:
     start = system.instant(None, problem)
-    return Point(start.mode, start.time, start.y.tolist())
+    return Place(start.mode, start.time, start.y.tolist())
 
 
 def _measured(observable: Observable, *arguments: Any) -> None:

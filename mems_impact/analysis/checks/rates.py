@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from mems_impact.hybrid.blaming import Function
-from mems_impact.hybrid.tried import Point, Tried
+from mems_impact.hybrid.tried import Place, Tried
 
 __all__ = ["along", "check_jacobian", "check_rate", "derivative"]
 
@@ -17,9 +17,9 @@ CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
 FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
 
 
-def along(at: Point, slope: Sequence[float], h: float) -> Point:
+def along(at: Place, slope: Sequence[float], h: float) -> Place:
     """Return the point that lies `h` ahead on the straight line along the flow."""
-    return Point(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
+    return Place(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
 
 
 def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
@@ -41,14 +41,14 @@ def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
 
 
 def rate_of(
-    tried: Tried, i: int, at: Point, slope: Sequence[float], unit: float
+    tried: Tried, i: int, at: Place, slope: Sequence[float], unit: float
 ) -> tuple[float, float]:
     """Return the rate of a margin by differences along the flow, and a bound of its error."""
     h = PART * unit
     return derivative([tried.margin(i, along(at, slope, k * h)) for k in range(-4, 5)], h)
 
 
-def check_rate(tried: Tried, i: int, at: Point, slope: Sequence[float], unit: float) -> None:
+def check_rate(tried: Tried, i: int, at: Place, slope: Sequence[float], unit: float) -> None:
     """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
     guard = tried.definition.guards[i]
     given = tried.rate(i, at)
@@ -63,7 +63,7 @@ def check_rate(tried: Tried, i: int, at: Point, slope: Sequence[float], unit: fl
     raise Function("rate", guard.rate, guard.name).error(problem, remedy)
 
 
-def check_jacobian(tried: Tried, at: Point, unit: float) -> None:
+def check_jacobian(tried: Tried, at: Place, unit: float) -> None:
     """Raise FunctionError unless the given Jacobian is that of the flow."""
     given = tried.jacobian(at)
     slope = tried.flow(at)
@@ -72,7 +72,7 @@ def check_jacobian(tried: Tried, at: Point, unit: float) -> None:
         columns = []
         for k in range(-4, 5):
             y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
-            columns.append(tried.flow(Point(at.mode, at.t, y)))
+            columns.append(tried.flow(Place(at.mode, at.t, y)))
         for i in range(tried.n):
             found, error = derivative([column[i] for column in columns], h)
             if abs(given[i][j] - found) > error + 1e-3 * (abs(found) + abs(given[i][j])):

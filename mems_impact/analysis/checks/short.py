@@ -15,7 +15,7 @@ from mems_impact.analysis.checks.times import check_times
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.blaming import Function
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD
-from mems_impact.hybrid.tried import Point, Tried, Undefined
+from mems_impact.hybrid.tried import Place, Tried, Undefined
 
 __all__ = ["Clock", "Short"]
 
@@ -31,7 +31,7 @@ ZERO = 1e-9  # a margin that is none, of what it changes by within the time scal
 FALLING = 1e-3  # a rate that falls after a transition, of that before it
 BISECTIONS = 50
 
-Met = Callable[[int, Point, Point], None]
+Met = Callable[[int, Place, Place], None]
 
 
 class Lost(Exception):
@@ -67,12 +67,12 @@ class Short:
         self.looked: dict[int, int] = {}
         self.hits: dict[int, list[float]] = {}
 
-    def go(self, start: Point, *, meant: bool) -> None:
+    def go(self, start: Place, *, meant: bool) -> None:
         """Run from `start`.
 
         Parameters
         ----------
-        start : Point
+        start : Place
         meant : bool
             Whether the user says that runs start there; else a function need have no value there.
 
@@ -104,18 +104,18 @@ class Short:
         """Return the guards that watch in a mode."""
         return [i for i, g in enumerate(self.guards) if g.modes is None or mode in g.modes]
 
-    def margins(self, at: Point) -> dict[int, float]:
+    def margins(self, at: Place) -> dict[int, float]:
         """Return the margins of the guards that watch."""
         return {i: self.tried.margin(i, at) for i in self.watching(at.mode)}
 
-    def rate(self, i: int, at: Point, slope: Sequence[float]) -> float:
+    def rate(self, i: int, at: Place, slope: Sequence[float]) -> float:
         """Return the rate of a margin, given or not."""
         if self.guards[i].rate is not None:
             return self.tried.rate(i, at)
         return rate_of(self.tried, i, at, slope, self.clock.unit)[0]
 
     def inside(
-        self, start: Point, slope: Sequence[float], now: dict[int, float], *, meant: bool
+        self, start: Place, slope: Sequence[float], now: dict[int, float], *, meant: bool
     ) -> bool:
         """Return whether the start lies beyond an impact, on its way further in."""
         for i, margin in now.items():
@@ -131,7 +131,7 @@ class Short:
                 raise InvalidParameter("initial", None, "", problem=problem)
         return False
 
-    def look(self, at: Point, slope: Sequence[float]) -> None:
+    def look(self, at: Place, slope: Sequence[float]) -> None:
         """Compare rates with differences, and times with later ones, at the first few points."""
         seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
         if seen > LOOKED:
@@ -142,7 +142,7 @@ class Short:
             if self.guards[i].rate is not None:
                 check_rate(self.tried, i, at, slope, self.clock.unit)
 
-    def follow(self, at: Point, slope: list[float], now: dict[int, float]) -> None:
+    def follow(self, at: Place, slope: list[float], now: dict[int, float]) -> None:
         """Follow the flow and its events until the budget is spent."""
         unit, end = self.clock.unit, at.t + UNITS * self.clock.unit
         longest, h = unit / STEPS_PER_PERIOD, 1e-4 * unit
@@ -165,7 +165,7 @@ class Short:
                 mode, y = self.tried.transition("settle", None, there)
                 period = self.clock.period
                 shift = period if period is not None and there.t >= period else 0.0
-                there, end = Point(mode, there.t - shift, y), end - shift
+                there, end = Place(mode, there.t - shift, y), end - shift
             if fallen or there.t != at.t + h:
                 ahead = self.tried.flow(there)
                 later = self.margins(there)
@@ -173,26 +173,26 @@ class Short:
             self.look(at, slope)
             h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
 
-    def above(self, i: int, margin: float, at: Point, slope: list[float]) -> bool:
+    def above(self, i: int, margin: float, at: Place, slope: list[float]) -> bool:
         """Return whether a margin is positive, or about to be."""
         return margin > 0.0 or self.rate(i, at, slope) > 0.0
 
     def step(
-        self, at: Point, k1: list[float], h: float, stop: float
-    ) -> tuple[Point, list[float], float] | None:
+        self, at: Place, k1: list[float], h: float, stop: float
+    ) -> tuple[Place, list[float], float] | None:
         """Return point and slope after a step and its error; None if it leaves the domain."""
         last = math.nextafter(stop, 0.0) if stop < math.inf else math.inf
         mode, t, y = at
 
         def slope_at(part: float, *terms: tuple[float, list[float]]) -> list[float]:
             self.calls -= 1
-            return self.tried.flow(Point(mode, min(t + part * h, last), moved(y, h, *terms)))
+            return self.tried.flow(Place(mode, min(t + part * h, last), moved(y, h, *terms)))
 
         try:
             k2 = slope_at(0.5, (0.5, k1))
             k3 = slope_at(0.75, (0.75, k2))
             new = moved(y, h, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
-            there = Point(mode, min(t + h, stop), new)
+            there = Place(mode, min(t + h, stop), new)
             k4 = slope_at(1.0, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
         except (Undefined, FunctionError):
             return None
@@ -206,21 +206,21 @@ class Short:
     def crossing(
         self,
         fallen: list[int],
-        at: Point,
+        at: Place,
         slope: list[float],
-        there: Point,
+        there: Place,
         ahead: list[float],
-    ) -> tuple[int, Point]:
+    ) -> tuple[int, Place]:
         """Return the guard whose margin falls through zero first within a step, and where."""
         h = there.t - at.t
 
-        def between(part: float) -> Point:
+        def between(part: float) -> Place:
             # Hermite's cubic.
             b = part * part * (3.0 - 2.0 * part)
             c, d = part * (1.0 - part) ** 2 * h, part * part * (part - 1.0) * h
             parts = zip(at.y, slope, there.y, ahead, strict=True)
             y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in parts]
-            return Point(at.mode, at.t + part * h, y)
+            return Place(at.mode, at.t + part * h, y)
 
         found = []
         for i in fallen:
@@ -235,7 +235,7 @@ class Short:
         part, _, i = min(found)
         return i, between(part)
 
-    def resolve(self, i: int, at: Point) -> Point:
+    def resolve(self, i: int, at: Place) -> Place:
         """Carry out the transitions of an instant, beginning with guard `i`."""
         guard, fired = self.guards[i], 0
         kind = "transition"
@@ -248,7 +248,7 @@ class Short:
             if before >= 0.0:
                 raise Lost  # rounding, rather than the flow, has led through zero
             mode, y = self.tried.transition(kind, i, at)
-            after = Point(mode, at.t, y)
+            after = Place(mode, at.t, y)
             self.met(i, at, after)
             if not self.falls(i, after, before):
                 return after
@@ -258,14 +258,14 @@ class Short:
             at = after
         return at
 
-    def accumulates(self, i: int, at: Point) -> bool:
+    def accumulates(self, i: int, at: Place) -> bool:
         """Note an impact; return whether it is the last but infinitely many of a sequence."""
         hits = self.hits[i] = [*self.hits.get(i, []), at.t][-SEQUENCE - 1 :]
         flights = [later - earlier for earlier, later in pairwise(hits)]
         shrinking = all(0.0 < short < long for long, short in pairwise(flights))
         return len(flights) == SEQUENCE and shrinking and flights[-1] < WEAK * self.clock.unit
 
-    def falls(self, i: int, at: Point, before: float) -> bool:
+    def falls(self, i: int, at: Place, before: float) -> bool:
         """Return whether a guard fires again after its transition."""
         if i not in self.watching(at.mode):
             return False
@@ -274,7 +274,7 @@ class Short:
         low = self.tried.margin(i, at) <= ZERO * abs(before) * self.clock.unit
         return low and rate < -FALLING * abs(before) - error
 
-    def still_falling(self, i: int, kind: str, at: Point) -> FunctionError:
+    def still_falling(self, i: int, kind: str, at: Place) -> FunctionError:
         """Return the sentence about a transition that leads nowhere."""
         guard = self.guards[i]
         assert guard.transition is not None

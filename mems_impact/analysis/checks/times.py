@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mems_impact.hybrid.blaming import Function
-from mems_impact.hybrid.tried import Point, Tried
+from mems_impact.hybrid.tried import Place, Tried
 
 __all__ = ["check_times"]
 
@@ -15,14 +15,14 @@ SLACK = 1e-6  # of the largest component of the flow, or of what time changes in
 
 
 def check_times(
-    tried: Tried, at: Point, slope: Sequence[float], period: float | None, unit: float
+    tried: Tried, at: Place, slope: Sequence[float], period: float | None, unit: float
 ) -> None:
     """Raise FunctionError unless the flow is that of a period later, or of any time without one.
 
     Parameters
     ----------
     tried : Tried
-    at : Point
+    at : Place
     slope : sequence of float
         The flow there.
     period : float or None
@@ -31,7 +31,7 @@ def check_times(
     """
 
     def ahead(time: float) -> list[float]:
-        return tried.flow(Point(at.mode, at.t + time, at.y))
+        return tried.flow(Place(at.mode, at.t + time, at.y))
 
     others = [ahead(part * (period or unit)) for part in PARTS]
     # Where terms of the flow cancel, their rounding is far larger than what is left.
