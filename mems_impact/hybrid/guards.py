@@ -106,8 +106,8 @@ def follow(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: Any)
         out[j] = y[j] + h / 6.0 * (total[j] + slope[j])
 
 
-def trend(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> int:
-    """Return whether margin `i` is about to rise (1), to fall (-1), or neither (0).
+def about_to_fall(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
+    """Return whether margin `i` is about to fall, by what comes next.
 
     After `resolution`. The flow is followed for longer and longer until the margin has moved by
     more than rounding: a gap that opens with no speed and no acceleration, as that of a body which
@@ -125,8 +125,8 @@ def trend(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> int:
         contract.margins(engine, mode, t + h, ahead, g)
         moved = g[i] - margin
         if abs(moved) > seen + h * drift:
-            return 1 if moved > 0.0 else -1
-    return 0
+            return bool(moved < 0.0)
+    return False
 
 
 def falling(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
@@ -134,14 +134,14 @@ def falling(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
 
     The polynomial of a step has the integration error, and a difference of large numbers its
     rounding; below them a margin seems to fall through zero where it does not, again and again.
-    A rate that is clearly negative is believed, else the flow is asked. Overwrites what `trend`
-    does.
+    A rate that is clearly negative is believed, else the flow is asked. Overwrites what
+    `about_to_fall` does.
     """
     m = s.m
     rate = row(s, LOOKED)[m + i]
     if rate < -rounding_of(s, m + i) - error_of(s, m + i):
         return True
-    return trend(engine, s, mode, i, t, y) < 0
+    return about_to_fall(engine, s, mode, i, t, y)
 
 
 def violated(
@@ -158,7 +158,7 @@ def violated(
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. Of
     guards that only record, those fire whose margin has come there now. The guard `but` is left
     out, and with it, since then a state is only tried, those that only record. Of impacts alone,
-    those up to `after`, in order, come last. Overwrites what `resolution` and `trend` do.
+    those up to `after`, in order, come last. Overwrites what `resolution` and `about_to_fall` do.
     """
     order = row(s, ORDER)
     resolution(engine, s, mode, t, y)

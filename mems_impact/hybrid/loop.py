@@ -118,7 +118,6 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             return PAUSED
         if s.fresh == 1:
             s.fresh = 0
-            s.restart = 1
             s.failure = inside(engine, s, s.t, y)
             if s.failure != NONE:
                 return INADMISSIBLE

@@ -158,7 +158,6 @@ class _Run:
             "end_cycle": end.cycle,
             "end_phase": end.time,
             "fresh": 1,
-            "restart": 1,
             "pending": loop.NONE,
             "stop": math.inf,
             "max_steps": problem.options.max_steps,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -101,7 +102,7 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
     states: list[Floats] = []
     times: list[float] = []
     mode, y, cycle = trajectory.start.mode, _without_cyclic(automaton, trajectory.start.y), 0
-    impacts: dict[int, list[tuple[int, float]]] = {}
+    struck: dict[int, tuple[int, float]] = {}  # when each guard fired last
 
     def close(code: int, time: float, switch: int = -1) -> None:
         segments.append(Segment(mode, cycle, code, switch))
@@ -122,17 +123,17 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
         if kind == loop.TRANSITION:
             close(guard, time)
-            impacts.setdefault(guard, []).append(now)
+            struck[guard] = now
         elif kind == loop.ACCUMULATION and (
-            len(impacts.get(guard, [])) < 2
+            guard not in struck
             or not completes(events, int(i))
-            or impacts[guard][-1] == now  # flights that drown in rounding: no time for one more
+            or struck[guard] == now  # flights that drown in rounding: no time for one more
         ):
             close(m + guard, time)
         elif kind == loop.ACCUMULATION:
             # The loop leaps over the rest of the sequence from the last impact that it saw. Here
             # one flight more is taken, and the impact after it is the one without rebound.
-            whole, since = impacts[guard][-1]
+            whole, since = struck[guard]
             seen = Instant(cycle, (whole - cycle) * period + since, mode, y)
             rest = int(events.mode_after[i])
             for step in completion(trajectory.problem, seen, guard, time - seen.time, rest):
@@ -153,10 +154,10 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
         cycle += 1
         if cycle < periods:
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
-    for j in range(1, len(segments)):
-        if segments[j].cycle == segments[j - 1].cycle and times[j] <= times[j - 1]:
+    for (one, earlier), (two, later) in pairwise(zip(segments, times, strict=True)):
+        if two.cycle == one.cycle and later <= earlier:
             raise OrbitError(
-                reason=f"two transitions fall into one instant (t = {times[j]:.6g})",
+                reason=f"two transitions fall into one instant (t = {later:.6g})",
                 remedy="move the parameter a little",
             )
     return Guess(tuple(segments), np.array(states), np.array(times))

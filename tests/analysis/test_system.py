@@ -33,6 +33,24 @@ def test_a_ball_comes_to_rest(options, arrays):
                                    "v after": "m/s"}  # fmt: skip
 
 
+def test_until_comes_after_what_else_happens_in_its_instant():
+    """Whatever order a guard is given: a mark that is passed there is still recorded."""
+
+    def height(mode, t, y, p):
+        return y.x
+
+    system = mi.System(
+        states=("x",),
+        flow=lambda mode, t, y, p: (-1.0,),
+        guards=[mi.Guard("mark", height, order=50)],
+        initial={"x": 1.0},
+    )
+    options = mi.Options(method="dop853", engine="interpreted")
+    run = mi.simulate(system, until=height, options=options)
+    assert run.ended == "until"
+    assert "mark" in run.events["event"].tolist()
+
+
 def test_no_forcing_no_periods_in_tables():
     run = mi.simulate(ball(), duration=0.5)
     assert list(run.events.columns) == ["t", "event", "mode before", "mode after", "x", "v"]

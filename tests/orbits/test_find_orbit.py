@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.run import Problem, run
 from mems_impact.orbits.finding import find_orbit
 from mems_impact.orbits.orbit import check_closed
-from mems_impact.orbits.signature import BOUNDARY, Segment
+from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 from tests.continuation import free_block
 from tests.orbits.families import (
     actuator,
@@ -217,3 +219,27 @@ def test_a_period_that_jumps_is_refused(share, allowed):
         return
     with pytest.raises(OrbitError, match="period jumps"):
         orbit.shooting.setting(np.array([1.0 / share]))
+
+
+def test_two_transitions_in_one_instant_are_no_signature():
+    """The second guard of a mode that the first leads to fires where it does."""
+
+    def flow(mode, t, y, p, dy):
+        dy[0] = 1.0
+
+    def margins(mode, t, y, p, g, r):
+        if mode < 2:
+            g[mode], r[mode] = 0.5 - y[0], -1.0
+
+    automaton = Automaton(
+        states=("x",),
+        modes=("first", "second", "third"),
+        guards=(Guard("one", order=0), Guard("two", order=1)),
+        flow=flow,
+        margins=margins,
+        transition=lambda mode, code, t, y, p: code + 1,
+    )
+    options = Options(method="dop853", engine="interpreted")
+    problem = Problem(automaton=automaton, parameters=np.zeros(1), period=1.0, options=options)
+    with pytest.raises(OrbitError, match=r"two transitions fall into one instant \(t = 0.5\)"):
+        read_guess(problem, at((0.0,)), 1)

@@ -27,6 +27,7 @@ BRANCHES = [f"tests/continuation/test_{name}.py" for name in BRANCHES]
 # Tests of a module, those that tell soonest first; of a room, where the module has none of its own.
 TESTS: dict[str, list[str]] = {
     "hybrid": RUNS,
+    "hybrid/written": ["tests/analysis/test_system.py", *RUNS],
     "hybrid/variational": ["tests/hybrid/test_variational.py", *ORBITS],
     "hybrid/columns": ["tests/hybrid/test_variational.py", *ORBITS],
     "hybrid/passage": ["tests/hybrid/test_variational.py", *ORBITS],
