@@ -176,7 +176,7 @@ def violated(
 
 
 def has_passed(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
-    """Return whether the margin of guard `i`, which only records, has not come to zero just now.
+    """Return whether the margin of guard `i`, which only records, has not fallen to zero now.
 
     After `resolution` of a state that a transition has left, PAST being the one before it, or that
     is looked at again because of a margin in doubt.

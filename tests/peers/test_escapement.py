@@ -66,7 +66,7 @@ def started(faster=1.0):
 
 @pytest.fixture(params=["dop853", pytest.param("adams", marks=pytest.mark.slow)])
 def options(request):
-    # Thirty guards whose rates are differences compile for half a minute: not here.
+    # Thirty guards whose rates are differences take 20 s to compile: not here.
     return mi.Options(engine="interpreted", method=request.param)
 
 
