@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.errors import RunError
+from mems_impact.errors import FunctionError, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import extended_flow
 from mems_impact.hybrid.passage import NO_EVENT, SCRATCH, traverse
@@ -173,26 +173,37 @@ class Variational:
         by_margin = np.zeros((count, 2 * m, n + 2 + k))
         by_jump = np.zeros((count, n, n + 2 + k))
         after = np.zeros((count, n))
-        failed = self._bound.call(
-            traverse,
-            self._block,
-            n,
-            m,
-            k,
-            self._problem.options.max_steps,
-            codes,
-            times,
-            moving,
-            y,
-            slopes,
-            minima,
-            touches,
-            margins,
-            by_margin,
-            by_jump,
-            after,
-            self._work,
-        )
+        try:
+            failed = self._bound.call(
+                traverse,
+                self._block,
+                n,
+                m,
+                k,
+                self._problem.options.max_steps,
+                codes,
+                times,
+                moving,
+                y,
+                slopes,
+                minima,
+                touches,
+                margins,
+                by_margin,
+                by_jump,
+                after,
+                self._work,
+            )
+        except FunctionError as error:
+            here = RunError(
+                reason=error.reason,
+                remedy=error.remedy,
+                cycle=0,
+                phase_time=float(times[0, 0]),
+                mode=self._problem.automaton.modes[int(segments[0, 0])],
+                state={},
+            )
+            raise here from error
         if failed >= 0:
             raise RunError(
                 reason="an arc of the orbit cannot be integrated",

@@ -206,3 +206,19 @@ def test_results_return_from_a_pool_of_processes():
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         for run, drive in zip(pool.map(simulated, drives), drives, strict=True):
             assert run == simulated(drive)
+
+
+@pytest.mark.parametrize(
+    ("state", "mode"),
+    [
+        ({"v1": 0.1}, "stuck-free"),
+        ({"v1": -0.1}, "forward-free"),
+        ({"v1": 0.1}, "backward-free"),
+        ({"x2": 0.1}, "stuck-right"),
+    ],
+)
+def test_a_mode_has_to_fit_the_velocities(state, mode):
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+    assert mode in system.modes
+    with pytest.raises(mi.InvalidParameter, match=f"mode = '{mode}': does not fit"):
+        mi.simulate(system, 1, initial=mi.State(mode=mode, **state))
