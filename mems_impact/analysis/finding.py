@@ -23,10 +23,6 @@ ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits; arcs are short."""
 IF_STIFF = "bdf"
 """The method that takes over from that of `ORBIT_OPTIONS`."""
-FORCED = (
-    "the functions of the system depend on t, and nothing says with which period: give period= to "
-    "the System, or leave t out of them"
-)
 UNFORCED = (
     "nothing in the system depends on t, and its motion does not repeat with this period: leave "
     "period= out of the System, and its own cycle is found"
@@ -75,8 +71,8 @@ def find_orbit(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or the system has no period though its functions depend on
-        time, or has one though none does.
+        If an argument is out of range, or the system has a period though none of its functions
+        depends on time.
     OrbitError
         If there is no orbit near the guess, or the motion does not return, or comes to rest; its
         ``partial`` is the `State` that was reached.
@@ -99,8 +95,6 @@ def find_orbit(
     if_stiff = IF_STIFF if options is None else None
     problem = system.problem(chosen)
     start = system.instant(guess, problem, field="guess")
-    if not system.forced and time_enters(problem, start.y):
-        raise InvalidParameter("period", None, "", problem=FORCED)
     try:
         if system.forced:
             found = orbits.find_orbit(

@@ -173,12 +173,3 @@ def spiral(mu: float) -> mi.System:
     return mi.System(
         states=("x", "y"), flow=_spiral, parameters={"mu": mu, "k": 1.0}, initial={"x": 1.0}
     )
-
-
-def _swinging(mode, t, y, p):
-    return y.v, math.cos(t) - y.x - 0.1 * y.v
-
-
-def swinging() -> mi.System:
-    """A driven oscillator that does not say with which period it is driven."""
-    return mi.System(states=("x", "v"), flow=_swinging, initial={"x": 1.0})

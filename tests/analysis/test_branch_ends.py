@@ -28,10 +28,6 @@ def out_of_range(mode, t, y, p):
     return mode, (1.0, -math.sqrt(y.v * y.v - 0.1))
 
 
-def beyond(mode, t, y, p):
-    return mode, (1.0 + y.v, y.v)  # into the wall, further and further
-
-
 GRAZING = math.hypot(1.0, 0.2)  # the amplitude at which x = A/|2 - 1 + 0.2 i| comes to 1
 
 
@@ -40,7 +36,6 @@ GRAZING = math.hypot(1.0, 0.2)  # the amplitude at which x = A/|2 - 1 + 0.2 i| c
     [
         (undefined, "not finite"),
         (out_of_range, "math domain error"),
-        (beyond, ""),
     ],
 )
 def test_a_contact_that_fails_ends_the_branch_where_it_is_grazed(rebound, reason):

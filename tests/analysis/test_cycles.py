@@ -16,7 +16,6 @@ from tests.analysis.oscillators import (
     roessler,
     spiral,
     stribeck_belt,
-    swinging,
     thermostat,
     van_der_pol,
 )
@@ -141,7 +140,7 @@ def test_a_belt_with_stribeck_friction_against_scipy():
 
 @pytest.mark.slow
 def test_an_unstable_cycle_of_lorenz_against_a_published_number():
-    """Viswanath, Nonlinearity 16 (2003) 1035, Table 1: the cycle AB of the standard parameters."""
+    """Viswanath, Nonlinearity 16 (2003) 1035: the cycle AB, to 14 digits."""
     orbit = find(lorenz(), guess={"x": -13.7636, "y": -19.5788, "z": 27.0})
     assert orbit.period == pytest.approx(1.5586522107161747, abs=1e-11)
     assert not orbit.stable
@@ -254,9 +253,7 @@ def test_what_comes_to_rest_or_does_not_return_is_told():
         find(belt(), period=-1.0)
 
 
-def test_a_period_that_is_missing_or_not_there_is_told():
-    with pytest.raises(mi.InvalidParameter, match="depend on t, and nothing says"):
-        find(swinging())
+def test_a_period_that_is_not_there_is_told():
     with pytest.raises(mi.InvalidParameter, match="nothing in the system depends on t"):
         find(van_der_pol(period=3.0))
 
