@@ -18,8 +18,8 @@ PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int,
 INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 
 # What a transition returns in place of a mode: it ends the run; it does not say how a sequence of
-# impacts goes on.
-ENDS, NO_REST = -3, -2
+# impacts goes on; no mode fits the state.
+ENDS, NO_REST, NO_FIT = -3, -2, -4
 
 # Kinds of rows in the event buffer: see `Kind`.
 TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = map(int, Kind)

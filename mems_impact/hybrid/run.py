@@ -301,6 +301,9 @@ class _Run:
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+        if status == loop.NO_SUCH_MODE and failure == record.NO_FIT:
+            reason = "two switching surfaces attract the state at once: no mode says how it slides"
+            remedy = "write modes of your own for where they meet, or make the two one Surface"
         if status in (loop.CYCLING, loop.EVENT_BUDGET):
             latest = Events.from_rows(self.latest)
             opposite = opposed(latest, automaton, self.problem.period)

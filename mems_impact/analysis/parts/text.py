@@ -21,6 +21,7 @@ from mems_impact.analysis.parts.contact import Contact, Sides
 from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
 from mems_impact.analysis.parts.surface import ABOVE, BELOW, SLIDING, Surface
 from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.record import NO_FIT
 from mems_impact.hybrid.written import function, indented, named
 
 __all__ = ["Text"]
@@ -218,6 +219,11 @@ class Text:
             f"    for candidate in range({self.count}):",
             *indented(indented(search)),
         ]
+        if len(self.surfaces) > 1:
+            # Along two surfaces at a time Filippov's method defines no flow.
+            lines.append(f"return {NO_FIT}")
+            return function("settled(mode, fired, own, jumped, t, y, p)", lines)
+        # Some mode fits, but for rounding.
         for i, stride in enumerate(self.strides):
             lines += [f"if given == {i}:", f"    return mode + (own - last{i}) * {stride}"]
         return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])

@@ -107,3 +107,36 @@ def test_a_surface_that_moves_with_a_parameter_and_a_level():
     assert run.final.x - 1.0 == pytest.approx(
         (entered["x"] - 1.0) * math.exp(-2.0 * gone), rel=1e-6
     )
+
+
+def test_two_surfaces_that_attract_at_once_are_an_error_and_else_each_has_its_own():
+    def flow(mode, t, y, p):
+        return -1.0 * mode.first, p.drift - 1.0 * mode.second
+
+    corner = mi.System(
+        states=("x", "z"), flow=flow, parameters={"drift": 0.0}, initial={"x": 1.0, "z": 2.0},
+        parts=[mi.Surface("first", "x"), mi.Surface("second", "z")],
+    )  # fmt: skip
+    with pytest.raises(mi.RunError, match="two switching surfaces attract the state at once"):
+        mi.simulate(corner, duration=3.0, options=PLAIN)
+    crossed = mi.simulate(corner.changed(drift=-3.0), duration=3.0, options=PLAIN)
+    assert crossed.events["event"].tolist() == ["second", "first"]
+    assert crossed.events["t"].tolist() == pytest.approx([0.5, 1.0], rel=1e-12)
+    assert crossed.final.mode == "sliding-below"
+    assert crossed.final.z == pytest.approx(2.0 - 0.5 * 4.0 - 2.5 * 2.0, rel=1e-9)
+
+
+def test_a_body_with_friction_slides_along_the_line_that_its_control_holds():
+    def control(mode, t, y, p):
+        return y.v, -2.0 * mode.line
+
+    held = mi.System(
+        states=("x", "v"), flow=control, initial={"x": 2.0},
+        parts=[mi.Surface("line", {"x": 1.0, "v": 1.0}), mi.Friction("ground", "v", mu=0.3)],
+    )  # fmt: skip
+    run = mi.simulate(held, duration=4.0, options=PLAIN)
+    # Until it is reached v = -1.7 t and x = 2 - 0.85 t^2; then x falls as exp(-t).
+    t = -1.0 + math.sqrt(1.0 + 2.0 / 0.85)
+    assert run.events["t"].tolist() == pytest.approx([t], rel=1e-9)
+    assert run.final.mode == "sliding-backward"
+    assert run.final.x == pytest.approx(1.7 * t * math.exp(t - 4.0), rel=1e-8)
