@@ -99,7 +99,7 @@ branches = [
 ]
 for branch in branches:
     print(branch)
-sweep = mi.sweep(block, "beta", np.linspace(0.1, 6.9, 137), transient=200, periods=30)
+sweep = mi.sweep(block, "beta", np.linspace(0.12, 6.92, 137), transient=200, periods=30)
 mi.plot_branch(branches, sweep=sweep).figure.savefig("rocking_block_branch.png")
 
 # %%
