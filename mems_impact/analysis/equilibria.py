@@ -212,7 +212,7 @@ def _measures(system: System, state: StationaryState) -> dict[str, Any]:
     return {
         "stable": state.stable,
         "admissible": state.admissible,
-        "largest real part": largest / float(system.scales.out(1.0, "s")),
+        "largest real part": largest / system.out("time", 1.0),
         "states": {
             name: np.array([y[i]]) for i, name in enumerate(system.states) if i not in cyclic
         },

@@ -74,7 +74,7 @@ class Equilibrium(Value):
 
         Without the zeros of a continuum (see `neutral`).
         """
-        return self.found.eigenvalues / self.system.scales.out(1.0, "s")
+        return self.found.eigenvalues / self.system.out("time", 1.0)
 
     @property
     def neutral(self) -> int:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.blaming import Function, told
 from mems_impact.hybrid.guarded import GuardedMatrix, GuardedVector, Misuse
-from mems_impact.hybrid.record import ENDS
+from mems_impact.hybrid.record import ENDS, NO_FIT
 from mems_impact.hybrid.written import Definition, named, writes_into_arrays
 
 __all__ = ["Place", "Tried", "Undefined"]
@@ -185,7 +185,7 @@ class Tried:
     def _existing(self, function: Function, mode: Any) -> int:
         """Return a mode that there is."""
         modes = self.definition.modes
-        if isinstance(mode, Integral) and int(mode) in (ENDS, *range(len(modes))):
+        if isinstance(mode, Integral) and int(mode) in (ENDS, NO_FIT, *range(len(modes))):
             return int(mode)
         what = f"mode {mode}" if isinstance(mode, Real) else told(mode)
         known = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))

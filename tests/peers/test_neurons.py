@@ -82,6 +82,7 @@ P = {"gL": 0.1, "EL": -60.0, "C": 1.0, "Vth": -35.0, "Vreset": -65.0, "tau": 2.0
 
 def coupled(mode, t, y, p, dy):
     for i in range(N):
+        dy[i], dy[N + i] = 0.0, 0.0
         if mode & (1 << i):
             dy[N + i] = -1.0  # it rests, for so long yet
         else:
