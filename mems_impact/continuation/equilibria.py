@@ -152,8 +152,9 @@ class _Walker:
                 after = self._tests(following, onward)
                 found = self._crossed(step, length, before, after)
                 if not self.low <= following.values[0] <= self.high:
-                    self._finish(step, length)
+                    last = self._at_bound(step, length)
                     self._take(found)
+                    self._append(last)
                     self.branch.ended = f"{self.branch.parameter} reached its bound"
                     return
             except (OrbitError, InvalidParameter) as error:
@@ -189,11 +190,13 @@ class _Walker:
             self.progress(float(balance.values[0]))
 
     def _take(self, found: list[tuple[float, EquilibriumEvent]]) -> None:
+        """Note what happens within a step, and that the branch passes there."""
         inside = [each for _, each in found if self.low <= each.value <= self.high]
         self.branch.special_points += inside
+        self.branch.points += [each.equilibrium for each in inside]
 
-    def _finish(self, step: Step[Balance], length: float) -> None:
-        """Put the last equilibrium at the bound, which lies within a step."""
+    def _at_bound(self, step: Step[Balance], length: float) -> Balance:
+        """Return the equilibrium at the bound, which lies within a step."""
         begin, end = step.start[-1], step.at(length).unknowns[-1]
         bound = self.low if end < self.low else self.high
         guess = step.start + (bound - begin) / (end - begin) * (
@@ -206,7 +209,7 @@ class _Walker:
             return balance, balance.residual, balance.jacobian
 
         remedy = "take shorter steps"
-        self._append(newton(at, guess[:-1], reason="the bound is missed", remedy=remedy).point)
+        return newton(at, guess[:-1], reason="the bound is missed", remedy=remedy).point
 
     def _tests(self, balance: Balance, direction: Floats) -> dict[Test, float]:
         """Return the test functions, zero where something happens."""

@@ -130,12 +130,19 @@ def check_moving(shooting: Shooting, before: Point, after: Point) -> None:
     """
     if shooting.phase is None:
         return
-    normal = np.array(shooting.phase.normal)
-    slow, fast = (normal @ point.arcs[0].slope_start[shooting.free] for point in (after, before))
-    if slow < SLOWER * fast or slow * after.period < POINT:
+    normal, free = np.array(shooting.phase.normal), shooting.free
+    slow, fast = (float(normal @ point.arcs[0].slope_start[free]) for point in (after, before))
+    states, _ = shooting.unpack(after.unknowns)
+    reach = max(float(np.abs(arc.end[free] - states[0, free]).max()) for arc in after.arcs)
+    if max(slow * after.period, reach) < POINT:
         raise OrbitError(
             reason="the cycle shrinks to an equilibrium: this is a Hopf point",
             remedy="go on with the equilibrium",
+        )
+    if slow < SLOWER * fast:
+        raise OrbitError(
+            reason=f"the cycle all but stops on its way, its period of {after.period:.3g} growing",
+            remedy="take shorter steps; it may end in an equilibrium on the cycle",
         )
 
 
