@@ -66,7 +66,8 @@ def test_every_waveform_is_described():
 def test_the_map_of_the_house_names_what_is_there():
     page = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     paths = set(re.findall(r"`((?:mems_impact|tests|validation|docs)/[^`]*)`", page))
-    paths = {path for path in paths if not re.search("[A-Z]{2}", path)}  # KIND and NAME: to come
+    # KIND and NAME are to come, as is what is built.
+    paths = {path for path in paths if not re.search("[A-Z]{2}|_build", path)}
     assert len(paths) > 15
     assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
     for name, path in re.findall(r"`([A-Z_]+)` of `([^`]+)`", page):

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from mems_impact.continuation.corrector import Steps
-from mems_impact.errors import MemsImpactError, OrbitError
+from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import Point
 
-LOSSES = (MemsImpactError, ArithmeticError, ValueError)
+LOSSES = (FunctionError, InvalidParameter, OrbitError, RunError, ArithmeticError, ValueError)
 """What may keep a branch from going on: it ends there, and what there is of it is returned.
 
 Beside the package's own errors those that a function of the system raises out of its range.

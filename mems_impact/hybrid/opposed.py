@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Events
 
 __all__ = ["LOOKED_AT", "SLIDE", "opposed"]
 
 LOOKED_AT = 4  # events at the end of a run
+ASIDE = 1e-3  # of a period, by which a state is moved back to see on which side modes lie
 AT_ONCE = 1e-6  # of a period, within which they follow each other
 
 SLIDE = (
@@ -19,12 +20,13 @@ SLIDE = (
 )
 
 
-def opposed(events: Events, automaton: Automaton, period: float) -> str:
+def opposed(events: Events, problem: Problem) -> str:
     """Return in words which two modes push against each other at the end of a run.
 
     Each leads to the guard where the other begins, so that their events alternate in no time. Empty
     if that is not how the run ends.
     """
+    automaton, period = problem.automaton, problem.period
     last = slice(-LOOKED_AT, None)
     modes, leads = events.mode_before[last], events.mode_after[last]
     if len(modes) < LOOKED_AT or not (events.kind[last] == loop.TRANSITION).all():
@@ -36,6 +38,28 @@ def opposed(events: Events, automaton: Automaton, period: float) -> str:
     guards = [automaton.guards[i] for i in sorted(set(events.guard[last].tolist()))]
     if any(guard.impact for guard in guards):
         return ""
+    if len(guards) == 1 and _one_side(problem, events):
+        return ""
     one, other = (repr(automaton.modes[mode]) for mode in sorted(modes[:2].tolist()))
     names = " and ".join(repr(guard.name) for guard in guards)
     return f"the modes {one} and {other} push against each other at {names}: neither can last"
+
+
+def _one_side(problem: Problem, events: Events) -> bool:
+    """Return whether both modes lie on the same side of the guard that both watch.
+
+    Then they lead through it in the same direction, and do not push against each other.
+    """
+    automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
+    one, other = events.mode_before[-2:].tolist()
+    time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
+    slope = np.zeros(y.size)
+    automaton.flow(one, time, y, p, slope)
+    behind = y - ASIDE * problem.period * slope
+
+    def is_above(mode: int) -> bool:
+        margins, rates = np.ones(len(automaton.guards)), np.ones(len(automaton.guards))
+        automaton.margins(mode, time, behind, p, margins, rates)
+        return bool(margins[guard] > 0.0)
+
+    return is_above(one) == is_above(other)

@@ -306,7 +306,7 @@ class _Run:
             remedy = "write modes of your own for where they meet, or make the two one Surface"
         if status in (loop.CYCLING, loop.EVENT_BUDGET):
             latest = Events.from_rows(self.latest)
-            opposite = opposed(latest, automaton, self.problem.period)
+            opposite = opposed(latest, self.problem)
             reason, remedy = (opposite, SLIDE) if opposite else (reason, remedy)
         if failure in (contract.NON_FINITE, contract.NO_GUARD) and status == loop.FAILED:
             found = self._searched()

@@ -59,7 +59,7 @@ def test_no_forcing_no_periods_in_tables():
         mi.simulate(ball(), 3)
     with pytest.raises(mi.InvalidParameter, match="say how long to run"):
         mi.simulate(ball())
-    with pytest.raises(mi.InvalidParameter, match="no forcing period"):
+    with pytest.raises(mi.OrbitError, match="an equilibrium was reached"):
         mi.find_orbit(ball())
     with pytest.raises(mi.InvalidParameter, match="no forcing period"):
         mi.sweep(ball(), "e", [0.5])
