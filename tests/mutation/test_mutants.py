@@ -67,6 +67,7 @@ def test_characters_of_several_bytes_do_not_shift_a_mutant():
     ]
 
 
+@pytest.mark.slow
 def test_every_mutant_of_the_numerics_is_a_program_that_differs():
     every = drawn(PROJECT, 1, 10**6)
     assert len(every) > 1000
@@ -75,6 +76,7 @@ def test_every_mutant_of_the_numerics_is_a_program_that_differs():
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
 
 
+@pytest.mark.slow
 def test_the_draw_repeats():
     assert drawn(PROJECT, 3, 20) == drawn(PROJECT, 3, 20)
     assert drawn(PROJECT, 3, 20) != drawn(PROJECT, 4, 20)
@@ -130,6 +132,7 @@ def test_a_trial(copy: tuple[Copy, Path]):
     assert copied.stat().st_mtime_ns == module.stat().st_mtime_ns
 
 
+@pytest.mark.slow
 def test_a_mutant_that_hangs_is_killed(copy: tuple[Copy, Path]):
     trial, _ = copy
     test = "from pathlib import Path\n\n\ndef test():\n"

@@ -110,6 +110,7 @@ def test_no_resolution_says_why():
         mi.resolution(table.drop(columns="displacement per blow"))
 
 
+@pytest.mark.slow
 def test_period_one_window_of_type_two():
     drive = mi.Sine(amplitude=0.18, omega=0.485)
     window = mi.period_one_window(PAPER, drive, low=0.16, high=0.19)
