@@ -135,6 +135,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
     kind = np.where(table["admissible"], kind, "")
     # One column a crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
+    what, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
     # Equilibria keep their mode; an orbit's events may change, and a new piece begin.
     pieces = table.get("piece", pd.Series(0, table.index)).to_numpy()
     edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
@@ -148,6 +149,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
         style: dict[str, Any] = {"color": BLUE, "linewidth": 1.6, "zorder": 3}
         if not stable:
             style = {"color": ORANGE, "linewidth": 1.2, "linestyle": (0, (4, 2)), "zorder": 2}
+        style["linewidth"] *= thin
         before = np.full(end + more - begin, np.nan)
         for column in columns:
             y = table[column].to_numpy()[rows]
@@ -155,10 +157,9 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
             if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
                 continue
             before = y
-            what = "equilibrium" if "piece" not in table else "orbit"
-            text = None if kind[begin] in drawn else f"{kind[begin]} {what}"
-            drawn.add(str(kind[begin]))
-            ax.plot(values[rows], y, label=text, **style)
+            text = f"{kind[begin]} {what}"
+            ax.plot(values[rows], y, label=None if text in drawn else text, **style)
+            drawn.add(text)
 
 
 def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
