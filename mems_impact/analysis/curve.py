@@ -15,7 +15,7 @@ from mems_impact.analysis.special import CodimensionTwo, SpecialPoint, check_kin
 from mems_impact.analysis.system import System
 from mems_impact.continuation import curve as curves
 from mems_impact.continuation.branch import Steps
-from mems_impact.continuation.monitors import LABELS
+from mems_impact.continuation.monitors import BRANCH_POINT, LABELS
 from mems_impact.errors import InvalidParameter
 from mems_impact.tables import orbits as tables
 
@@ -142,6 +142,9 @@ def continue_curve(
     system, first = special.orbit.system, special.parameter
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
+    if special.kind == BRANCH_POINT:
+        allowed = "one whose curve is followed: a branch point is none of a family of orbits alone"
+        raise InvalidParameter("special", special.kind, allowed)
     bounds = bounds_of(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:

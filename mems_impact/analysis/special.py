@@ -50,10 +50,10 @@ class SpecialPoint(Value):
     Attributes
     ----------
     kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", or the guard that is touched, such
-        as "break-away".
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
+        crosses, as in symmetric systems), or the guard that is touched, such as "break-away".
     label : str
-        As in the paper: G, CF, PD; NS; else the kind.
+        As in the paper: G, CF, PD; NS, BP; else the kind.
     parameter : str
     value : float
         Of the parameter.

@@ -11,8 +11,15 @@ import numpy as np
 from mems_impact.continuation.anew import anew
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
 from mems_impact.continuation.ending import LOSSES, none_beyond, spent, stuck
-from mems_impact.continuation.locating import BranchEvent, locate, rank, special_at
+from mems_impact.continuation.locating import (
+    BranchEvent,
+    locate,
+    rank,
+    special_at,
+    without_folds_at_crossings,
+)
 from mems_impact.continuation.monitors import (
+    BRANCH_POINT,
     FOLD,
     GRAZING,
     NEIMARK_SACKER,
@@ -378,13 +385,11 @@ class _Walker:
             reach = max(lost[0][0] - COINCIDENT, 0.0)
             here = step.at(reach).point
             after = monitors(shooting, here, tangent(here, step.along))
-        # Multipliers may stay on the unit circle.
-        smooth = {
-            m: v
-            for m, v in after.items()
-            if not m.role and not (m.kind == NEIMARK_SACKER and max(abs(v), abs(before[m])) < NOISE)
-        }
-        special_points = [special for _, special in crossed(smooth, reach)]
+        # Multipliers may stay on the unit circle, and orbits lie side by side.
+        quiet = {m for m in before if m.kind in (NEIMARK_SACKER, BRANCH_POINT)}
+        quiet = {m for m in quiet if max(abs(before[m]), abs(after.get(m, 0.0))) < NOISE}
+        smooth = {m: v for m, v in after.items() if not m.role and m not in quiet}
+        special_points = [each for _, each in without_folds_at_crossings(crossed(smooth, reach))]
         if first is None:
             return _Found(special_points, None)
         return _Found([*special_points, first[1]], first[1])

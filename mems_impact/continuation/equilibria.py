@@ -11,13 +11,13 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
-from mems_impact.continuation.monitors import FOLD
+from mems_impact.continuation.monitors import BRANCH_POINT, FOLD
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.equilibrium import Balance, Balancing, StationaryState, make_equilibrium
 from mems_impact.orbits.newton import newton
 
-HOPF, BRANCH_POINT, BOUNDARY = "Hopf", "branch point", "boundary equilibrium"
+HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
 LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE"}
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from mems_impact.continuation.corrector import Step, tangent
 from mems_impact.continuation.monitors import (
+    BRANCH_POINT,
     FOLD,
     LABELS,
     NEAR,
@@ -24,6 +25,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced, reduced
 from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
+AT_ONE = 1e-5  # distance on a branch below which a fold and a crossing are one point
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 
@@ -34,10 +36,10 @@ class BranchEvent:
     Attributes
     ----------
     kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", or the name of the guard whose
-        margin is touched.
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", or the name of the
+        guard whose margin is touched.
     label : str
-        As in the paper: G, CF, PD; else the kind.
+        As in the paper: G, CF, PD; NS, BP; else the kind.
     value : float
         Of the parameter.
     orbit : PeriodicOrbit
@@ -76,6 +78,8 @@ def locate(
         position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
         here = step.at(position).point
     except (KeyError, ValueError) as error:
+        if monitor.kind == BRANCH_POINT:
+            return None  # its sign was one of rounding
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
     special = special_at(monitor, shooting, here, tangent(here, step.along))
     return None if special is None else (position, special)
@@ -92,12 +96,28 @@ def special_at(
     orbit = make_orbit(shooting, here)
     if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
         return None
+    # The branch of a doubled orbit turns round where that of half the period crosses it.
+    at_one = np.abs(orbit.multipliers - 1.0).min() < NEAR
+    if monitor.kind == BRANCH_POINT and (halves(orbit) or not at_one):
+        return None
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
     if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
         return None
     kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
     return BranchEvent(kind, label, value, orbit, direction, monitor)
+
+
+def without_folds_at_crossings(
+    found: list[tuple[float, BranchEvent]],
+) -> list[tuple[float, BranchEvent]]:
+    """Leave out folds at branch points, where the branch that crosses turns round."""
+    crossings = [place for place, special in found if special.kind == BRANCH_POINT]
+    return [
+        (place, special)
+        for place, special in found
+        if special.kind != FOLD or all(abs(place - other) > AT_ONE for other in crossings)
+    ]
 
 
 def rank(special: BranchEvent) -> int:

@@ -13,16 +13,23 @@ from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
-GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER = (
+GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT = (
     "grazing",
     "fold",
     "period-doubling",
     "Neimark-Sacker",
+    "branch point",
 )
 NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
 AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
-LABELS = {GRAZING: "G", FOLD: "CF", PERIOD_DOUBLING: "PD", NEIMARK_SACKER: "NS"}
+LABELS = {
+    GRAZING: "G",
+    FOLD: "CF",
+    PERIOD_DOUBLING: "PD",
+    NEIMARK_SACKER: "NS",
+    BRANCH_POINT: "BP",
+}
 
 
 @dataclass(frozen=True)
@@ -32,8 +39,8 @@ class Monitor:
     Attributes
     ----------
     kind : str
-        "fold", "period-doubling", "Neimark-Sacker", "grazing" (of a guard with impacts), or the
-        name of another guard whose margin is touched.
+        "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch crosses),
+        "grazing" (of a guard with impacts), or the name of another guard whose margin is touched.
     role : str
         For a guard: "approach" (its smallest margin along the orbit), "rate" (the speed at which
         the guard that ends a segment is reached) or "length" (of a segment, zero where two events
@@ -107,6 +114,8 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
     values[Monitor(FOLD)] = float(direction[-1])
     values[Monitor(PERIOD_DOUBLING)] = float(np.linalg.det(matrix + identity))
     values[Monitor(NEIMARK_SACKER)] = _products(np.linalg.eigvals(matrix))
+    if direction.size == point.unknowns.size + 1:  # on a branch, not on a curve
+        values[Monitor(BRANCH_POINT)] = regularity(point, direction)
     automaton, m = shooting.automaton, shooting.m
     for i, segment in enumerate(shooting.segments):
         event = point.events[i]
@@ -120,6 +129,17 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
         if smallest is not None:
             values[Monitor(kind_of(each), "approach", -1, j)] = smallest.value
     return values
+
+
+def regularity(point: Point, direction: Floats) -> float:
+    """Return how far the equations, with the tangent below them, are from a branch point.
+
+    The smallest singular value with the sign of the determinant: zero where another branch crosses,
+    and not where this one turns round.
+    """
+    matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return float(np.linalg.slogdet(matrix)[0] * sizes[-1])
 
 
 def kind_of(guard: Guard) -> str:
