@@ -203,7 +203,8 @@ def find_equilibria(
             "something forces the system: it has orbits (find_orbit), and nothing stands still"
         )
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
-    start = system.instant(guess, system.problem(ORBIT_OPTIONS), field="guess")
+    inner = system.problem(ORBIT_OPTIONS)
+    start = system.instant(guess, inner, field="guess")
     guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({_number(system, mode) for mode in chosen})
@@ -219,6 +220,9 @@ def find_equilibria(
                 failed = failed or error
                 continue
             if not _inside(system, state.state, bounds or {}) and y is not start.y:
+                continue
+            # A contact that holds says nothing of where: the state has to be one of its own.
+            if state.admissible and not system.fits(mode, state.state, inner):
                 continue
             if not any(_same(state, other) for other in here):
                 here.append(state)

@@ -114,6 +114,10 @@ class Numerics(Shown):
             return 0
         return int(self._begin(self.out("time", time), self._state(y), self._outer(problem)))
 
+    def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
+        """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""
+        return self._begin is None or self.mode_of(y, 0.0, problem) == mode
+
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable, which has a unit of its own, of a state of the numerics."""
         return float(observable.function(self._state(y), self._outer(problem)))

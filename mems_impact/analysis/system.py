@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 
 from mems_impact.analysis import checks, given
 from mems_impact.analysis.build import Build
+from mems_impact.analysis.checks.parted import check_parted
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.numerics import Number, Numerics
 from mems_impact.analysis.observable import Observable
@@ -153,6 +154,8 @@ class System(Numerics):
                 masses=masses or {},
                 guards=guards,
             )
+            signs, start = {part.name: part.signs for part in parts}, given.initial(initial)
+            check_parted(flow, names, self._parameters, signs, start.as_dict())
             flow, settle, guards, modes, self._begin = made
         self._definition = Definition(
             states=names,

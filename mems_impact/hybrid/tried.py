@@ -24,9 +24,9 @@ SHOWN = 8  # components of a state in a message
 
 
 class Place(NamedTuple):
-    """Where a function is called."""
+    """Where a function is called; `mode` as the function gets it."""
 
-    mode: int
+    mode: Any
     t: float
     y: list[float]
 
@@ -204,7 +204,8 @@ class Tried:
 
     def _mode(self, at: Place) -> str:
         modes = self.definition.modes
-        return modes[at.mode] if 0 <= at.mode < len(modes) else str(at.mode)
+        known = isinstance(at.mode, int) and 0 <= at.mode < len(modes)
+        return modes[at.mode] if known else str(at.mode)
 
 
 def same(one: Any, other: Any) -> bool:

@@ -265,3 +265,37 @@ def test_a_fold_bears_no_cycle():
     (fold,) = mi.continue_equilibrium(lower, "a", 1.0, back=-1.0).special_points
     with pytest.raises(mi.InvalidParameter, match="Hopf"):
         mi.switch_branch(fold)
+
+
+def padded(mode, t, y, p):
+    return y.v, -y.x - (3.0 * (y.x - 1.0) if mode.pad == 1 else 0.0) - 0.1 * y.v + p.load
+
+
+def test_no_mode_of_a_part_stands_still_off_its_surface():
+    system = mi.System(
+        states=("x", "v"),
+        flow=padded,
+        parameters={"load": 0.6},
+        parts=[mi.Surface("pad", "x", level=1.0)],
+    )
+    (below,) = [each for each in mi.find_equilibria(system) if each.admissible]
+    assert (below.mode, below.state.x) == ("below", pytest.approx(0.6, abs=1e-12))
+    pressed = mi.find_equilibria(system.changed(load=2.0), guess={"x": 1.3})
+    held = [each for each in pressed if each.admissible]
+    assert [(each.mode, each.state.x) for each in held] == [
+        ("above", pytest.approx(1.25, abs=1e-12))
+    ]
+
+
+def test_a_stuck_body_may_stand_still_where_friction_holds_it():
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -p.k * y.x),
+        parameters={"k": 1.0},
+        parts=[mi.Friction("ground", "v", mu=0.5)],
+    )
+    (held,) = mi.find_equilibria(system, guess={"x": 0.3}, modes=["stuck"])
+    assert held.neutral > 0
+    assert held.admissible
+    (slips,) = mi.find_equilibria(system, guess={"x": 0.8}, modes=["stuck"])
+    assert slips.beyond == ("ground slips",)

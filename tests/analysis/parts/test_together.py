@@ -265,3 +265,24 @@ def test_mistakes_of_one_part():
         mi.Stopper("s", "x", "v", restitution=1.0)
     with pytest.raises(mi.InvalidParameter, match="rate of 's' = None: must be a function rate"):
         mi.Surface("s", lambda t, y, p: y.x)
+
+
+@pytest.mark.parametrize(
+    ("flow", "sentence"),
+    [
+        (lambda mode, t, y, p: (y.w, -y.x, 99.0), "returns 3 numbers for 2 states"),
+        (lambda mode, t, y, p: (y.w, -p.K * y.x), r"reads p\.K, but there is no such parameter"),
+        (lambda mode, t, y, p: y.w, "returns the one number 0"),
+        (lambda mode, t, y, p: [y.w, -y.x], "returns a list"),
+        (lambda mode, t, y, p: (y.w, -y.x * mode.walls), "walls"),
+    ],
+)
+def test_a_mistake_in_a_flow_with_parts_is_told_where_it_was_made(flow, sentence):
+    with pytest.raises(mi.FunctionError, match=sentence) as caught:
+        mi.System(
+            states=("x", "w"),
+            flow=flow,
+            parameters={"k": 1.0},
+            parts=[mi.Stopper("wall", "x", "w", upper=1.0, restitution=0.7)],
+        )
+    assert "test_together.py" in str(caught.value)
