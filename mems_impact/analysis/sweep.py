@@ -95,7 +95,10 @@ def sweep(
     check_direction("section", section)
     transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
     if not system.forced:
-        problem = "the system has no forcing period by which a sweep could count"
+        problem = (
+            "the system has no forcing period by which a sweep could count; run "
+            f"simulate(system.changed({parameter}=value), duration=…) for each value"
+        )
         raise InvalidParameter("period", None, "", problem=problem)
     system.check_parameter(parameter)
     study = Study(system, parameter, transient, periods, section, options)
