@@ -78,6 +78,7 @@ def test_square_against_an_independent_integration():
     assert run.statistics["impacts per period"] == 1.0
 
 
+@pytest.mark.slow
 def test_pulses_with_flanks_against_an_independent_integration():
     drive = mi.Pulse(amplitude=0.35, period=12.0, width=3.8, rise=0.5, fall=1.0, low=0.05)
     segments = [

@@ -22,6 +22,7 @@ def test_random_runs():
     assert sum(one.horizon for one in outcomes) > 0.9 * len(outcomes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "attack",
     [*scans.ATTACKS[:-1], *chatter.ATTACKS, *pull_in.ATTACKS, *invariance.ATTACKS[:-1]],

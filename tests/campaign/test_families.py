@@ -17,6 +17,7 @@ from validation.campaign.scales import Valve
 SEED = 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", families.FAMILIES)
 def test_family(name):
     verdicts = families.run(SEED, [name], small=True)

@@ -11,6 +11,7 @@ PAPER = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
 
 
+@pytest.mark.slow
 def test_pull_in_is_where_the_slow_device_switches_on():
     voltage = mi.pull_in_voltage(PAPER)
     assert math.isclose(voltage, math.sqrt(4 / 27))
