@@ -288,7 +288,7 @@ class ActuatorSystem(System):
 
     def _check_mode(self, state: State) -> None:
         """Raise InvalidParameter unless the velocities of a state are those of its mode."""
-        mode = self._mode_number(state.mode if state.mode is not None else 0)
+        mode = self.mode_number(state.mode if state.mode is not None else 0)
         values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
         direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
         v1, resting = values["v1"], values["v2"] == 0.0

@@ -207,7 +207,7 @@ def find_equilibria(
     start = system.instant(guess, inner, field="guess")
     guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
-    numbers = sorted({_number(system, mode) for mode in chosen})
+    numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
     family = system.family(ORBIT_OPTIONS)
     found: list[Equilibrium] = []
     failed: OrbitError | None = None
@@ -274,11 +274,3 @@ def _between(
     guesses = np.tile(y, (samples, 1))
     guesses[:, places] = qmc.scale(drawn, low, high)
     return list(guesses)
-
-
-def _number(system: System, mode: str | int) -> int:
-    if isinstance(mode, str) and mode in system.modes:
-        return system.modes.index(mode)
-    if mode in range(len(system.modes)):
-        return int(mode)
-    raise InvalidParameter("modes", mode, f"among {', '.join(system.modes)}")

@@ -174,7 +174,7 @@ class Terms(Value):
         mode = state.mode if state.mode is not None else self.initial.mode
         if mode is None:
             return Instant(0, time, self.mode_of(y, time, problem), y)
-        return Instant(0, time, self._mode_number(mode), y)
+        return Instant(0, time, self.mode_number(mode), y)
 
     def state_of(self, instant: Instant) -> State:
         """Return an instant of the numerics as a state in the system's units."""
@@ -185,12 +185,13 @@ class Terms(Value):
             mode=self.modes[instant.mode] if len(self.modes) > 1 else None,
         )
 
-    def _mode_number(self, mode: str | int) -> int:
+    def mode_number(self, mode: str | int, field: str = "mode") -> int:
+        """Return the number of a mode; InvalidParameter if there is none such."""
         if isinstance(mode, str) and mode in self.modes:
             return self.modes.index(mode)
         if isinstance(mode, Integral) and 0 <= mode < len(self.modes):
             return int(mode)
-        raise InvalidParameter("mode", mode, f"one of {', '.join(self.modes)}")
+        raise InvalidParameter(field, mode, f"one of {', '.join(self.modes)}")
 
     def _check_state(self, field: str, state: State) -> None:
         unknown = [name for name in state if name not in self.states]

@@ -9,14 +9,22 @@ from functools import partial
 import numpy as np
 
 from mems_impact.continuation.anew import anew
-from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
+from mems_impact.continuation.corrector import (
+    EASY,
+    HARD,
+    NODES,
+    STRAIGHT,
+    Step,
+    Steps,
+    correct,
+    tangent,
+)
 from mems_impact.continuation.ending import LOSSES, none_beyond, spent, stuck
 from mems_impact.continuation.locating import (
     BranchEvent,
     locate,
     rank,
     special_at,
-    without_folds_at_crossings,
 )
 from mems_impact.continuation.monitors import (
     BRANCH_POINT,
@@ -26,6 +34,7 @@ from mems_impact.continuation.monitors import (
     PERIOD_DOUBLING,
     Monitor,
     monitors,
+    without_folds_at_crossings,
 )
 from mems_impact.continuation.resignature import reconnect
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -38,8 +47,6 @@ from mems_impact.orbits.shooting import Point, Shooting
 SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
-STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
-EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 
 
 @dataclass(frozen=True)
@@ -193,7 +200,7 @@ class _Walker:
             try:
                 if budget == 0:
                     raise OrbitError("events go to and fro", "take shorter steps")
-                length = self._within_bounds(point, along, length)
+                length = self.steps.within(self.low, self.high, point, along, length)
                 step = Step(partial(correct, shooting), point, along, behind[-NODES:])
                 following, iterations = step.at(length).point, step.at(length).iterations
                 check_moving(shooting, point, following)
@@ -318,14 +325,6 @@ class _Walker:
         elif changed:
             special = special_at(changed[0], met.orbit.shooting, met.orbit.point, met.direction)
             self.branch.special_points += [special] if special else []
-
-    def _within_bounds(self, point: Point, along: Floats, length: float) -> float:
-        """Shorten a step that would go far beyond a bound, where the model may end."""
-        ahead = point.values[0] + length * along[-1]
-        bound = self.high if along[-1] > 0.0 else self.low
-        if self.low <= ahead <= self.high:
-            return length
-        return max(1.001 * (bound - point.values[0]) / along[-1], self.steps.smallest)
 
     def _append(self, shooting: Shooting, point: Point, along: Floats, piece: int) -> None:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)

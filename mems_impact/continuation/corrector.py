@@ -4,52 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic
 
 import numpy as np
 
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.newton import Solution, newton
+from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
 from mems_impact.orbits.shooting import NOTHING
 
 ITERATIONS = 8
+STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
+EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 NODES = 3  # corrections from which another one is guessed
 APART = 0.01  # least distance between them, as a part of the longest
-
-
-class Linearised(Protocol):
-    """One evaluation of equations, as of an orbit or of an equilibrium."""
-
-    @property
-    def unknowns(self) -> Floats:
-        """Shape (size,)."""
-
-    @property
-    def values(self) -> Floats:
-        """Of the active parameters, shape (k,)."""
-
-    @property
-    def residual(self) -> Floats:
-        """Shape (size,)."""
-
-    @property
-    def jacobian(self) -> Floats:
-        """Derivatives by the unknowns, shape (size, size)."""
-
-    @property
-    def by_parameter(self) -> Floats:
-        """Derivatives by the active parameters, shape (size, k)."""
-
-
-P = TypeVar("P", bound=Linearised)
-P_co = TypeVar("P_co", bound=Linearised, covariant=True)
-
-
-class Solvable(Protocol[P_co]):
-    """What can be evaluated: `Shooting`, `Balancing`."""
-
-    def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
-        """Evaluate residual and derivatives."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +34,16 @@ class Steps:
     smallest: float = 1e-7
     largest: float = 0.05
     most: int = 2000
+
+    def within(
+        self, low: float, high: float, point: Linearised, along: Floats, length: float
+    ) -> float:
+        """Return a length, shorter if it went far beyond a bound, where the model may end."""
+        ahead = point.values[0] + length * along[-1]
+        bound = high if along[-1] > 0.0 else low
+        if low <= ahead <= high:
+            return length
+        return max(1.001 * (bound - point.values[0]) / along[-1], self.smallest)
 
 
 def tangent(point: Linearised, along: Floats | None = None) -> Floats:

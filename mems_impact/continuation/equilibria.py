@@ -10,17 +10,29 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import brentq
 
-from mems_impact.continuation.corrector import NODES, Step, Steps, correct, tangent
-from mems_impact.continuation.monitors import BRANCH_POINT, FOLD
+from mems_impact.continuation.corrector import (
+    EASY,
+    HARD,
+    NODES,
+    STRAIGHT,
+    Step,
+    Steps,
+    correct,
+    tangent,
+)
+from mems_impact.continuation.monitors import (
+    BRANCH_POINT,
+    FOLD,
+    regularity,
+    without_folds_at_crossings,
+)
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.equilibrium import Balance, Balancing, StationaryState, make_equilibrium
-from mems_impact.orbits.newton import newton
+from mems_impact.orbits.newton import solve_at
 
 HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
 LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE"}
-STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
-EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
 SAME = 1e-5  # difference between the unknowns of one equilibrium, met twice
 
@@ -139,10 +151,7 @@ class _Walker:
         before = self._tests(here, along)
         self._append(here)
         while len(self.branch.points) < self.steps.most:
-            ahead = float(here.values[0] + length * along[-1])
-            if not self.low <= ahead <= self.high:
-                bound = self.high if along[-1] > 0.0 else self.low
-                length = max(1.001 * (bound - here.values[0]) / along[-1], self.steps.smallest)
+            length = self.steps.within(self.low, self.high, here, along, length)
             step = Step(partial(correct, self.equations), here, along, behind[-NODES:])
             try:
                 following, iterations = step.at(length).point, step.at(length).iterations
@@ -202,22 +211,15 @@ class _Walker:
         guess = step.start + (bound - begin) / (end - begin) * (
             step.at(length).unknowns - step.start
         )
-        value = np.array([bound])
-
-        def at(u: Floats) -> tuple[Balance, Floats, Floats]:
-            balance = self.equations.evaluate(u, value)
-            return balance, balance.residual, balance.jacobian
-
-        remedy = "take shorter steps"
-        return newton(at, guess[:-1], reason="the bound is missed", remedy=remedy).point
+        reason, remedy = "the bound is missed", "take shorter steps"
+        return solve_at(self.equations, guess[:-1], np.array([bound]), reason=reason, remedy=remedy)
 
     def _tests(self, balance: Balance, direction: Floats) -> dict[Test, float]:
         """Return the test functions, zero where something happens."""
-        matrix = np.vstack([np.hstack([balance.jacobian, balance.by_parameter]), direction])
         sums = [a + b for a, b in combinations(np.linalg.eigvals(balance.jacobian), 2)]
         tests = {
             (FOLD, -1): float(direction[-1]),
-            (BRANCH_POINT, -1): float(np.linalg.det(matrix)),
+            (BRANCH_POINT, -1): regularity(balance, direction),
             (HOPF, -1): float(np.prod(sums).real),
         }
         guards = self.equations.family.automaton.guards
@@ -241,14 +243,7 @@ class _Walker:
                 event = self._event(step.at(place).point, test)
                 if event is not None:
                     found.append((place, event))
-        # Where another branch crosses, this one may turn round as well: that is no fold.
-        crossings = [place for place, event in found if event.kind == BRANCH_POINT]
-        kept = [
-            (place, event)
-            for place, event in found
-            if event.kind != FOLD or all(abs(place - other) > SAME for other in crossings)
-        ]
-        return sorted(kept, key=lambda item: item[0])
+        return sorted(without_folds_at_crossings(found), key=lambda item: item[0])
 
     def _locate(self, step: Step[Balance], length: float, test: Test) -> float:
         def value(s: float) -> float:

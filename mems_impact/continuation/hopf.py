@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 
-from mems_impact.continuation.corrector import correct
 from mems_impact.continuation.equilibria import frequency
+from mems_impact.continuation.switching import beside
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import StationaryState
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.phase import Phase
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import BOUNDARY, Segment
 
 AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, in parts of the state or of one
-CLEAR = 1e-7  # relative change of the parameter by which the side is no matter of rounding
 
 
 def born(equilibrium: StationaryState, parameter: str) -> tuple[PeriodicOrbit, float]:
@@ -56,22 +55,7 @@ def born(equilibrium: StationaryState, parameter: str) -> tuple[PeriodicOrbit, f
     middle = np.array([*center, period / phase.unit, value])
     away = np.array([*along, 0.0, 0.0])
     size = max(1.0, float(np.abs(center).max()))
-    found, change = None, 0.0
-    for amplitude in AMPLITUDES:
-        try:
-            point = correct(shooting, middle + amplitude * size * away, away).point
-        except OrbitError:
-            if found is None:
-                raise
-            break
-        orbit = make_orbit(shooting, point)
-        if found is not None and found.admissible and not orbit.admissible:
-            break
-        found, change = orbit, float(point.values[0] - value)
-        if abs(change) > CLEAR * max(abs(value), CLEAR):
-            break
-    assert found is not None
-    return found, math.copysign(1.0, change)
+    return beside(shooting, middle, away, [size * amplitude for amplitude in AMPLITUDES])
 
 
 def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

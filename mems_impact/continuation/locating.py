@@ -25,7 +25,6 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced, reduced
 from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
-AT_ONE = 1e-5  # distance on a branch below which a fold and a crossing are one point
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 
@@ -106,18 +105,6 @@ def special_at(
     kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
     label, value = LABELS.get(kind, kind), float(here.values[0])
     return BranchEvent(kind, label, value, orbit, direction, monitor)
-
-
-def without_folds_at_crossings(
-    found: list[tuple[float, BranchEvent]],
-) -> list[tuple[float, BranchEvent]]:
-    """Leave out folds at branch points, where the branch that crosses turns round."""
-    crossings = [place for place, special in found if special.kind == BRANCH_POINT]
-    return [
-        (place, special)
-        for place, special in found
-        if special.kind != FOLD or all(abs(place - other) > AT_ONE for other in crossings)
-    ]
 
 
 def rank(special: BranchEvent) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.orbits.newton import Linearised
 from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
@@ -22,6 +23,7 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT = (
 )
 NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
 AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
+AT_ONE = 1e-5  # distance on a branch below which a fold and a crossing are one point
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
 LABELS = {
     GRAZING: "G",
@@ -30,6 +32,17 @@ LABELS = {
     NEIMARK_SACKER: "NS",
     BRANCH_POINT: "BP",
 }
+
+
+class Happens(Protocol):
+    """A special point, of orbits or of equilibria."""
+
+    @property
+    def kind(self) -> str:
+        """What happens there."""
+
+
+E = TypeVar("E", bound=Happens)
 
 
 @dataclass(frozen=True)
@@ -131,7 +144,7 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
     return values
 
 
-def regularity(point: Point, direction: Floats) -> float:
+def regularity(point: Linearised, direction: Floats) -> float:
     """Return how far the equations, with the tangent below them, are from a branch point.
 
     The smallest singular value with the sign of the determinant: zero where another branch crosses,
@@ -140,6 +153,19 @@ def regularity(point: Point, direction: Floats) -> float:
     matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
     sizes = np.linalg.svd(matrix, compute_uv=False)
     return float(np.linalg.slogdet(matrix)[0] * sizes[-1])
+
+
+def without_folds_at_crossings(found: list[tuple[float, E]]) -> list[tuple[float, E]]:
+    """Leave out folds at branch points, where the branch that crosses turns round.
+
+    Each with its place in a step.
+    """
+    crossings = [place for place, special in found if special.kind == BRANCH_POINT]
+    return [
+        (place, special)
+        for place, special in found
+        if special.kind != FOLD or all(abs(place - other) > AT_ONE for other in crossings)
+    ]
 
 
 def kind_of(guard: Guard) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,9 @@ import numpy as np
 from mems_impact.continuation.corrector import correct
 from mems_impact.continuation.monitors import NEAR
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import Guess
 
 DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
@@ -61,19 +65,42 @@ def doubled(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
     # The null vector of the doubled equations: one way in the first pass, the other in the second.
     away = np.append(vectors[-1], 0.0)
-    found, change = orbit, 0.0
-    for distance in DISTANCES:
+    return beside(shooting, np.append(unknowns, value), away, DISTANCES)
+
+
+def beside(
+    shooting: Shooting, start: Floats, away: Floats, distances: Sequence[float]
+) -> tuple[PeriodicOrbit, float]:
+    """Return an orbit of the branch that leaves a point, and the side to which its parameter goes.
+
+    Parameters
+    ----------
+    shooting : Shooting
+        The equations of that branch, with one active parameter.
+    start, away : float array, shape (unknowns + 1,)
+        The point, and the direction in which the branch leaves it.
+    distances : sequence of float
+        At which it is looked for: the first one where the side is no matter of rounding.
+
+    Raises
+    ------
+    OrbitError
+        If there is none at the first distance.
+    """
+    value = float(start[-1])
+    found, change = None, 0.0
+    for distance in distances:
         try:
-            start = np.append(unknowns, value) + distance * away
-            first = correct(shooting, start, away).point
+            first = correct(shooting, start + distance * away, away).point
         except OrbitError:
-            if found is orbit:
+            if found is None:
                 raise
             break
         farther = make_orbit(shooting, first)
-        if found is not orbit and found.admissible and not farther.admissible:
+        if found is not None and found.admissible and not farther.admissible:
             break
-        found, change = farther, float(first.values[0] - value[0])
-        if abs(change) > CLEAR * abs(value[0]):
+        found, change = farther, float(first.values[0] - value)
+        if abs(change) > CLEAR * abs(value):
             break
-    return found, float(np.copysign(1.0, change))
+    assert found is not None
+    return found, math.copysign(1.0, change)

@@ -15,7 +15,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.hybrid.variational import free_components
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.newton import newton
+from mems_impact.orbits.newton import solve_at
 
 STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
 SLACK = 1e-9  # by which a margin may be violated before an equilibrium is called virtual
@@ -188,19 +188,14 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryStat
         If there is none near the guess.
     """
     equations = Balancing(family, mode)
-    none = np.zeros(0)
-
-    def at(u: Floats) -> tuple[Balance, Floats, Floats]:
-        balance = equations.evaluate(u, none)
-        return balance, balance.residual, balance.jacobian
-
-    found = newton(
-        at,
+    found = solve_at(
+        equations,
         np.asarray(guess, dtype=float)[list(equations.free)],
+        np.zeros(0),
         reason=f"no equilibrium of mode {family.automaton.modes[mode]!r} near the guess",
         remedy="take another guess",
     )
-    return make_equilibrium(equations, found.point)
+    return make_equilibrium(equations, found)
 
 
 def make_equilibrium(equations: Balancing, balance: Balance) -> StationaryState:

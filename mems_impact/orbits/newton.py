@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,40 @@ NEARER_CYCLE = (
     "chaotic motion comes close to where it was and leaves again"
 )
 
-P = TypeVar("P")  # one evaluation of equations: the `Point` of an orbit, or what plays its part
+
+class Linearised(Protocol):
+    """One evaluation of equations, as of an orbit or of an equilibrium."""
+
+    @property
+    def unknowns(self) -> Floats:
+        """Shape (size,)."""
+
+    @property
+    def values(self) -> Floats:
+        """Of the active parameters, shape (k,)."""
+
+    @property
+    def residual(self) -> Floats:
+        """Shape (size,)."""
+
+    @property
+    def jacobian(self) -> Floats:
+        """Derivatives by the unknowns, shape (size, size)."""
+
+    @property
+    def by_parameter(self) -> Floats:
+        """Derivatives by the active parameters, shape (size, k)."""
+
+
+P = TypeVar("P", bound=Linearised)
+P_co = TypeVar("P_co", bound=Linearised, covariant=True)
+
+
+class Solvable(Protocol[P_co]):
+    """What can be evaluated: `Shooting`, `Balancing`."""
+
+    def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
+        """Evaluate residual and derivatives."""
 
 
 class Solution(NamedTuple, Generic[P]):
@@ -100,14 +133,22 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> Point:
     OrbitError
         If the iteration does not converge; the last `Point` is in it.
     """
-
-    def equations(u: Floats) -> tuple[Point, Floats, Floats]:
-        point = shooting.evaluate(u, values)
-        return point, point.residual, point.jacobian
-
-    return newton(
-        equations,
+    return solve_at(
+        shooting,
         unknowns,
+        values,
         reason="no orbit with this signature near the guess",
         remedy=NEARER if shooting.phase is None else NEARER_CYCLE,
-    ).point
+    )
+
+
+def solve_at(
+    equations: Solvable[P], unknowns: Floats, values: Floats, *, reason: str, remedy: str
+) -> P:
+    """Correct unknowns at fixed parameters; raises as `newton` does."""
+
+    def at(u: Floats) -> tuple[P, Floats, Floats]:
+        point = equations.evaluate(u, values)
+        return point, point.residual, point.jacobian
+
+    return newton(at, unknowns, reason=reason, remedy=remedy).point
