@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Branch",
     "Followed",
+    "OneParameter",
     "Steps",
     "bounds_of",
     "continue_orbit",
@@ -53,8 +54,47 @@ class Followed(Value):
         return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
 
+class OneParameter(Value):
+    """A branch over one parameter, told in a line."""
+
+    system: System
+    parameter: str
+    bounds: tuple[float, float]
+    special_points: tuple[Any, ...]
+    ended: str
+    found: Any
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+    of: ClassVar[str]
+    """What there is along it, in the plural."""
+
+    def __len__(self) -> int:
+        return len(self.found.points)
+
+    def __repr__(self) -> str:
+        low, high = self.bounds
+        return (
+            f"{type(self).__name__}({self.parameter} {low:g} to {high:g}, {len(self)} {self.of}, "
+            f"special points: {self._special()}; ended: {self.ended})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return the range, the special points and why the branch ends."""
+        low, high = self.bounds
+        return {
+            "system": repr(self.system),
+            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            self.of: len(self),
+            "special points": self._special(),
+            "ended": self.ended,
+        }
+
+    def _special(self) -> str:
+        return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Branch(Followed):
+class Branch(OneParameter, Followed):
     """Periodic orbits over one parameter.
 
     Attributes
@@ -77,28 +117,7 @@ class Branch(Followed):
     ended: str
     found: branches.OrbitBranch = field(repr=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
-
-    def __repr__(self) -> str:
-        low, high = self.bounds
-        return (
-            f"Branch({self.parameter} {low:g} to {high:g}, {len(self)} orbits, "
-            f"special points: {self._special()}; ended: {self.ended})"
-        )
-
-    def summary(self) -> dict[str, Any]:
-        """Return the range, the special points and why the branch ends."""
-        low, high = self.bounds
-        return {
-            "system": repr(self.system),
-            self.system.label(self.parameter): f"{low:g} to {high:g}",
-            "orbits": len(self),
-            "special points": self._special(),
-            "ended": self.ended,
-        }
-
-    def _special(self) -> str:
-        return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
+    of: ClassVar[str] = "orbits"
 
     @cached_property
     def table(self) -> pd.DataFrame:

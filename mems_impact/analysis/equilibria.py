@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from mems_impact.analysis.branch import bounds_of
+from mems_impact.analysis.branch import OneParameter, bounds_of
 from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.special import check_kind
 from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
 from mems_impact.continuation.corrector import Steps
 from mems_impact.continuation.equilibria import Equilibria, follow_equilibrium
 from mems_impact.errors import InvalidParameter
@@ -31,7 +30,7 @@ EQUILIBRIUM_STEPS = Steps(largest=0.2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumBranch(Value):
+class EquilibriumBranch(OneParameter):
     """Equilibria over one parameter.
 
     Attributes
@@ -54,31 +53,7 @@ class EquilibriumBranch(Value):
     ended: str
     found: Equilibria = field(repr=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
-
-    def __len__(self) -> int:
-        return len(self.found.points)
-
-    def __repr__(self) -> str:
-        low, high = self.bounds
-        return (
-            f"EquilibriumBranch({self.parameter} {low:g} to {high:g}, {len(self)} equilibria, "
-            f"special points: {self._special()}; ended: {self.ended})"
-        )
-
-    def summary(self) -> dict[str, Any]:
-        """Return the range, the special points and why the branch ends."""
-        low, high = self.bounds
-        return {
-            "system": repr(self.system),
-            self.system.label(self.parameter): f"{low:g} to {high:g}",
-            "equilibria": len(self),
-            "special points": self._special(),
-            "ended": self.ended,
-        }
-
-    def _special(self) -> str:
-        return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
+    of: ClassVar[str] = "equilibria"
 
     @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
