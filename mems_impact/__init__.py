@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.actuator.terms import TERMS
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.blows import Blows, blows
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
+    from mems_impact.actuator.term import *  # noqa: F403
+    from mems_impact.actuator.term import Term
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
     from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
@@ -80,6 +83,7 @@ if TYPE_CHECKING:
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
+    *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
     "Blows",
@@ -126,6 +130,7 @@ __all__ = [
     "SweepInterrupted",
     "System",
     "Target",
+    "Term",
     "UnitsWarning",
     "Verification",
     "Window",
@@ -167,6 +172,8 @@ __all__ = [
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
     "actuator.drive": ("Drive", "load_drive", *WAVEFORMS.values()),
+    "actuator.terms.base": ("Term",),
+    **{f"actuator.terms.{name}": (term,) for name, term in TERMS.items()},
     "actuator.figures.drive": ("plot_drive",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),

@@ -97,6 +97,11 @@ class InvalidParameter(MemsImpactError, ValueError):
         """Return the same error, saying that the value came from the file `source`."""
         return InvalidParameter(self.field, self.value, self.allowed, source, problem=self.problem)
 
+    def within(self, owner: str) -> InvalidParameter:
+        """Return the same error of a parameter that belongs to `owner`."""
+        field = f"{owner}.{self.field}"
+        return InvalidParameter(field, self.value, self.allowed, self.source, problem=self.problem)
+
 
 class InvalidFile(MemsImpactError, ValueError):
     """A file cannot be read, is not what it should be, or cannot stand where it is wanted.

@@ -6,6 +6,7 @@ pydantic does the checking; this module gives its findings in the package's own 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from difflib import get_close_matches
 from numbers import Real
 from typing import Annotated, Any, Literal, Self, get_args, get_origin
@@ -17,7 +18,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive"]
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
 
 _KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
 
@@ -105,18 +106,21 @@ def _from_finding(finding: ErrorDetails, model: type[BaseModel]) -> InvalidParam
     name = str(finding["loc"][0]) if finding["loc"] else model.__name__
     known = model.model_fields
     if finding["type"] == "extra_forbidden":
-        allowed = f"one of {', '.join(known)}"
-        problem = f"unknown name, {_suggestion(name, list(known))}"
-        return InvalidParameter(name, finding["input"], allowed, problem=problem)
+        return unknown(name, finding["input"], known)
     allowed = _allowed(known[name]) if name in known else finding["msg"]
     if finding["type"] == "missing":
         return InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
     return InvalidParameter(name, finding["input"], allowed)
 
 
-def _suggestion(name: str, known: list[str]) -> str:
-    near = get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]}?" if near else f"must be one of {', '.join(known)}"
+def unknown(name: str, value: object, known: Iterable[str]) -> InvalidParameter:
+    """Return the error of a name that is none of those that are known."""
+    names = list(known)
+    allowed = f"one of {', '.join(names)}"
+    near = get_close_matches(name, names, n=1)
+    suggestion = f"did you mean {near[0]}?" if near else f"must be {allowed}"
+    problem = f"unknown name, {suggestion}"
+    return InvalidParameter(name, value, allowed, problem=problem)
 
 
 def _allowed(field: FieldInfo) -> str:

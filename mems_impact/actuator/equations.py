@@ -30,6 +30,11 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 #                     (1) and (2) with x2 held
 # contact_force_rate  its time derivative
 # frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
+#
+# The same as functions that terms may put others in place of (see `terms.base`):
+#
+# capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
+# mu_d, restitution, no_adhesion   of the paper: constants, and none
 
 
 def electrode_gap(x2: float, p: Any) -> float:
@@ -102,3 +107,24 @@ def frame_speed_after(v1: float, v2: float, e: float, p: Any) -> float:
 
 def block_speed_after(v2: float, e: float) -> float:
     return -e * v2
+
+
+def capacitance(x: float, p: Any) -> float:
+    return 2.0 * p[ALPHA] / electrode_gap(x, p)
+
+
+def capacitance_slope(x: float, p: Any) -> float:
+    gap = electrode_gap(x, p)
+    return 2.0 * p[ALPHA] / (gap * gap)
+
+
+def mu_d(speed: float, p: Any) -> float:
+    return p[MU_D]
+
+
+def restitution(speed: float, p: Any) -> float:
+    return p[E]
+
+
+def no_adhesion(p: Any) -> float:
+    return 0.0

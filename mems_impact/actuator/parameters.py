@@ -6,14 +6,17 @@ import warnings
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
-from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive
+from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive, unknown
 from mems_impact.actuator.reading import parse_toml, read_bytes
+from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms.base import Term
+from mems_impact.actuator.terms.files import term_of
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, UnitsWarning, shown
 from mems_impact.units import DIMENSIONLESS, Scales
@@ -27,6 +30,9 @@ __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "p
 _DEVICES = files("mems_impact.actuator") / "devices"
 _LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fills the memory
 _LIGHT = 1e-3  # masses below: kilograms of a device in SI; scaled ones are of the order of 1
+
+
+TERMS_ALLOWED = "a tuple of terms, such as (Tilt(angle=0.05),)"
 
 
 class Actuator(Checked):
@@ -63,12 +69,16 @@ class Actuator(Checked):
     g : float
         Gravity [m/s^2], >= 0; the normal force on the ground is N = (m1 + m2) g. Equation (3).
     units : {"dimensionless", "SI"}, optional
-        The units of all of the above.
+        The units of all of the above, and of the terms.
+    terms : tuple of Term, optional
+        What the model has beyond the paper's (see `mems_impact.actuator.terms`); nothing by
+        default.
 
     Raises
     ------
     InvalidParameter
-        If a value is out of range or not a number, or a parameter is missing or unknown.
+        If a value is out of range or not a number, or a parameter is missing or unknown; if two
+        terms are of one kind, or would each take the place of the same rule.
     """
 
     m1: Positive
@@ -83,6 +93,20 @@ class Actuator(Checked):
     alpha: Positive
     g: NonNegative
     units: Literal["dimensionless", "SI"] = "dimensionless"
+    terms: Annotated[tuple[Term, ...], Field(description=TERMS_ALLOWED)] = ()
+
+    @model_validator(mode="after")
+    def _check_terms(self) -> Self:
+        for role in ("name", "instead"):
+            taken: dict[str, Term] = {}
+            for term in self.terms:
+                key = term.name() if role == "name" else term.instead
+                if key and key in taken:
+                    both = f"{type(taken[key]).__name__} and {type(term).__name__}"
+                    problem = f"{both} both tell the {key}; an actuator has one"
+                    raise InvalidParameter("terms", self.terms, "", problem=problem)
+                taken[key] = term
+        return self
 
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
@@ -93,6 +117,52 @@ class Actuator(Checked):
             allowed = f"between 0 and mu_s = {shown(self.mu_s)}"
             raise InvalidParameter("mu_d", self.mu_d, allowed)
         return self
+
+    def __iter__(self) -> Any:
+        # As names and values, and as a dict, the paper's device is what it is: without terms.
+        return ((name, value) for name, value in super().__iter__() if value != ())
+
+    def __repr_args__(self) -> Any:
+        return list(self)
+
+    def adding(self, *terms: Term) -> Self:
+        """Return the device with more terms; each takes the place of the one of its kind.
+
+        Parameters
+        ----------
+        *terms : Term
+
+        Raises
+        ------
+        InvalidParameter
+            If two terms would take the place of the same rule.
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> uphill = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
+        """
+        found = {getattr(term, "name", str)(): term for term in (*self.terms, *terms)}
+        return self.replace(terms=tuple(found.values()))
+
+    def without(self, *names: str) -> Self:
+        """Return the device without the terms of these names, or without any if none is named.
+
+        Raises
+        ------
+        InvalidParameter
+            If there is no such term.
+        """
+        known = [term.name() for term in self.terms]
+        for name in names:
+            if name not in known:
+                raise InvalidParameter("term", name, f"one of {', '.join(known) or 'none'}")
+        kept = (term for term in self.terms if names and term.name() not in names)
+        return self.replace(terms=tuple(kept))
+
+    def term(self, name: str) -> Term | None:
+        """Return the term of that name; None if the device has none."""
+        return next((term for term in self.terms if term.name() == name), None)
 
     def to_array(self) -> NDArray[np.float64]:
         """Return the parameters as an array of shape (11,), in the order of `PARAMETER_NAMES`."""
@@ -112,8 +182,10 @@ class Actuator(Checked):
         """
         if self.units == "dimensionless":
             return self
-        values = scaled_fields(self, PARAMETER_UNITS, self.scales)
-        return self.replace(**values, units="dimensionless")
+        scales = self.scales
+        values = scaled_fields(self, PARAMETER_UNITS, scales)
+        terms = tuple(term.scaled(scales) for term in self.terms)
+        return self.replace(**values, terms=terms, units="dimensionless")
 
     def under(self, drive: Drive) -> ActuatorSystem:
         """Return the system that this actuator is under a drive.
@@ -135,7 +207,9 @@ class Actuator(Checked):
         """
         if self.units == "SI":
             return self
-        return self.replace(**unscaled_fields(self, PARAMETER_UNITS, scales), units="SI")
+        values = unscaled_fields(self, PARAMETER_UNITS, scales)
+        terms = tuple(term.unscaled(scales) for term in self.terms)
+        return self.replace(**values, terms=terms, units="SI")
 
 
 PARAMETER_UNITS = {
@@ -150,7 +224,9 @@ PARAMETER_UNITS = {
 }
 """The SI unit of each parameter that is not a pure number."""
 
-PARAMETER_NAMES: tuple[str, ...] = tuple(name for name in Actuator.model_fields if name != "units")
+PARAMETER_NAMES: tuple[str, ...] = tuple(
+    name for name in Actuator.model_fields if name not in ("units", "terms")
+)
 """The parameters' names, in the order of `Actuator.to_array`."""
 
 
@@ -170,6 +246,10 @@ class _DeviceFile(Checked):
             if name in content:
                 allowed = "in the table [parameters]"
                 raise InvalidParameter(name, content[name], allowed)
+        known = (*cls.model_fields, *TERMS)
+        for name in content:
+            if name not in known:
+                raise unknown(name, content[name], known)
         return content
 
 
@@ -187,8 +267,9 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     name_or_path : str or os.PathLike
         One of `preset_names`, or the path of a TOML file with a table ``[parameters]`` that holds
         the eleven parameters of `Actuator` and, optionally, ``name``, ``description`` and
-        ``units`` ("SI", or "dimensionless" by default) above it. A preset wins over a file of the
-        same name; write ``./name`` for the file.
+        ``units`` ("SI", or "dimensionless" by default) above it, and below it a table for each term
+        (``[squeeze_film]``). A preset wins over a file of the same name; write ``./name`` for the
+        file.
 
     Returns
     -------
@@ -215,12 +296,14 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     else:
         raw = _read(source)
     content = parse_toml(raw, source, "a table [parameters] of lines like m1 = 5.0")
+    tables = {name: content.pop(name) for name in list(content) if name in TERMS}
     try:
         file = _DeviceFile(**content)
         if "units" in file.parameters:
             allowed = "above the table [parameters]"
             raise InvalidParameter("units", file.parameters["units"], allowed)
-        actuator = Actuator(**file.parameters, units=file.units)
+        terms = tuple(term_of(name, table) for name, table in tables.items())
+        actuator = Actuator(**file.parameters, units=file.units, terms=terms)
     except InvalidParameter as error:
         raise error.located(source) from None
     if "units" not in content and max(actuator.m1, actuator.m2) < _LIGHT:

@@ -16,6 +16,8 @@ from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem, kind_of, own_functions
+from mems_impact.actuator.terms.files import table_of as term_table
+from mems_impact.actuator.terms.files import term_of
 from mems_impact.actuator.units import DeviceScales
 from mems_impact.analysis.detached import check_same, description
 from mems_impact.analysis.stored import register_object, register_run, restored
@@ -52,10 +54,23 @@ def drive_of(table: Mapping[str, Any]) -> Drive:
     return drive_of_kind(table["kind"])(**values)
 
 
+def actuator_parts(actuator: Actuator) -> dict[str, Any]:
+    """Return a device as the tables of a file."""
+    terms = {term.name(): term_table(term) for term in actuator.terms}
+    values = {name: value for name, value in dict(actuator).items() if name != "terms"}
+    return {**values, "terms": terms} if terms else values
+
+
+def actuator_of(parts: Mapping[str, Any]) -> Actuator:
+    """Return the device of such tables."""
+    terms = tuple(term_of(name, table) for name, table in parts.get("terms", {}).items())
+    return Actuator(**{**parts, "terms": terms})
+
+
 def _parts(system: ActuatorSystem) -> dict[str, Any]:
     own = not system.told_by_numbers
     return {
-        "actuator": dict(system.actuator),
+        "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
         "scales": system.scales,
         "told": description(system, own_functions(system.drive)) if own else None,
@@ -65,7 +80,7 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
 def _system(parts: dict[str, Any], reader: Reader) -> System:
     if parts["told"] is not None:
         return restored(parts["told"], reader)
-    system = ActuatorSystem(Actuator(**parts["actuator"]), drive_of(parts["drive"]))
+    system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
     system = system.restored({}, parts["scales"])
     if reader.system is not None:
         check_same(reader.system, description(system, {}), reader.path)
@@ -73,7 +88,7 @@ def _system(parts: dict[str, Any], reader: Reader) -> System:
 
 
 register(ActuatorSystem, parts=_parts, reading=_system)
-register(Actuator, parts=dict)
+register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
 register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})
 register_run(ActuatorRun)
 register(ActuatorOrbit)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator.composed import composed_automaton
+from mems_impact.actuator.composing import SCRATCH
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives import WAVEFORMS
@@ -25,6 +27,7 @@ from mems_impact.actuator.modes import (
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
+from mems_impact.actuator.terms.base import Kind, Term
 from mems_impact.actuator.units import scaled_fields
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
@@ -119,9 +122,28 @@ class ActuatorSystem(System):
     def automaton(self) -> Automaton:
         """The actuator's modes and guards, under the drive's waveform."""
         drive = self.drive
-        return actuator_automaton(
-            drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate, self._bounds
-        )
+        waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
+        kinds = self._kinds
+        if not kinds:
+            return actuator_automaton(*waveform, self._bounds)
+        return composed_automaton(kinds, *waveform, self._bounds)
+
+    @cached_property
+    def _kinds(self) -> tuple[Kind, ...]:
+        return tuple(term.kind for term in self.actuator.terms)
+
+    @cached_property
+    def _unfolded(self) -> bool:
+        """Whether the sign of the voltage matters, and changes from one period of v^2 to the next.
+
+        The forcing period is then that of v itself.
+        """
+        return any(kind.term.signed for kind in self._kinds) and self.drive.changes_sign
+
+    @cached_property
+    def _yields(self) -> bool:
+        """Whether the stoppers yield, and a block may be beyond them."""
+        return any(kind.term.instead == "stopper" for kind in self._kinds)
 
     @cached_property
     def _bounds(self) -> bool:
@@ -134,6 +156,8 @@ class ActuatorSystem(System):
         values = {name: self.drive.number(name) for name in self.drive.names}
         for name in PARAMETER_NAMES:
             values.setdefault(name, float(getattr(self.actuator, name)))
+        for term in self.actuator.terms:
+            values |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
         return values
 
     @property
@@ -152,7 +176,19 @@ class ActuatorSystem(System):
         if self._scales is DIMENSIONLESS:
             return {}
         of_drive = {name: self.drive.unit(name) for name in self.drive.names}
-        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive}
+        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
+
+    @cached_property
+    def _term_units(self) -> dict[str, str]:
+        """Units of the parameters of terms, and of their states."""
+        found: dict[str, str] = {}
+        for term in self.actuator.terms:
+            own, both = term.states(term.shape), term.electrode_states(term.shape)
+            names = {name: f"{term.name()}.{name}" for name in term.names}
+            names |= {name: name for name in own + both}
+            found |= {names[name]: unit for name, unit in term.units.items() if name in names}
+            found |= {f"left_{name}": term.units[name] for name in both if name in term.units}
+        return found
 
     @property
     def initial(self) -> State:
@@ -193,8 +229,8 @@ class ActuatorSystem(System):
 
     @property
     def forcing_period(self) -> float:
-        """The drive's."""
-        return self.drive.period
+        """The drive's; that of the voltage itself where a term makes its sign matter."""
+        return self.drive.period * (2.0 if self._unfolded else 1.0)
 
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
@@ -205,8 +241,10 @@ class ActuatorSystem(System):
 
     def changed(self, **values: float) -> ActuatorSystem:
         """Return the system at other values of some parameters, checked."""
-        drive_values, actuator_values = self._sorted(values)
+        drive_values, actuator_values, term_values = self._sorted(values)
         drive = self.drive.varied(drive_values) if drive_values else self.drive
+        if term_values:
+            actuator_values["terms"] = self._terms(term_values)
         actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
         return self._with(actuator, drive, actuator.scales)
 
@@ -215,10 +253,12 @@ class ActuatorSystem(System):
 
         Differences by a parameter at the end of its range look beyond it, as do trial steps.
         """
-        drive_values, actuator_values = self._sorted(values)
+        drive_values, actuator_values, term_values = self._sorted(values)
         actuator, drive = self.actuator, self.drive
         if drive_values:
             drive = drive.varied(drive_values, checked=False)
+        if term_values:
+            actuator_values["terms"] = self._terms(term_values, checked=False)
         if actuator_values:
             actuator = actuator.replace_unchecked(**actuator_values)
         return self._with(actuator, drive, self._scales)
@@ -229,15 +269,33 @@ class ActuatorSystem(System):
         other._put(actuator, drive, scales)
         return other
 
-    def _sorted(self, values: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-        """Return the values of the drive and those of the actuator."""
-        names = self._drive_names
-        of_drive = {name: value for name, value in values.items() if name in names}
-        rest = {name: value for name, value in values.items() if name not in of_drive}
-        for name in rest:
-            if name not in PARAMETER_NAMES:
+    def _sorted(
+        self, values: Mapping[str, float]
+    ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:
+        """Return the values of the drive, those of the actuator and those of its terms."""
+        of_drive, of_actuator, of_terms = {}, {}, {}
+        for name, value in values.items():
+            if name in self._drive_names:
+                of_drive[name] = value
+            elif name in PARAMETER_NAMES:
+                of_actuator[name] = value
+            else:
                 self.check_parameter(name)
-        return of_drive, rest
+                of_terms[name] = value
+        return of_drive, of_actuator, of_terms
+
+    def _terms(self, values: Mapping[str, float], *, checked: bool = True) -> tuple[Term, ...]:
+        """Return the terms, some of their numbers changed."""
+        found = []
+        for term in self.actuator.terms:
+            prefix = f"{term.name()}."
+            own = {
+                name.removeprefix(prefix): value
+                for name, value in values.items()
+                if name.startswith(prefix)
+            }
+            found.append(term.varied(own, checked=checked) if own else term)
+        return tuple(found)
 
     @property
     def inner_actuator(self) -> Actuator:
@@ -253,21 +311,42 @@ class ActuatorSystem(System):
         Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
         `numbers` does without.
         """
-        of_drive, of_actuator = self._sorted(changes) if changes else ({}, {})
+        of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
         device = self._device
-        if of_actuator:
+        if of_actuator or of_terms:
             device = device.copy()
-            for name, value in of_actuator.items():
-                unit = PARAMETER_UNITS.get(name)
-                inner = self._scales.into(value, unit) if unit else value
-                device[PARAMETER_NAMES.index(name)] = inner
+        for name, value in of_actuator.items():
+            unit = PARAMETER_UNITS.get(name)
+            inner = self._scales.into(value, unit) if unit else value
+            device[PARAMETER_NAMES.index(name)] = inner
+        for name, value in of_terms.items():
+            device[self._term_places[name]] = self.into(name, value)
         q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
+        if self._unfolded:
+            switches += tuple(period + time for time in switches)
+            scale, period = scale or period, 2.0 * period
         return Numbers(np.concatenate([device, q]), period, switches, scale)
 
     @cached_property
     def _device(self) -> Floats:
-        """The actuator's numbers, in the units of the numerics."""
-        return self.inner_actuator.to_array()
+        """The numbers of actuator and terms, in the units of the numerics; room for scratch."""
+        own = self.inner_actuator.to_array()
+        if not self._kinds:
+            return own
+        of_terms = [each for term in self.actuator.terms for each in term.numbers(self._scales)]
+        scratch = np.zeros(SCRATCH * len(self.states))
+        return np.concatenate([own, of_terms, scratch])
+
+    @cached_property
+    def _term_places(self) -> dict[str, int]:
+        """Where the parameters of terms stand among the numbers."""
+        places: dict[str, int] = {}
+        first = len(PARAMETER_NAMES)
+        for kind in self._kinds:
+            at = kind.at(first)
+            places |= {f"{kind.term.name()}.{name}": place for name, place in at.p.items()}
+            first += kind.length
+        return places
 
     @cached_property
     def _drive_names(self) -> tuple[str, ...]:
@@ -281,7 +360,7 @@ class ActuatorSystem(System):
     def _check_state(self, field: str, state: State) -> None:
         super()._check_state(field, state)
         x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
-        if not abs(x2) <= delta:
+        if not (abs(x2) <= delta or self._yields):
             raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
         if state.mode is not None:
             self._check_mode(state)
@@ -289,6 +368,8 @@ class ActuatorSystem(System):
     def _check_mode(self, state: State) -> None:
         """Raise InvalidParameter unless the velocities of a state are those of its mode."""
         mode = self.mode_number(state.mode if state.mode is not None else 0)
+        if self._yields:
+            return  # whether the stopper touches says how far the block is
         values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
         direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
         v1, resting = values["v1"], values["v2"] == 0.0
@@ -302,13 +383,14 @@ class ActuatorSystem(System):
         """Return an instant as a state in the device's units."""
         values = {
             name: self.out(name, value)
-            for name, value in zip(STATES, instant.y.tolist(), strict=True)
+            for name, value in zip(self.states, instant.y.tolist(), strict=True)
         }
         time = float(self.scales.out(instant.time, "s"))
         if self.scales is not DIMENSIONLESS:
             # Scaling may round a block on its stopper, or the end of a period, to just beyond it.
-            delta, last = self.actuator.delta, math.nextafter(self.drive.period, 0.0)
-            values["x2"] = min(max(values["x2"], -delta), delta)
+            delta, last = self.actuator.delta, math.nextafter(self.forcing_period, 0.0)
+            if not self._yields:
+                values["x2"] = min(max(values["x2"], -delta), delta)
             time = min(time, last)
         return state_from(values, time=time)
 
@@ -377,4 +459,4 @@ class _Named:
     """A state of the actuator by name."""
 
     def __init__(self, y: Floats) -> None:
-        self.x1, self.v1, self.x2, self.v2 = y.tolist()
+        self.x1, self.v1, self.x2, self.v2 = y[: len(STATES)].tolist()

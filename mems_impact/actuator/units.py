@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Self
 
 from mems_impact.units import Scales
@@ -18,7 +19,53 @@ from mems_impact.units import Scales
 __all__ = ["UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 
 UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
-"""The SI units that fields and columns may declare; whatever declares none is a pure number."""
+"""The SI units that fields and columns may declare, beside what is made of these and of `MADE`,
+such as "N/m^3"; whatever declares none is a pure number."""
+
+MADE = {
+    "rad": "",
+    "Pa": "N/m^2",
+    "W": "J/s",
+    "C": "J/V",
+    "A": "C/s",
+    "ohm": "V/A",
+    "F": "C/V",
+}
+"""Units that are made of others."""
+
+
+class _Factors(dict[str, float]):
+    """The inner units of some SI units, and of all that is made of these."""
+
+    def __contains__(self, name: object) -> bool:
+        return isinstance(name, str) and self.get(name) is not None
+
+    def __missing__(self, name: str) -> float:
+        found = self.get(name)
+        if found is None:
+            raise KeyError(name)
+        return found
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return the factor of a unit; `default` for what is no unit."""
+        if super().__contains__(name):
+            return super().__getitem__(name)
+        try:
+            return self._made(name) if name else default
+        except (KeyError, ValueError):
+            return default
+
+    def _made(self, name: str) -> float:
+        """Return the factor of a unit as "N s/m^2": factors, and divisors behind each stroke."""
+        factor, (over, *under) = 1.0, name.split("/")
+        for sign, group in ((1.0, over), *((-1.0, each) for each in under)):
+            for token in group.split():
+                base, _, power = token.partition("^")
+                if base == "1":
+                    continue
+                known = super().get(base)
+                factor *= (known or self._made(MADE[base])) ** (sign * float(power or 1))
+        return factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +112,7 @@ class DeviceScales(Scales):
             "J": self.stiffness * self.length * self.length,
             "N": self.stiffness * self.length,
         }
-        object.__setattr__(self, "factors", factors)
-        super().__post_init__()
+        object.__setattr__(self, "factors", MappingProxyType(_Factors(factors)))
 
     def __reduce__(self) -> Any:
         """Pickle the numbers that the factors are made of."""
@@ -74,9 +120,9 @@ class DeviceScales(Scales):
         return _device_scales, tuple(getattr(self, name) for name in names)
 
     def unit(self, name: str) -> float:
-        """Return the inner unit of what has the SI unit `name`, one of `UNITS`."""
+        """Return the inner unit of what has the SI unit `name`, one of `UNITS` or made of them."""
         if name not in self.factors:
-            raise ValueError(f"{name!r} is not one of {', '.join(UNITS)}")
+            raise ValueError(f"{name!r} is not made of {', '.join((*UNITS, *MADE))}")
         return self.factors[name]
 
     @classmethod

@@ -18,6 +18,8 @@ from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["Drive", "Waveform"]
 
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
 
@@ -100,6 +102,23 @@ class Drive(Checked, ABC):
     def time_scale(self) -> float:
         """Time within which the voltage shows all that it does."""
         return self.period
+
+    @property
+    def changes_sign(self) -> bool:
+        """Whether v changes its sign from one forcing period to the next.
+
+        Where its sign matters, and not its square alone, the voltage has twice the period then.
+        """
+        q, period = self.parameters(), self.period
+        for waveform in (self.voltage, self.left_voltage):
+            if waveform is not None:
+                # Parts of a period at which no waveform of a few pieces jumps.
+                times = [period * ((i + 0.5) * GOLDEN % 1.0) for i in range(16)]
+                pairs = [(waveform(t, q), waveform(t + period, q)) for t in times]
+                # One is the other, or its negative, but for rounding.
+                if any(abs(after - before) > abs(before) > 0.0 for before, after in pairs):
+                    return True
+        return False
 
     def check(self) -> None:
         """Raise InvalidParameter if the waveform cannot be told in floating-point numbers.

@@ -13,6 +13,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.custom import Custom
 from mems_impact.actuator.drives.sampled import Sampled
 from mems_impact.actuator.reading import parse_toml, read_bytes
+from mems_impact.actuator.terms import TERMS
 from mems_impact.errors import InvalidFile, InvalidParameter, shown
 
 __all__ = ["TABLES", "drive_of_kind", "load_drive"]
@@ -22,7 +23,7 @@ TABLES = (".csv", ".txt", ".dat", ".tsv")
 
 PYTHON = "Python file with functions voltage(t, q) and voltage_rate(t, q)"
 REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
-_BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
+_BESIDE = ("name", "description", "units", "parameters", *TERMS)  # what a device file holds
 _LARGEST_FILE = 10_000_000  # bytes
 
 

@@ -75,6 +75,11 @@ class Sine(Drive):
         return _period(self.omega, self.bias)
 
     @property
+    def changes_sign(self) -> bool:
+        """Without bias."""
+        return self.bias == 0.0
+
+    @property
     def switches(self) -> tuple[float, ...]:
         """Empty: a sine is smooth."""
         return ()

@@ -1,0 +1,20 @@
+"""Terms in one place: those that `terms.TERMS` lists, and `Term`."""
+
+from typing import TYPE_CHECKING
+
+from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms.base import Term as Term
+from mems_impact.actuator.terms.files import term_type
+
+if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works without
+    from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
+    from mems_impact.actuator.terms.frame_load import FrameLoad as FrameLoad
+    from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
+    from mems_impact.actuator.terms.tilt import Tilt as Tilt
+else:
+
+    def __getattr__(name: str) -> type[Term]:
+        for kind, term in TERMS.items():
+            if term == name:
+                return term_type(kind)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,267 @@
+"""The contract that every term keeps: what an option adds to the equations of the actuator.
+
+A term is a checked object of its parameters, and tells which scalar functions it contributes. These
+read all numbers from the array ``p`` and the state ``y`` by places that `Places` gives, so that one
+compiled automaton serves all values. With the block free, the frame stuck or slipping,
+
+    m1 a1 = load + on_frame - friction,        load = k x2 + c v2 - pull - sum of forces
+    m2 (a1 + a2) = -load + on_block
+
+of which Equations (1) to (3) of the paper are the case without terms; a1 is the acceleration of the
+frame, a2 that of the block relative to it. Nothing but the voltage of the drive depends on time.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple, Self
+
+from mems_impact.actuator.checked import Checked
+from mems_impact.actuator.units import scaled_fields, unscaled_fields
+from mems_impact.units import Scales
+
+__all__ = ["Contribution", "Electrode", "Function", "Kind", "Places", "Term"]
+
+Function = Callable[..., float]
+"""A scalar function that numba compiles unchanged."""
+
+Shape = tuple[Hashable, ...]
+"""What of a term is no number, and so part of its equations."""
+
+
+class Electrode(NamedTuple):
+    """An electrode as functions for numba.
+
+    ``x`` is the position of the block towards the electrode: x2 for the right one, -x2 for the left
+    one. It pulls with the force slope/2 (node - offset)^2.
+
+    Attributes
+    ----------
+    capacitance, slope : callable
+        ``capacitance(x, p)`` between block and electrode, and its derivative by x.
+    node : callable
+        ``node(v, x, y, p)``, the voltage at the electrode where that of the drive is v: the same
+        unless a term stands between the two.
+    offset : callable
+        ``offset(y, p)``, what part of it does not act on the block; 0 by default.
+    """
+
+    capacitance: Function
+    slope: Function
+    node: Function
+    offset: Function
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contribution:
+    """What a term adds to the equations, or puts into their place. All of it is optional.
+
+    Attributes
+    ----------
+    force : callable
+        ``force(y, p)`` on the block, which the frame bears, positive to the right.
+    on_frame, on_block : callable
+        ``on_frame(y, p)``, ``on_block(y, p)``: forces from outside, positive to the right.
+    rates : tuple of callable
+        ``rate(y, p)``, the time derivative of each of the term's states.
+    normal : callable
+        ``normal(p)``, a factor of the normal force between frame and ground.
+    friction : callable
+        ``friction(speed, p)``, the coefficient of friction of a slip, in place of mu_d. It is
+        smooth a little below zero.
+    sticks : bool
+        Whether the frame sticks where it comes to rest.
+    restitution : callable
+        ``restitution(speed, p)``, the coefficient of an impact at the speed, >= 0, in place of e.
+    stopper : callable
+        ``stopper(depth, rate, p)``, the force of a stopper that yields, >= 0, in place of impacts.
+    adhesion : callable
+        ``adhesion(p)``, with which a stopper holds the block that rests on it, >= 0.
+    places_frame : bool
+        Whether functions read x1, on which nothing depends otherwise.
+    energy : callable
+        ``energy(y, p)`` that the term stores, of which its conservative forces are the slope.
+    lost : callable
+        ``lost(y, p)``, the power that it turns into heat, >= 0.
+    """
+
+    force: Function | None = None
+    on_frame: Function | None = None
+    on_block: Function | None = None
+    rates: tuple[Function, ...] = ()
+    normal: Function | None = None
+    friction: Function | None = None
+    sticks: bool = True
+    restitution: Function | None = None
+    stopper: Function | None = None
+    adhesion: Function | None = None
+    places_frame: bool = False
+    energy: Function | None = None
+    lost: Function | None = None
+
+
+@dataclass(frozen=True)
+class Places:
+    """Where a term finds its numbers.
+
+    Attributes
+    ----------
+    p : mapping of str to int
+        Places of its parameters in the array ``p``; of a tuple, that of its first number.
+    y : mapping of str to int
+        Places of its states.
+    """
+
+    p: Mapping[str, int]
+    y: Mapping[str, int] = field(default_factory=dict)
+
+
+class Kind(NamedTuple):
+    """A term but for its numbers: what its equations are made of."""
+
+    term: type[Term]
+    shape: Shape
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """How many numbers each parameter holds."""
+        return self.term.lengths(self.shape)
+
+    @property
+    def length(self) -> int:
+        """How many numbers the term has in ``p``."""
+        return sum(self.lengths.values())
+
+    def at(self, first: int, states: Mapping[str, int] | None = None) -> Places:
+        """Return the term's places, its numbers beginning at `first`."""
+        places = {}
+        for name, length in self.lengths.items():
+            places[name] = first
+            first += length
+        return Places(places, states or {})
+
+
+class Term(Checked, ABC):
+    """Base of the options of an actuator's model: ``actuator.adding(Tilt(angle=0.1))``.
+
+    A term is a subclass in a file of its own in `mems_impact.actuator.terms`, named like the file:
+    that alone makes files of devices, parameters and the command line know it. It declares its
+    parameters as pydantic fields (with the number types of `mems_impact.actuator.checked`): a
+    number or a tuple of numbers is read by its functions, anything else is part of its `shape`.
+
+    Attributes
+    ----------
+    units : mapping of str to str
+        The SI unit of every field and state that is not a pure number, such as "N/m^3" (kg, m, s, V
+        and what is made of them).
+    instead : str
+        What it puts into the place of the paper's rule, if it does: "stopper", "restitution",
+        "friction". An actuator has one of each.
+    layer : int
+        Terms make something of an electrode in ascending order: first what lies in the gap, 0, then
+        what stands before it, 1.
+    signed : bool
+        Whether it makes the sign of the voltage matter. Forces go with its square, so that a
+        period of v is two forcing periods where v changes its sign; with such a term it is one.
+    """
+
+    units: ClassVar[Mapping[str, str]] = {}
+    instead: ClassVar[str] = ""
+    layer: ClassVar[int] = 0
+    signed: ClassVar[bool] = False
+
+    @classmethod
+    def name(cls) -> str:
+        """Return what files and parameters call it: the name of its file."""
+        return cls.__module__.rpartition(".")[2]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers that can be varied."""
+        fields = type(self).model_fields
+        return tuple(name for name in fields if isinstance(getattr(self, name), float))
+
+    @property
+    def shape(self) -> Shape:
+        """What of it is no number, field by field: 1 for a number, of a tuple how many it holds."""
+        return tuple(_shape(getattr(self, name)) for name in type(self).model_fields)
+
+    @classmethod
+    def lengths(cls, shape: Shape) -> dict[str, int]:
+        """Return how many numbers each field that holds numbers has."""
+        found = zip(cls.model_fields, shape, strict=True)
+        return {name: length for name, length in found if type(length) is int}
+
+    @property
+    def kind(self) -> Kind:
+        """What its equations are made of."""
+        return Kind(type(self), self.shape)
+
+    def numbers(self, scales: Scales) -> list[float]:
+        """Return its parameters as they stand in ``p``, in the units of the numerics."""
+        inner = self.scaled(scales)
+        found: list[float] = []
+        for name in self.lengths(self.shape):
+            value = getattr(inner, name)
+            found += value if isinstance(value, tuple) else (value,)
+        return found
+
+    def scaled(self, scales: Scales) -> Self:
+        """Return the same term in the units of the numerics."""
+        return self.replace_unchecked(**scaled_fields(self, self._field_units, scales))
+
+    def unscaled(self, scales: Scales) -> Self:
+        """Return the same term, given in the units of the numerics, in those of the device."""
+        return self.replace_unchecked(**unscaled_fields(self, self._field_units, scales))
+
+    @property
+    def _field_units(self) -> dict[str, str]:
+        fields = type(self).model_fields
+        return {name: unit for name, unit in self.units.items() if name in fields}
+
+    def varied(self, values: Mapping[str, float], *, checked: bool = True) -> Self:
+        """Return a copy with some numbers changed; beyond what is allowed if not `checked`."""
+        return self.replace(**values) if checked else self.replace_unchecked(**values)
+
+    @classmethod
+    def states(cls, shape: Shape) -> tuple[str, ...]:
+        """Return the names of its states."""
+        return ()
+
+    @classmethod
+    def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
+        """Return the names of the states that it has at each electrode."""
+        return ()
+
+    @classmethod
+    @abstractmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return what it adds to the equations.
+
+        A class method, since compiled equations know no values: these stand in ``p``.
+        """
+
+    @classmethod
+    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+        """Return what it makes of an electrode; asked for each, with the places of its states."""
+        return electrode
+
+    @classmethod
+    def electrode_rates(
+        cls, at: Places, shape: Shape, electrode: Electrode
+    ) -> tuple[Function, ...]:
+        """Return ``rate(v, x, speed, y, p)`` of each of its states at an electrode, now complete.
+
+        ``v`` is the voltage of the drive, ``x`` and ``speed`` are of the block towards it.
+        """
+        return ()
+
+
+def _shape(value: Any) -> Hashable:
+    if isinstance(value, float):
+        return 1
+    if isinstance(value, tuple) and value and isinstance(value[0], float):
+        return len(value)
+    return str(value)

@@ -1,0 +1,51 @@
+"""A suspension that stiffens, or softens, with its deflection."""
+
+from __future__ import annotations
+
+from mems_impact.actuator.checked import Number
+from mems_impact.actuator.modes import X2
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["CubicStiffness"]
+
+
+class CubicStiffness(Term):
+    """A spring between block and frame with the force -k x2 - k3 x2^3.
+
+    Parameters
+    ----------
+    k3 : float
+        Cubic stiffness [N/m^3]; above 0 for a clamped beam, which is stretched as it bends.
+
+    Raises
+    ------
+    InvalidParameter
+        If the value is not a number.
+
+    Notes
+    -----
+    The free oscillation of amplitude A is faster by 3 k3 A^2/(8 k) of its frequency, to first order
+    (A. H. Nayfeh, D. T. Mook, *Nonlinear Oscillations*, 1979, Section 2.1).
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> stiffer = mi.load_actuator("zhao2004").adding(mi.CubicStiffness(k3=0.5))
+    """
+
+    k3: Number
+
+    units = {"k3": "N/m^3"}  # noqa: RUF012 - ClassVar above
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the force."""
+        k3 = at.p["k3"]
+
+        def force(y, p):  # type: ignore[no-untyped-def]
+            return -p[k3] * y[X2] * y[X2] * y[X2]
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            return 0.25 * p[k3] * y[X2] ** 4
+
+        return Contribution(force=force, energy=energy)

@@ -1,0 +1,40 @@
+"""Terms as tables of files, and by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms.base import Term
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["table_of", "term_of", "term_type"]
+
+
+def term_type(name: str) -> type[Term]:
+    """Return the term of that name; InvalidParameter if there is none."""
+    if name not in TERMS:
+        raise InvalidParameter("term", name, f"one of {', '.join(TERMS)}")
+    found: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERMS[name])
+    return found
+
+
+def term_of(name: str, table: Mapping[str, Any]) -> Term:
+    """Return the term that a table ``[name]`` tells; InvalidParameter if it tells it wrong."""
+    if not isinstance(table, Mapping):
+        raise InvalidParameter(name, table, f"a table [{name}]")
+    values = {key: tuple(each) if isinstance(each, list) else each for key, each in table.items()}
+    try:
+        return term_type(name)(**values)
+    except InvalidParameter as error:
+        raise error.within(name) from None
+
+
+def table_of(term: Term) -> dict[str, Any]:
+    """Return a term as a table."""
+    return {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in dict(term).items()
+    }

@@ -1,0 +1,50 @@
+"""A constant force against which the device walks."""
+
+from __future__ import annotations
+
+from mems_impact.actuator.checked import Number
+from mems_impact.actuator.modes import X1
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["FrameLoad"]
+
+
+class FrameLoad(Term):
+    """A constant force on the frame, against the way to the right.
+
+    Parameters
+    ----------
+    force : float
+        Force [N], positive to the left: walking to the right is work against it.
+
+    Raises
+    ------
+    InvalidParameter
+        If the value is not a number.
+
+    Notes
+    -----
+    Static friction holds a device without voltage up to mu_s (m1 + m2) g.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> loaded = mi.load_actuator("zhao2004").adding(mi.FrameLoad(force=0.2))
+    """
+
+    force: Number
+
+    units = {"force": "N"}  # noqa: RUF012 - ClassVar above
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the force."""
+        load = at.p["force"]
+
+        def on_frame(y, p):  # type: ignore[no-untyped-def]
+            return -p[load]
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            return p[load] * y[X1]
+
+        return Contribution(on_frame=on_frame, energy=energy)

@@ -1,0 +1,53 @@
+"""A spring that holds the frame back."""
+
+from __future__ import annotations
+
+from mems_impact.actuator.checked import NonNegative
+from mems_impact.actuator.modes import X1
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["FrameSpring"]
+
+
+class FrameSpring(Term):
+    """A spring between frame and ground, without force at x1 = 0.
+
+    The frame walks until static friction no longer holds what its steps have stretched.
+
+    Parameters
+    ----------
+    k1 : float
+        Stiffness [N/m], >= 0.
+
+    Raises
+    ------
+    InvalidParameter
+        If the value is out of range.
+
+    Notes
+    -----
+    Static friction holds a frame without voltage up to abs(x1) = mu_s (m1 + m2) g/k1. The position
+    x1 then matters: an orbit closes in it too.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> held = mi.load_actuator("zhao2004").adding(mi.FrameSpring(k1=0.1))
+    """
+
+    k1: NonNegative
+
+    units = {"k1": "N/m"}  # noqa: RUF012 - ClassVar above
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the force."""
+        k1 = at.p["k1"]
+
+        def on_frame(y, p):  # type: ignore[no-untyped-def]
+            return -p[k1] * y[X1]
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            return 0.5 * p[k1] * y[X1] * y[X1]
+
+        return Contribution(on_frame=on_frame, energy=energy, places_frame=True)

@@ -1,0 +1,64 @@
+"""A device on a slope."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import Number
+from mems_impact.actuator.modes import X1, X2
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["Tilt"]
+
+UPRIGHT = 0.5 * math.pi
+
+
+class Tilt(Term):
+    """A ground that is inclined: weight pulls frame and block to the left, and presses less.
+
+    Parameters
+    ----------
+    angle : float
+        Inclination [rad], between -pi/2 and pi/2; above 0 the way to the right is uphill.
+
+    Raises
+    ------
+    InvalidParameter
+        If the value is out of range.
+
+    Notes
+    -----
+    Forces -m1 g sin(angle) on the frame and -m2 g sin(angle) on the block; normal force
+    (m1 + m2) g cos(angle). Static friction holds a device at rest up to the angle atan(mu_s).
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> uphill = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
+    """
+
+    angle: Annotated[Number, Field(gt=-UPRIGHT, lt=UPRIGHT)]
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the forces and the share of the weight that presses on the ground."""
+        angle = at.p["angle"]
+
+        def on_frame(y, p):  # type: ignore[no-untyped-def]
+            return -p[eq.M1] * p[eq.G] * math.sin(p[angle])
+
+        def on_block(y, p):  # type: ignore[no-untyped-def]
+            return -p[eq.M2] * p[eq.G] * math.sin(p[angle])
+
+        def normal(p):  # type: ignore[no-untyped-def]
+            return math.cos(p[angle])
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            weight = p[eq.G] * math.sin(p[angle])
+            return weight * ((p[eq.M1] + p[eq.M2]) * y[X1] + p[eq.M2] * y[X2])
+
+        return Contribution(on_frame=on_frame, on_block=on_block, normal=normal, energy=energy)
