@@ -97,15 +97,16 @@ class Actuator(Checked):
 
     @model_validator(mode="after")
     def _check_terms(self) -> Self:
-        for role in ("name", "instead"):
-            taken: dict[str, Term] = {}
-            for term in self.terms:
-                key = term.name() if role == "name" else term.instead
-                if key and key in taken:
-                    both = f"{type(taken[key]).__name__} and {type(term).__name__}"
-                    problem = f"{both} both tell the {key}; an actuator has one"
-                    raise InvalidParameter("terms", self.terms, "", problem=problem)
-                taken[key] = term
+        for i, term in enumerate(self.terms):
+            for other in self.terms[:i]:
+                both = f"{type(other).__name__} and {type(term).__name__}"
+                if term.name() == other.name():
+                    problem = f"{both} are of one kind; give one of them"
+                elif term.instead and term.instead == other.instead:
+                    problem = f"{both} both tell the {term.instead}; give one of them"
+                else:
+                    continue
+                raise InvalidParameter("terms", self.terms, "", problem=problem)
         return self
 
     @model_validator(mode="after")
