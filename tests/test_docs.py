@@ -8,7 +8,9 @@ import pytest
 from mems_impact.actuator.drives import WAVEFORMS
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+PAGES += sorted((DOCS / "terms").glob("*.md"))
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
@@ -22,6 +24,7 @@ def python_blocks(text):
 
 
 SLOW = ("coco.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
+SLOW += ("terms.md", *(page.name for page in (DOCS / "terms").glob("*.md")))
 EXAMPLES = [
     pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
 ]
