@@ -197,15 +197,15 @@ def composed_automaton(
         x = p[scratch + n : scratch + 2 * n]
         flow(mode, t, y, p, slope)
         total = 0.0
-        for point in range(6):
+        for point in range(4):
             size = 1 + point // 2
             sign = 1.0 - 2.0 * (point % 2)
-            weight = 45.0 if size == 1 else (-9.0 if size == 2 else 1.0)
             s = sign * size * h
             for k in range(n):
                 x[k] = y[k] + s * slope[k]
-            total += sign * weight * margin(code, mode, v + s * dv, w + s * dw, x, p)
-        return total / (60.0 * h)
+            found = margin(code, mode, v + s * dv, w + s * dw, x, p)
+            total += sign * (8.0 if size == 1 else -1.0) * found
+        return total / (12.0 * h)
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         v, w = volts(t, p)
