@@ -93,14 +93,12 @@ class InvalidParameter(MemsImpactError, ValueError):
             message += f" [in {_label(self.source)}]"
         super().__init__(message)
 
-    def located(self, source: str | PathLike[str]) -> InvalidParameter:
-        """Return the same error, saying that the value came from the file `source`."""
-        return InvalidParameter(self.field, self.value, self.allowed, source, problem=self.problem)
-
-    def within(self, owner: str) -> InvalidParameter:
-        """Return the same error of a parameter that belongs to `owner`."""
-        field = f"{owner}.{self.field}"
-        return InvalidParameter(field, self.value, self.allowed, self.source, problem=self.problem)
+    def located(
+        self, source: str | PathLike[str] | None = None, *, owner: str = ""
+    ) -> InvalidParameter:
+        """Return the same error, of a parameter of `owner`, of a value from the file `source`."""
+        field = f"{owner}.{self.field}" if owner else self.field
+        return InvalidParameter(field, self.value, self.allowed, source, problem=self.problem)
 
 
 class InvalidFile(MemsImpactError, ValueError):

@@ -35,7 +35,7 @@ from mems_impact.actuator.modes import (
     mode_of,
     side_of,
 )
-from mems_impact.actuator.terms.base import Function, Kind
+from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton
 
 __all__ = ["composed_automaton"]
@@ -104,7 +104,7 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
 
 @cache
 def composed_automaton(
-    kinds: tuple[Kind, ...],
+    kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
     voltage_rate: Callable[..., float],
     left: Callable[..., float] | None = None,
@@ -115,7 +115,7 @@ def composed_automaton(
 
     Parameters
     ----------
-    kinds : tuple of Kind
+    kinds : tuple of TermKind
         Of the terms.
     voltage, voltage_rate, left, left_rate, bounds
         As of `mems_impact.actuator.modes.actuator_automaton`.

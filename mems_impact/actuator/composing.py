@@ -16,17 +16,17 @@ from mems_impact.actuator.terms.base import (
     Contribution,
     Electrode,
     Function,
-    Kind,
     Places,
+    TermKind,
 )
 
-__all__ = ["Layout", "Model", "compose", "layout"]
+__all__ = ["Arrangement", "Model", "compose", "layout"]
 
 SCRATCH = 2  # arrays of the size of the state, between the numbers of the terms and of the drive
 
 
 @dataclass(frozen=True)
-class Layout:
+class Arrangement:
     """Where everything stands in the arrays of parameters and states.
 
     Attributes
@@ -47,7 +47,7 @@ class Layout:
     drive: int
 
 
-def layout(kinds: Sequence[Kind], electrodes: int) -> Layout:
+def layout(kinds: Sequence[TermKind], electrodes: int) -> Arrangement:
     """Return where everything stands; a left electrode's states are called ``left_...``."""
     states = list(STATES)
 
@@ -69,7 +69,7 @@ def layout(kinds: Sequence[Kind], electrodes: int) -> Layout:
         for prefix in ("", "left_")[:electrodes]
     )
     scratch = firsts[-1]
-    return Layout(tuple(states), terms, sides, scratch, scratch + SCRATCH * len(states))
+    return Arrangement(tuple(states), terms, sides, scratch, scratch + SCRATCH * len(states))
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Model:
 
     Attributes
     ----------
-    layout : Layout
+    layout : Arrangement
     contributions : tuple of Contribution
         In the order of the terms.
     electrodes : tuple of Electrode
@@ -103,7 +103,7 @@ class Model:
     sticks, places_frame : bool
     """
 
-    layout: Layout
+    layout: Arrangement
     contributions: tuple[Contribution, ...]
     electrodes: tuple[Electrode, ...]
     pull: Function
@@ -120,7 +120,7 @@ class Model:
     places_frame: bool
 
 
-def compose(kinds: tuple[Kind, ...], electrodes: int) -> Model:
+def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
     """Return the equations of an actuator with terms and one or two electrodes."""
     places = layout(kinds, electrodes)
     parts = tuple(
@@ -206,7 +206,7 @@ def friction_of(coefficient: Function, normal: Function) -> Function:
     return sliding_friction
 
 
-def electrode_of(kinds: tuple[Kind, ...], places: Sequence[Places]) -> Electrode:
+def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[Places]) -> Electrode:
     """Return an electrode with all that terms make of it."""
 
     def node(v, x, y, p):  # type: ignore[no-untyped-def]
@@ -251,8 +251,8 @@ def pull_of(electrodes: Sequence[Electrode]) -> Function:
 
 
 def all_rates(
-    kinds: Sequence[Kind],
-    places: Layout,
+    kinds: Sequence[TermKind],
+    places: Arrangement,
     parts: Sequence[Contribution],
     electrodes: Sequence[Electrode],
 ) -> Function:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from mems_impact.actuator.composed import composed_automaton
-from mems_impact.actuator.composing import SCRATCH
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives import WAVEFORMS
@@ -24,11 +23,10 @@ from mems_impact.actuator.modes import (
     direction_of,
     side_of,
 )
-from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.numerics import ActuatorNumerics
+from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.tables import COLUMN_UNITS, SWEEP_COLUMNS, SYMBOLS
-from mems_impact.actuator.terms.base import Kind, Term
-from mems_impact.actuator.units import scaled_fields
+from mems_impact.actuator.tables import SWEEP_COLUMNS, SYMBOLS
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Span
@@ -36,7 +34,7 @@ from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.portable import reference
-from mems_impact.hybrid.problem import Numbers, Problem, Section
+from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.units import DIMENSIONLESS, Scales
@@ -57,7 +55,7 @@ def _energy_lost(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
     return float(0.5 * m1 * m2 / (m1 + m2) * (before.v2 - after.v2) * (before.v2 + after.v2))
 
 
-class ActuatorSystem(System):
+class ActuatorSystem(ActuatorNumerics):
     """An actuator under a drive, with every number of theirs as a parameter.
 
     Parameters
@@ -89,10 +87,6 @@ class ActuatorSystem(System):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
         self._put(actuator, drive, scales or actuator.scales)
-
-    def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
-        self.name = ""
-        self.actuator, self.drive, self._scales = actuator, drive, scales
 
     def _key(self) -> tuple[Any, ...]:
         return dict(self.actuator), self.drive, self._scales
@@ -129,18 +123,6 @@ class ActuatorSystem(System):
         return composed_automaton(kinds, *waveform, self._bounds)
 
     @cached_property
-    def _kinds(self) -> tuple[Kind, ...]:
-        return tuple(term.kind for term in self.actuator.terms)
-
-    @cached_property
-    def _unfolded(self) -> bool:
-        """Whether the sign of the voltage matters, and changes from one period of v^2 to the next.
-
-        The forcing period is then that of v itself.
-        """
-        return any(kind.term.signed for kind in self._kinds) and self.drive.changes_sign
-
-    @cached_property
     def _yields(self) -> bool:
         """Whether the stoppers yield, and a block may be beyond them."""
         return any(kind.term.instead == "stopper" for kind in self._kinds)
@@ -149,46 +131,6 @@ class ActuatorSystem(System):
     def _bounds(self) -> bool:
         """Whether functions may read beyond arrays, and have to be kept from it: the user's."""
         return not self.told_by_numbers
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """All numbers of drive and actuator."""
-        values = {name: self.drive.number(name) for name in self.drive.names}
-        for name in PARAMETER_NAMES:
-            values.setdefault(name, float(getattr(self.actuator, name)))
-        for term in self.actuator.terms:
-            values |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
-        return values
-
-    @property
-    def is_scaled(self) -> bool:
-        """Always."""
-        return True
-
-    @property
-    def scales(self) -> Scales:
-        """The units of the numerics."""
-        return self._scales
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """SI units of parameters and columns; none of a dimensionless device."""
-        if self._scales is DIMENSIONLESS:
-            return {}
-        of_drive = {name: self.drive.unit(name) for name in self.drive.names}
-        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
-
-    @cached_property
-    def _term_units(self) -> dict[str, str]:
-        """Units of the parameters of terms, and of their states."""
-        found: dict[str, str] = {}
-        for term in self.actuator.terms:
-            own, both = term.states(term.shape), term.electrode_states(term.shape)
-            names = {name: f"{term.name()}.{name}" for name in term.names}
-            names |= {name: name for name in own + both}
-            found |= {names[name]: unit for name, unit in term.units.items() if name in names}
-            found |= {f"left_{name}": term.units[name] for name in both if name in term.units}
-        return found
 
     @property
     def initial(self) -> State:
@@ -227,130 +169,12 @@ class ActuatorSystem(System):
         """Return rest in the middle for a sweep up, and a kick for one down."""
         return State() if direction == "up" else kicked(self.actuator)
 
-    @property
-    def forcing_period(self) -> float:
-        """The drive's; that of the voltage itself where a term makes its sign matter."""
-        return self.drive.period * (2.0 if self._unfolded else 1.0)
-
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
         super().check_continued(name)
         if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
-
-    def changed(self, **values: float) -> ActuatorSystem:
-        """Return the system at other values of some parameters, checked."""
-        drive_values, actuator_values, term_values = self._sorted(values)
-        drive = self.drive.varied(drive_values) if drive_values else self.drive
-        if term_values:
-            actuator_values["terms"] = self._terms(term_values)
-        actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
-        return self._with(actuator, drive, actuator.scales)
-
-    def shifted(self, values: Mapping[str, float]) -> ActuatorSystem:
-        """Return the system at values that may not be allowed, in the same scales.
-
-        Differences by a parameter at the end of its range look beyond it, as do trial steps.
-        """
-        drive_values, actuator_values, term_values = self._sorted(values)
-        actuator, drive = self.actuator, self.drive
-        if drive_values:
-            drive = drive.varied(drive_values, checked=False)
-        if term_values:
-            actuator_values["terms"] = self._terms(term_values, checked=False)
-        if actuator_values:
-            actuator = actuator.replace_unchecked(**actuator_values)
-        return self._with(actuator, drive, self._scales)
-
-    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> ActuatorSystem:
-        """Return the system of another actuator and drive, which have been checked or need not."""
-        other = object.__new__(ActuatorSystem)
-        other._put(actuator, drive, scales)
-        return other
-
-    def _sorted(
-        self, values: Mapping[str, float]
-    ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:
-        """Return the values of the drive, those of the actuator and those of its terms."""
-        of_drive, of_actuator, of_terms = {}, {}, {}
-        for name, value in values.items():
-            if name in self._drive_names:
-                of_drive[name] = value
-            elif name in PARAMETER_NAMES:
-                of_actuator[name] = value
-            else:
-                self.check_parameter(name)
-                of_terms[name] = value
-        return of_drive, of_actuator, of_terms
-
-    def _terms(self, values: Mapping[str, float], *, checked: bool = True) -> tuple[Term, ...]:
-        """Return the terms, some of their numbers changed."""
-        found = []
-        for term in self.actuator.terms:
-            prefix = f"{term.name()}."
-            own = {
-                name.removeprefix(prefix): value
-                for name, value in values.items()
-                if name.startswith(prefix)
-            }
-            found.append(term.varied(own, checked=checked) if own else term)
-        return tuple(found)
-
-    @property
-    def inner_actuator(self) -> Actuator:
-        """The actuator in the units of the numerics."""
-        if self._scales is DIMENSIONLESS:
-            return self.actuator
-        values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
-        return self.actuator.replace_unchecked(**values, units="dimensionless")
-
-    def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
-        """Return what of the problem depends on the parameters, dimensionless.
-
-        Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
-        `numbers` does without.
-        """
-        of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
-        device = self._device
-        if of_actuator or of_terms:
-            device = device.copy()
-        for name, value in of_actuator.items():
-            unit = PARAMETER_UNITS.get(name)
-            inner = self._scales.into(value, unit) if unit else value
-            device[PARAMETER_NAMES.index(name)] = inner
-        for name, value in of_terms.items():
-            device[self._term_places[name]] = self.into(name, value)
-        q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
-        if self._unfolded:
-            switches += tuple(period + time for time in switches)
-            scale, period = scale or period, 2.0 * period
-        return Numbers(np.concatenate([device, q]), period, switches, scale)
-
-    @cached_property
-    def _device(self) -> Floats:
-        """The numbers of actuator and terms, in the units of the numerics; room for scratch."""
-        own = self.inner_actuator.to_array()
-        if not self._kinds:
-            return own
-        of_terms = [each for term in self.actuator.terms for each in term.numbers(self._scales)]
-        scratch = np.zeros(SCRATCH * len(self.states))
-        return np.concatenate([own, of_terms, scratch])
-
-    @cached_property
-    def _term_places(self) -> dict[str, int]:
-        """Where the parameters of terms stand among the numbers."""
-        places: dict[str, int] = {}
-        first = len(PARAMETER_NAMES)
-        for kind in self._kinds:
-            at = kind.at(first)
-            places |= {f"{kind.term.name()}.{name}": place for name, place in at.p.items()}
-            first += kind.length
-        return places
-
-    @cached_property
-    def _drive_names(self) -> tuple[str, ...]:
-        return self.drive.names
 
     def ending(self, until: Callable[..., float]) -> System:
         """Refuse: the functions of an actuator are not written by name."""

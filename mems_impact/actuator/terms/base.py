@@ -22,7 +22,7 @@ from mems_impact.actuator.checked import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
 from mems_impact.units import Scales
 
-__all__ = ["Contribution", "Electrode", "Function", "Kind", "Places", "Term"]
+__all__ = ["Contribution", "Electrode", "Function", "Places", "Term", "TermKind"]
 
 Function = Callable[..., float]
 """A scalar function that numba compiles unchanged."""
@@ -118,7 +118,7 @@ class Places:
     y: Mapping[str, int] = field(default_factory=dict)
 
 
-class Kind(NamedTuple):
+class TermKind(NamedTuple):
     """A term but for its numbers: what its equations are made of."""
 
     term: type[Term]
@@ -195,9 +195,9 @@ class Term(Checked, ABC):
         return {name: length for name, length in found if type(length) is int}
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> TermKind:
         """What its equations are made of."""
-        return Kind(type(self), self.shape)
+        return TermKind(type(self), self.shape)
 
     def numbers(self, scales: Scales) -> list[float]:
         """Return its parameters as they stand in ``p``, in the units of the numerics."""

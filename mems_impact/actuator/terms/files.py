@@ -29,7 +29,7 @@ def term_of(name: str, table: Mapping[str, Any]) -> Term:
     try:
         return term_type(name)(**values)
     except InvalidParameter as error:
-        raise error.within(name) from None
+        raise error.located(owner=name) from None
 
 
 def table_of(term: Term) -> dict[str, Any]:
