@@ -93,12 +93,11 @@ class InvalidParameter(MemsImpactError, ValueError):
             message += f" [in {_label(self.source)}]"
         super().__init__(message)
 
-    def located(
-        self, source: str | PathLike[str] | None = None, *, owner: str = ""
-    ) -> InvalidParameter:
+    def located(self, source: str | PathLike[str] = "", *, owner: str = "") -> InvalidParameter:
         """Return the same error, of a parameter of `owner`, of a value from the file `source`."""
         field = f"{owner}.{self.field}" if owner else self.field
-        return InvalidParameter(field, self.value, self.allowed, source, problem=self.problem)
+        place = source or self.source
+        return InvalidParameter(field, self.value, self.allowed, place, problem=self.problem)
 
 
 class InvalidFile(MemsImpactError, ValueError):
