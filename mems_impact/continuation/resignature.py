@@ -9,6 +9,7 @@ import numpy as np
 from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
+from mems_impact.continuation.locating import IN_NO_TIME
 from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.record import NONE
@@ -245,7 +246,7 @@ def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess:
     lengths = point.ends - point.starts
     following = i + 1
     while following < len(segments) and segments[following].mode != mode:
-        if lengths[following] > 1e-3:
+        if lengths[following] > IN_NO_TIME:
             break
         following += 1
     if (
