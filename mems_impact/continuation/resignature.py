@@ -78,11 +78,9 @@ def _other(orbit: PeriodicOrbit, monitor: Monitor) -> tuple[Guess, Monitor, floa
         guess, grows = move_event(orbit, monitor.segment) or swap_events(orbit, monitor.segment)
         return guess, Monitor(monitor.kind, "length", grows), APART
     if monitor.role == "rate":
-        return (
-            without_event(orbit, monitor),
-            Monitor(monitor.kind, "approach", -1, monitor.guard),
-            DEPTH,
-        )
+        # Where it happened: what is left may touch the guard elsewhere at the same value.
+        there = Monitor(monitor.kind, "approach", monitor.segment, monitor.guard)
+        return without_event(orbit, monitor), there, DEPTH
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
         raise OrbitError(
