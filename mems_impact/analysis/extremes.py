@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,12 +68,13 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
     arc = np.cumsum(kinds == 1)
 
     @cache
-    def slope(j: int) -> Floats:
+    def slopes(j: int) -> Floats:
         return flow_at(run.problem, Instant(0, float(time[j]), int(mode[j]), y[j]))
 
-    return [
-        _maxima(time, y[:, i], lambda j, i=i: float(slope(j)[i]), arc) for i in range(y.shape[1])
-    ]
+    def slope(i: int, j: int) -> float:
+        return float(slopes(j)[i])
+
+    return [_maxima(time, y[:, i], partial(slope, i), arc) for i in range(y.shape[1])]
 
 
 def _maxima(
