@@ -13,12 +13,18 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from mems_impact.analysis.extremes import maxima
+from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
+from mems_impact.hybrid.trajectory import Floats
+from mems_impact.tables.sweep import counted
 
 __all__ = ["Case", "Chain", "Point", "Study", "in_threads", "in_turn"]
 
@@ -41,12 +47,15 @@ class Case:
 
 @dataclass(frozen=True)
 class Study:
-    """What all values of a sweep share."""
+    """What all values of a sweep share.
+
+    How long they settle and are measured is in forcing periods, or a time where nothing forces.
+    """
 
     system: System
     parameter: str
-    transient: int
-    periods: int
+    transient: float
+    length: float
     section: int
     options: Options
 
@@ -72,37 +81,61 @@ class Study:
             "status": "ok",
         }
         system = case.system
-        first = start.time / case.period + self.transient
+        first, whole = self.transient, self.transient + self.length
+        if system.forced:
+            first += start.time / case.period
         try:
             run = simulate(
                 system,
-                self.transient + self.periods,
+                **_lasting(system, whole),
                 initial=start,
-                window=(first, first + self.periods),
+                window=(first, first + self.length),
                 options=self.options,
                 progress=watch or False,
             )
         except (RunError, InvalidParameter) as error:
             point["status"] = str(error)
             return point, start
+        numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
+        point["section"] = {
+            counted(system): numbers,
+            **{name: system.out(name, y[:, system.states.index(name)]) for name in self.states},
+        }
+        point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}
+        return point, run.final
+
+    def _forced(self, system: System, run: Run) -> tuple[Floats, Floats]:
+        """Return in which periods the section is crossed, and the states there.
+
+        Where periods begin, without a section.
+        """
         trajectory = run.trajectory
         if system.section is None:
-            grid = trajectory.samples(1, first=first)
-            inside = grid.cycle < self.transient + self.periods  # the end begins another period
+            grid = trajectory.samples(1, first=run.window[0])
+            inside = grid.cycle < self.transient + self.length  # the end begins another period
             cycle, time, y = grid.cycle[inside], grid.time[inside], grid.y[inside]
         else:
             log = trajectory.events.crossings(self.section)
             cycle, time, y = log.cycle, log.time, log.after
         settled = (cycle - self.transient) * trajectory.period + time >= trajectory.start.time
-        point["section"] = {
-            "period": (cycle[settled] - self.transient).astype(float),
-            **{
-                name: system.out(name, y[settled, system.states.index(name)])
-                for name in self.states
-            },
-        }
-        point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}
-        return point, run.final
+        return (cycle[settled] - self.transient).astype(float), y[settled]
+
+    def _unforced(self, system: System, run: Run) -> tuple[Floats, Floats]:
+        """Return the numbers of the crossings of the section, from 0, and the states there.
+
+        Without a section the maxima of each state, the k-th of all in one row.
+        """
+        trajectory = run.trajectory
+        first = float(system.into("time", self.transient)) / trajectory.period
+        if system.section is None:
+            peaks = maxima(trajectory, first)
+            y = np.full((max(map(len, peaks)), len(peaks)), math.nan)
+            for i, values in enumerate(peaks):
+                y[: len(values), i] = values
+        else:
+            log = trajectory.events.crossings(self.section)
+            y = log.after[log.cycle + log.time / trajectory.period >= first]
+        return np.arange(float(len(y))), y
 
 
 @dataclass(frozen=True)
@@ -121,6 +154,8 @@ class Chain:
             if case.period != period:
                 state = _at_same_phase(state, period, case.period)
                 period = case.period
+            if not case.system.forced:
+                state = state.replace(time=0.0)  # nothing depends on it
             point, state = self.study.point(case, self.name, state, watch)
             yield point
 
@@ -164,7 +199,12 @@ def compile_once(chain: Chain) -> None:
     case = chain.cases[0]
     options = replace(chain.study.options, engine="compiled")
     with contextlib.suppress(MemsImpactError):  # the chain itself will say so
-        simulate(case.system, 1e-3, initial=chain.initial, options=options)
+        simulate(case.system, **_lasting(case.system, 1e-3), initial=chain.initial, options=options)
+
+
+def _lasting(system: System, length: float) -> dict[str, float]:
+    """Return the argument of `simulate` that says how long."""
+    return {"periods" if system.forced else "duration": length}
 
 
 def _at_same_phase(state: State, old: float, new: float) -> State:

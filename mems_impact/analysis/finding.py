@@ -11,9 +11,11 @@ from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.trajectory import Instant, Trajectory
 from mems_impact.orbits import finding as orbits
+from mems_impact.orbits.bounded import BOUNDED, DIVERGED, farthest
 from mems_impact.orbits.shooting import Point
 from mems_impact.orbits.timing import time_enters
 
@@ -23,6 +25,7 @@ ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits; arcs are short."""
 IF_STIFF = "bdf"
 """The method that takes over from that of `ORBIT_OPTIONS`."""
+DEFECTS = 3  # of a solution that is no orbit, that a message tells
 UNFORCED = (
     "nothing in the system depends on t, and its motion does not repeat with this period: leave "
     "period= out of the System, and its own cycle is found"
@@ -74,8 +77,9 @@ def find_orbit(
         If an argument is out of range, or the system has a period though none of its functions
         depends on time.
     OrbitError
-        If there is no orbit near the guess, or the motion does not return, or comes to rest; its
-        ``partial`` is the `State` that was reached.
+        If there is no orbit near the guess, or the motion does not return, diverges, or comes to
+        rest; its ``partial`` is the `State` that was reached. If the equations have a solution that
+        is no orbit of the system: then that is the `Orbit`, whose ``defects`` say why not.
     RunError
         If the run from the guess fails.
     """
@@ -112,7 +116,12 @@ def find_orbit(
                 transient=float(system.scales.into(transient, "s")),
                 if_stiff=if_stiff,
             )
-    except OrbitError as error:
+    except (OrbitError, RunError) as error:
+        diverged = _diverged(error, system, problem)
+        if diverged is not None:
+            raise diverged from error
+        if isinstance(error, RunError):
+            raise
         if system.forced and not time_enters(problem, start.y):
             raise _unforced(system) from error
         if isinstance(error.partial, Point):
@@ -123,7 +132,31 @@ def find_orbit(
     # At rest all repeats with any period; but a motion that leaves it does not.
     if system.forced and not found.stable and not time_enters(problem, start.y):
         raise _unforced(system)
-    return orbit_of(system, found)
+    orbit = orbit_of(system, found)
+    if not orbit.admissible:
+        raise OrbitError(
+            f"what solves the equations here is no orbit: {'; '.join(orbit.defects[:DEFECTS])}",
+            "let transients die out (transient=…) or give a guess with the events of an orbit; "
+            "what was found is in .partial",
+            orbit,
+        )
+    return orbit
+
+
+def _diverged(error: OrbitError | RunError, system: System, problem: Problem) -> OrbitError | None:
+    """Return what tells where a motion has diverged; None if that is not why none was found."""
+    if isinstance(error, RunError):
+        at = error.trajectory.final if isinstance(error.trajectory, Trajectory) else None
+    else:
+        at = error.partial if isinstance(error.partial, Instant) else None
+    place = None if at is None else farthest(problem, at)
+    if at is None or place is None:
+        return None
+    name, state = system.states[place], system.state_of(at)
+    elapsed = system.out("time", at.cycle * problem.period + at.time)
+    where = f"{name} = {system.out(name, at.y[place]):.6g}"
+    when = f" at t = {elapsed:.6g}" if elapsed > 0.0 else " in the guess"
+    return OrbitError(f"{DIVERGED}: {where}{when}", BOUNDED, state)
 
 
 def _unforced(system: System) -> InvalidParameter:

@@ -25,7 +25,8 @@ class Shown(Terms):
     @property
     def told(self) -> tuple[str, ...]:
         """The statistics that a sweep tells of every value."""
-        return ("impacts per period", *(each.name for each in self.observables))
+        counted = "period" if self.forced else "time"
+        return (f"impacts per {counted}", *(each.name for each in self.observables))
 
     @property
     def quantities(self) -> Mapping[str, tuple[str, str]]:

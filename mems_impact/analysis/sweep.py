@@ -10,7 +10,7 @@ import numpy as np
 from mems_impact.analysis.chains import Chain, Point, Study, in_threads, in_turn
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import check_direction
-from mems_impact.analysis.state import State, whole
+from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["sweep"]
 
+TRANSIENT, PERIODS = 300, 60  # of a system with forcing, where nothing is said
 CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
 
 
@@ -34,8 +35,9 @@ def sweep(
     values: ArrayLike,
     *,
     direction: Literal["up", "down", "both"] = "up",
-    transient: int = 300,
-    periods: int = 60,
+    transient: float | None = None,
+    periods: int | None = None,
+    duration: float | None = None,
     section: Literal[1, -1, 0] = 1,
     initial: State | Mapping[str, State] | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
@@ -55,10 +57,14 @@ def sweep(
     direction : {"up", "down", "both"}, optional
         Ascending, descending, or one chain of each.
     transient, periods : int, optional
-        Forcing periods that each value is given to settle, and that are then measured.
+        Forcing periods that each value is given to settle, and that are then measured; 300 and 60
+        by default.
+    transient, duration : float
+        The same as times, where nothing forces the system. They have to be given.
     section : {1, -1, 0}, optional
         Which crossings of the Poincaré section are kept: upwards, downwards or both. A system
-        without a section is looked at where its forcing periods begin.
+        without a section is looked at where its forcing periods begin; where nothing forces it, at
+        the local maxima of each state.
     initial : State or mapping of str to State, optional
         Where each chain starts: one state for all, or one for ``"up"`` and one for ``"down"``; the
         system's start by default. Of an actuator, up starts at rest in the middle and down with a
@@ -78,6 +84,9 @@ def sweep(
         step; NaN without an impact), mean speed and status. A value without any crossing is one
         row with NaN for what belongs to a crossing. So is one that failed, with NaN for all; its
         status is the reason rather than "ok", and the chain goes on from the last good state.
+        Where nothing forces the system, crossings have a number, from 0, in place of the period,
+        and impacts are counted per time. Of maxima the k-th of each state stand in one row, with
+        NaN where a state has no more; a state at rest has its value for the only one.
 
     Raises
     ------
@@ -93,15 +102,9 @@ def sweep(
     if direction not in CHAINS:
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
     check_direction("section", section)
-    transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
-    if not system.forced:
-        problem = (
-            "the system has no forcing period by which a sweep could count; run "
-            f"simulate(system.changed({parameter}=value), duration=…) for each value"
-        )
-        raise InvalidParameter("period", None, "", problem=problem)
+    settling, length = _spans(system, transient, periods, duration)
     system.check_parameter(parameter)
-    study = Study(system, parameter, transient, periods, section, options)
+    study = Study(system, parameter, settling, length, section, options)
     ascending = np.sort(_numbers(values))
     cases = [study.case(value) for value in ascending.tolist()]  # all checked before the first
     chains = []
@@ -134,6 +137,32 @@ def sweep(
     if interrupted:
         raise SweepInterrupted(table, len(found), total)
     return table
+
+
+def _spans(
+    system: System, transient: float | None, periods: int | None, duration: float | None
+) -> tuple[float, float]:
+    """Return how long each value settles and is measured: forcing periods, or times without."""
+    if system.forced:
+        if duration is not None:
+            problem = "the system has a forcing period, by which a sweep counts: give periods="
+            raise InvalidParameter("duration", duration, "", problem=problem)
+        settling = TRANSIENT if transient is None else whole("transient", transient, 0)
+        return settling, PERIODS if periods is None else whole("periods", periods, 1)
+    if periods is not None:
+        problem = "the system has no forcing period: give duration=, a time"
+        raise InvalidParameter("periods", periods, "", problem=problem)
+    if transient is None or duration is None:
+        problem = (
+            "nothing forces the system: say how long each value settles and is measured, in time "
+            "(transient=…, duration=…)"
+        )
+        missing = "duration" if duration is None else "transient"
+        raise InvalidParameter(missing, None, "", problem=problem)
+    for field, value, least in (("transient", transient, ">= 0"), ("duration", duration, "> 0")):
+        if not is_number(value) or value < 0.0 or (value == 0.0 and field == "duration"):
+            raise InvalidParameter(field, value, f"a finite number {least}")
+    return float(transient), float(duration)
 
 
 def _initial(initial: State | Mapping[str, State] | None, name: str, system: System) -> State:

@@ -89,8 +89,6 @@ def _show(orbit: ActuatorOrbit) -> None:
         "method": orbit.options.method,
     }
     show_lines(lines)
-    for defect in orbit.defects:
-        click.echo(f"  inadmissible: {defect}")
     click.echo("\n" + text_of(orbit.segments, 9))
     if orbit.impacts.empty:
         click.echo("\nNo impact.\n")

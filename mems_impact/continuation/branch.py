@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from mems_impact.continuation.anew import anew
+from mems_impact.continuation.closing import CLOSED, Beginning
 from mems_impact.continuation.corrector import (
     EASY,
     HARD,
@@ -44,7 +45,6 @@ from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
 from mems_impact.orbits.shooting import Point, Shooting
 
-SAME = 1e-5  # difference between the unknowns of one orbit, met twice
 NOISE = 1e-6  # of a product of multipliers
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 
@@ -195,6 +195,7 @@ class _Walker:
         length = self.steps.initial
         budget = self.steps.most  # of events that move into another period, or past another one
         before = monitors(shooting, point, along)
+        beginning = Beginning(shooting, point, along)
         behind: list[Floats] = []
         while len(self.branch.points) < self.steps.most:
             try:
@@ -204,6 +205,9 @@ class _Walker:
                 step = Step(partial(correct, shooting), point, along, behind[-NODES:])
                 following, iterations = step.at(length).point, step.at(length).iterations
                 check_moving(shooting, point, following)
+                closing = beginning.within(shooting, step, length)
+                if closing is not None:  # what lies beyond has been passed before
+                    length, following = closing, step.at(closing).point
                 ahead = tangent(following, along)
                 after = monitors(shooting, following, ahead)
                 found = self._locate(shooting, step, length, before, after)
@@ -212,7 +216,6 @@ class _Walker:
                 if ahead @ along < STRAIGHT and not at_corner:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
                 self._check_kept(shooting, following, found)
-                closed = found.lost is None and self._closed(shooting, step, length)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
@@ -261,13 +264,13 @@ class _Walker:
                 self._append(shooting, point, along, piece)
                 yield self.branch.points[-1]
                 continue
-            if closed:
-                self.branch.ended = "the branch closed upon itself"
-                return
             behind.append(step.start)
             point, along, before = following, ahead, after
             self._append(shooting, point, along, piece)
             yield self.branch.points[-1]
+            if closing is not None:
+                self.branch.ended = CLOSED
+                return
             if not well_begun(shooting, point):
                 shooting, point, along = anew(shooting, point, along)
                 before, behind = monitors(shooting, point, along), []
@@ -329,18 +332,6 @@ class _Walker:
     def _append(self, shooting: Shooting, point: Point, along: Floats, piece: int) -> None:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
         self.branch.points.append(found)
-
-    def _closed(self, shooting: Shooting, step: Step, length: float) -> bool:
-        """Return whether the first point of the branch lies within a step."""
-        first = self.branch.points[0]
-        if len(self.branch.points) < 5 or first.orbit.segments != shooting.segments:
-            return False
-        there = np.append(first.orbit.point.unknowns, first.value)
-        position = float((there - step.start) @ step.along)
-        if not 0.0 < position <= length or step.along @ first.direction < 0.5:
-            return False
-        # The branch is curved: what lies across the step counts, once it is corrected.
-        return bool(np.abs(step.at(position).unknowns - there).max() < SAME)
 
     def _finish(self, shooting: Shooting, point: Point, beyond: Point, piece: int) -> None:
         """Put the last orbit at the bound, which lies between `point` and `beyond`."""

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from mems_impact.continuation.monitors import FOLD, PERIOD_DOUBLING, Monitor, closest, monitors
+from mems_impact.continuation.monitors import (
+    FOLD,
+    PERIOD_DOUBLING,
+    Closest,
+    Monitor,
+    closest,
+    monitors,
+)
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.gradients import length_gradient, rate_gradient, touch_gradient
@@ -71,17 +78,20 @@ class Touch(Condition):
 
     def value(self, point: Point) -> float:
         """Return the smallest margin."""
-        touch = closest(self.shooting, point, self.monitor.guard)
+        touch = self._touch(point)
         if touch is None:
             raise OrbitError("the closest approach is gone", "take a shorter step")
         return touch.value
 
     def gradient(self, point: Point) -> Floats:
         """Return its derivatives."""
-        touch = closest(self.shooting, point, self.monitor.guard)
+        touch = self._touch(point)
         if touch is None or not touch.inside:
             return super().gradient(point)
         return touch_gradient(self.shooting, point, touch.segment, self.monitor.guard)
+
+    def _touch(self, point: Point) -> Closest | None:
+        return closest(self.shooting, point, self.monitor.guard, self.monitor.segment)
 
 
 class Rate(Condition):

@@ -8,9 +8,10 @@ from typing import Generic
 
 import numpy as np
 
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import NOTHING
+from mems_impact.orbits.shooting import ACCEPTED, NOTHING
 
 ITERATIONS = 8
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
@@ -134,11 +135,14 @@ class Step(Generic[P]):
         Raises
         ------
         OrbitError
-            If the correction does not converge.
+            If the correction does not converge, or leads to what lies farther away than the step
+            is long: another branch, or another part of this one.
         """
         if s not in self._found:
             plane = self.start + s * self.along
             found = self._correct(plane, self.along, plane + s * s * self._bend_at(s))
+            if np.linalg.norm(found.unknowns - plane) > abs(s) + ACCEPTED:
+                raise OrbitError("the correction of a step led elsewhere", "take a shorter step")
             self._found[s] = found
             self._learn(s, found.unknowns)
         return self._found[s]

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from mems_impact.continuation.anew import oriented, renumbered
 from mems_impact.continuation.branch import BranchEvent, Steps
+from mems_impact.continuation.closing import Beginning
 from mems_impact.continuation.conditions import Singular, condition_of
 from mems_impact.continuation.corrector import NODES, Step
 from mems_impact.continuation.ending import LOSSES, reason_of, stuck
@@ -31,7 +32,6 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced
 from mems_impact.orbits.shooting import Point
 
 ITERATIONS = 10
-
 COINCIDENT = 1e-7  # distance on the curve below which two losses are one
 Tests = dict[str | Monitor, float]  # test functions by their name, or by the margin
 # Codimension two: what else is zero there, by the name of the test.
@@ -161,11 +161,9 @@ class _Curve:
     def _main_guard(self, orbit: PeriodicOrbit) -> int:
         if orbit.impacts:
             return orbit.impacts[0][0]
-        gaps = []
-        for j, guard in enumerate(self.shooting.automaton.guards):
-            gap = closest(orbit.shooting, orbit.point, j) if guard.impact else None
-            if gap is not None:
-                gaps.append((gap.value, j))
+        impacts = [j for j, guard in enumerate(self.shooting.automaton.guards) if guard.impact]
+        nearest = [(closest(orbit.shooting, orbit.point, j), j) for j in impacts]
+        gaps = [(gap.value, j) for gap, j in nearest if gap is not None]
         return min(gaps, default=(0.0, -1))[1]
 
     def go(self, direction: float, progress: Callable[[float], None] | None) -> OrbitCurve:
@@ -186,11 +184,15 @@ class _Curve:
         touched = monitors(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         before = self._tests(point)
+        beginning = Beginning(self.shooting, point, along)
         while len(curve.points) < steps.most:
             try:
                 step = Step(self._correct, point, along, behind[-NODES:])
                 following = step.at(length).point
                 check_moving(self.shooting, point, following)
+                closing = beginning.within(self.shooting, step, length)
+                if closing is not None:  # what lies beyond has been passed before
+                    length, following = closing, step.at(closing).point
                 after = self._tests(following)
                 special, lost = self._special(step, length, before, after)
                 self.gradient = self.condition.gradient(following)
@@ -216,6 +218,9 @@ class _Curve:
             behind.append(step.start)
             point, along, before = following, ahead, after
             self._append(point)
+            if closing is not None:
+                curve.ended = "the curve closed upon itself"
+                return curve
             if not well_begun(self.shooting, point):
                 try:
                     point, along = self._begin_anew(point, along)
@@ -294,8 +299,7 @@ class _Curve:
         bound = self.bounds[0] if beyond[-1] < self.bounds[0] else self.bounds[1]
         share = (bound - u[-1]) / (beyond[-1] - u[-1])
         guess = u + share * (beyond - u)
-        fixed = np.zeros(u.size)
-        fixed[-1] = 1.0
+        fixed = np.eye(u.size)[-1]
         try:
             self._append(self._correct(guess, fixed, guess).point)
         except OrbitError:

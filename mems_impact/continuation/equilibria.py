@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import brentq
 
+from mems_impact.continuation.closing import CLOSED
 from mems_impact.continuation.corrector import (
     EASY,
     HARD,
@@ -155,6 +156,9 @@ class _Walker:
             step = Step(partial(correct, self.equations), here, along, behind[-NODES:])
             try:
                 following, iterations = step.at(length).point, step.at(length).iterations
+                closing = self._closing(step, length, first, at_first)
+                if closing is not None:  # what lies beyond has been passed before
+                    length, following = closing, step.at(closing).point
                 onward = tangent(following, along)
                 if onward @ along < STRAIGHT:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
@@ -173,25 +177,27 @@ class _Walker:
                     return
                 continue
             self._take(found)
-            if self._closed(step, length, first, at_first):
-                self.branch.ended = "the branch closed upon itself"
-                return
             here, along, before = following, onward, after
             behind.append(step.start)
             self._append(here)
+            if closing is not None:
+                self.branch.ended = CLOSED
+                return
             if iterations <= EASY:
                 length = min(1.5 * length, self.steps.largest)
             elif iterations >= HARD:
                 length /= 1.5
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
 
-    def _closed(self, step: Step[Balance], length: float, first: Floats, along: Floats) -> bool:
-        """Return whether the first point of the branch, with its tangent, lies within a step."""
+    def _closing(
+        self, step: Step[Balance], length: float, first: Floats, along: Floats
+    ) -> float | None:
+        """Return where in a step the branch meets its first point and its tangent; else None."""
         place = float((first - step.start) @ step.along)
         if len(self.branch.points) <= NODES or not 0.0 < place <= length:
-            return False
+            return None
         near = np.abs(step.at(place).unknowns - first).max() < SAME
-        return bool(near and step.along @ along > 0.5)
+        return place if near and step.along @ along > 0.5 else None
 
     def _append(self, balance: Balance) -> None:
         self.branch.points.append(make_equilibrium(self.equations, balance))

@@ -25,6 +25,7 @@ from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced, reduced
 from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
+IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 
@@ -107,17 +108,21 @@ def special_at(
     return BranchEvent(kind, label, value, orbit, direction, monitor)
 
 
-def rank(special: BranchEvent) -> int:
+def rank(special: BranchEvent) -> tuple[int, bool, int]:
     """Return which of several losses in one point to name and to act upon, the lowest first.
 
     Where a guard is touched at zero speed, what would follow on the event loses its margin in the
-    same point. Where an event meets another one, its margin is zero at an end of a segment.
+    same point, and what undoes the event is reached at zero speed as well: it ends a segment that
+    vanishes there. Where an event meets another one, its margin is zero at an end of a segment.
     """
-    monitor = special.monitor
+    monitor, point = special.monitor, special.orbit.point
+    if monitor.role == "rate":
+        i = monitor.segment
+        return 0, bool(point.ends[i] - point.starts[i] < IN_NO_TIME), i
     if monitor.role == "approach":
-        touch = closest(special.orbit.shooting, special.orbit.point, monitor.guard)
-        return 1 if touch is not None and touch.inside else 3
-    return 0 if monitor.role == "rate" else 2
+        touch = closest(special.orbit.shooting, point, monitor.guard)
+        return 1 if touch is not None and touch.inside else 3, False, monitor.guard
+    return 2, False, monitor.segment
 
 
 def halves(orbit: PeriodicOrbit) -> bool:

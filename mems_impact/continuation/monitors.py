@@ -55,9 +55,9 @@ class Monitor:
         "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch crosses),
         "grazing" (of a guard with impacts), or the name of another guard whose margin is touched.
     role : str
-        For a guard: "approach" (its smallest margin along the orbit), "rate" (the speed at which
-        the guard that ends a segment is reached) or "length" (of a segment, zero where two events
-        meet).
+        For a guard: "approach" (its smallest margin along the orbit, or in a segment), "rate" (the
+        speed at which the guard that ends a segment is reached) or "length" (of a segment, zero
+        where two events meet).
     segment, guard : int
         -1 where it is none or any.
     """
@@ -88,8 +88,10 @@ class Closest:
     inside: bool
 
 
-def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
+def closest(shooting: Shooting, point: Point, guard: int, within: int = -1) -> Closest | None:
     """Return the smallest value of a margin where it applies; None if it applies nowhere.
+
+    In the segment `within` alone, unless that is -1.
 
     A gap does not jump, so that its closest approaches inside the segments are all. Another margin
     may, and then its values at the ends of the segments count too, but for the one that ends a
@@ -100,6 +102,8 @@ def closest(shooting: Shooting, point: Point, guard: int) -> Closest | None:
     impact = shooting.automaton.guards[guard].impact
     found: list[Closest] = []
     for i, segment in enumerate(shooting.segments):
+        if within not in (-1, i):
+            continue
         arc = point.arcs[i]
         start, end = float(point.starts[i]), float(point.ends[i])
         margin, rate = float(arc.margins[0, guard]), float(arc.rates[0, guard])

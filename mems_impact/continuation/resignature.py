@@ -9,6 +9,7 @@ import numpy as np
 from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.corrector import tangent
 from mems_impact.continuation.grazing import weak_contact
+from mems_impact.continuation.locating import IN_NO_TIME
 from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.record import NONE
@@ -77,11 +78,9 @@ def _other(orbit: PeriodicOrbit, monitor: Monitor) -> tuple[Guess, Monitor, floa
         guess, grows = move_event(orbit, monitor.segment) or swap_events(orbit, monitor.segment)
         return guess, Monitor(monitor.kind, "length", grows), APART
     if monitor.role == "rate":
-        return (
-            without_event(orbit, monitor),
-            Monitor(monitor.kind, "approach", -1, monitor.guard),
-            DEPTH,
-        )
+        # Where it happened: what is left may touch the guard elsewhere at the same value.
+        there = Monitor(monitor.kind, "approach", monitor.segment, monitor.guard)
+        return without_event(orbit, monitor), there, DEPTH
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
         raise OrbitError(
@@ -245,7 +244,7 @@ def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess:
     lengths = point.ends - point.starts
     following = i + 1
     while following < len(segments) and segments[following].mode != mode:
-        if lengths[following] > 1e-3:
+        if lengths[following] > IN_NO_TIME:
             break
         following += 1
     if (

@@ -13,6 +13,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
+from mems_impact.orbits.bounded import check_bounded
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.phase import Phase
 from mems_impact.orbits.returning import flow_at, own_period
@@ -61,6 +62,7 @@ def cycle_near(
     if transient > 0.0:
         length = transient / problem.period
         start = run(problem, start, length, consume=lambda _: None, on_stiff=on_stiff).final
+    check_bounded(problem, start)
     start = replace(start, cycle=0, time=0.0)
     if period is None:
         start, period = own_period(problem, start, on_stiff)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant
+from mems_impact.orbits.bounded import check_bounded
 from mems_impact.orbits.cycles import begun_anew, cycle_near, well_begun
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
@@ -67,6 +69,7 @@ def find_orbit(
         problem, start = family.problem(), guess
         if transient > 0.0:
             start = run(problem, start, transient, consume=_drop, on_stiff=on_stiff).final
+        check_bounded(problem, start)
         start = at_period_start(problem, start, on_stiff)
         recognised = forcing_periods(problem, start, on_stiff) if periods is None else None
         return family, start, recognised
@@ -84,10 +87,13 @@ def find_orbit(
     if recognised.near <= 1:
         try:
             read = guess_from(recognised.once, 1, recognised.once.problem.switches)
-            return _corrected(Shooting(family, read.segments, active), read)
+            found = _corrected(Shooting(family, read.segments, active), read)
+            if found.admissible or recognised.near or not recognised.settled:
+                return found
         except OrbitError as error:
             if recognised.near:
                 raise
+            check_bounded(family.problem(), replace(recognised.later, cycle=3 * MOST))
             if not recognised.settled:
                 raise OrbitError(
                     f"{error.reason}, and none on which the motion settles in {3 * MOST} periods",

@@ -15,6 +15,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 from mems_impact.hybrid.variational import free_components
+from mems_impact.orbits.bounded import check_bounded
 
 CLOSE = 1e-3  # distance of a return, as a part of the extent of the motion
 SETTLED = 1e-8  # distance, as a part of the state, at which nothing more is to be looked at
@@ -138,6 +139,7 @@ def own_period(
         section = _section(problem, start, largest, free)
         piece = run(replace(problem, section=section), start, length, on_stiff=on_stiff)
         steps, elapsed = steps + piece.steps, elapsed + length * problem.period
+        check_bounded(problem, replace(piece.final, cycle=0, time=elapsed))
         extent = extent_of(piece, free)
         largest = np.maximum(largest, extent)
         if not (extent > STILL * largest).any():

@@ -175,8 +175,7 @@ def period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[floa
         orbit = find_orbit(actuator, drive, guess=kicked(actuator), periods=1, transient=500)
     except MemsImpactError:
         return 0.0, None
-    good = orbit.stable and orbit.admissible
-    return (float(len(orbit.impacts)), orbit) if good else (0.0, None)
+    return (float(len(orbit.impacts)), orbit) if orbit.stable else (0.0, None)
 
 
 def at_rest(actuator: Actuator, omega: float, amplitude: float, periods: int = 600) -> ActuatorRun:

@@ -127,6 +127,8 @@ def on_section(table: pd.DataFrame, state: str) -> str:
     equation = crosses(table.attrs)
     else_where = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
     where = f" at {equation}" if equation else else_where
+    if table.attrs.get("maxima"):
+        where = ", maxima"
     if "section" not in table.attrs:  # read back from a file
         where = " on the section"
     return with_unit(symbol(state), table, state) + where

@@ -21,7 +21,7 @@ from mems_impact.plotting.style import (
     with_unit,
 )
 from mems_impact.tables.common import bare
-from mems_impact.tables.sweep import sweep_summary, switches
+from mems_impact.tables.sweep import NUMBER, PERIOD, sweep_summary, switches
 
 __all__ = ["plot_sweep"]
 
@@ -31,8 +31,8 @@ MARKS: dict[str, dict[str, Any]] = {
     "down": {"color": ORANGE, "marker": "o", "markersize": 4.6, "fillstyle": "none", "zorder": 2},
 }
 WORDS = {"up": "increased", "down": "decreased"}
-COLUMNS = ("direction", "period", "status")
-"""What a table of a sweep has beside the parameter, states and statistics."""
+COLUMNS = ("direction", "status")
+"""What a table of a sweep has beside the parameter, what is counted, states and statistics."""
 
 
 def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = None) -> Any:
@@ -71,7 +71,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
     >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
     """
     table = bare(table)
-    if not set(COLUMNS) <= set(table.columns):
+    if not set(COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)
     quantities = _quantities(table)
@@ -99,7 +99,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
 
 def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
     """Return what may be drawn, the first state first: the column and what the axis says."""
-    columns = [name for name in table.columns[1:] if name not in COLUMNS]
+    columns = [name for name in table.columns[3:] if name not in COLUMNS]
     states: list[str] = table.attrs.get("states", [table.columns[3]])
     found = {states[0]: (states[0], on_section(table, states[0]))}
     for name, (column, words) in table.attrs.get("quantities", {}).items():
@@ -145,8 +145,12 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
     parameter, good = rows.columns[0], rows["status"] == "ok"
     foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
     label = f"never crosses {crosses(rows.attrs) or 'the section'}"
+    if rows.attrs.get("maxima"):
+        label = "no maximum"
+    # Another state may have more maxima than this one.
+    none = rows.groupby([parameter, "direction"])[state].transform("count") == 0
     for direction, style in MARKS.items():
-        here = good & rows[state].isna() & (rows["direction"] == direction)
+        here = good & none & (rows["direction"] == direction)
         values = rows.loc[here, parameter]
         if len(values):
             mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}

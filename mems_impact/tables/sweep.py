@@ -15,7 +15,12 @@ from mems_impact.tables.common import Labels, bare, captions, table
 __all__ = ["sweep", "sweep_summary", "switches"]
 
 # Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
-DIRECTION, PERIOD, STATUS = "direction", "period", "status"
+DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
+
+
+def counted(labels: Labels) -> str:
+    """Return the column that tells the crossings at one value apart: periods, or their numbers."""
+    return PERIOD if labels.forced else NUMBER
 
 
 def sweep(
@@ -33,15 +38,17 @@ def sweep(
     parameter : str
         Name of the parameter that was swept.
     points : sequence of mapping
-        One for each value, in order: ``value``, ``direction``, ``section`` (period and `states` of
-        the crossings), ``statistics`` by name, and ``status``; in the units of the system.
+        One for each value, in order: ``value``, ``direction``, ``section`` (what is `counted`, and
+        `states`, of the crossings), ``statistics`` by name, and ``status``; in the units of the
+        system.
     states, statistics : sequence of str
         What there is a column of.
     labels : Labels
     quantities : mapping of str to tuple, optional
         What figures show beside the states, for ``attrs``: the column and what an axis says.
     """
-    crossings = [len(point["section"].get(PERIOD, ())) for point in points]
+    count = counted(labels)
+    crossings = [len(point["section"].get(count, ())) for point in points]
     repeats = [max(1, k) for k in crossings]
 
     def repeated(values: Sequence[Any]) -> NDArray[Any]:
@@ -57,7 +64,7 @@ def sweep(
     columns = {
         parameter: repeated([point["value"] for point in points]).astype(float),
         DIRECTION: repeated([point["direction"] for point in points]).astype(str).astype(object),
-        PERIOD: crossing(PERIOD),
+        count: crossing(count),
         **{name: crossing(name) for name in states},
         **{
             name: repeated([point["statistics"].get(name, np.nan) for point in points])
@@ -66,6 +73,8 @@ def sweep(
         STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
     }
     shown = {**captions(labels), "states": list(states)}
+    if not labels.forced and labels.section is None:
+        shown["maxima"] = True
     told = {name: list(pair) for name, pair in quantities.items()}
     return table({}, labels, given=columns, **shown, quantities=told)
 
@@ -81,19 +90,20 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Parameter, direction, status, impacting (impacts in the measured periods; False where the
+        Parameter, direction, status, impacting (impacts in the measured time; False where the
         point failed), the statistics of the sweep, smallest and largest value of the first state
         on the section, and the number of crossings.
     """
     table = bare(table)
-    parameter, state = table.columns[0], table.columns[3]
+    parameter, count, state = table.columns[0], table.columns[2], table.columns[3]
     # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
     # crossing earlier than the one before it begins a new point.
     keys = table[[parameter, DIRECTION]]
     changed = (keys != keys.shift()).any(axis=1)
-    changed |= table[PERIOD] < table[PERIOD].shift()
+    changed |= table[count] < table[count].shift()
     groups = table.groupby(changed.cumsum(), sort=False)
-    first = list(table.columns).index("impacts per period")
+    impacts = "impacts per period" if count == PERIOD else "impacts per time"
+    first = list(table.columns).index(impacts)
     statistics = [name for name in table.columns[first:] if name != STATUS]
     summary = groups.agg(
         **{
@@ -106,7 +116,7 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
             "crossings": (state, "count"),
         }
     ).reset_index(drop=True)
-    summary.insert(3, "impacting", summary["impacts per period"] > 0.0)
+    summary.insert(3, "impacting", summary[impacts] > 0.0)
     units = dict(table.attrs.get("units", {}))
     if state in units:
         units[f"{state} min"] = units[f"{state} max"] = units[state]

@@ -1,0 +1,133 @@
+"""A guard that is touched where only the flow changes: followed through from both sides.
+
+A mass on a spring, driven by A cos(t + phase), with a second spring beyond x = 1. Without it x is
+A / |2 - 1 + 0.2 i| at the most, so that it is touched where that is 1.
+"""
+
+import cmath
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+
+FREE, PRESSED = mi.modes("free", "pressed")
+GRAZING = math.hypot(1.0, 0.2)
+
+
+def flow(mode, t, y, p):
+    force = p.A * math.cos(t + p.phase) - 0.2 * y.v - 2.0 * y.x
+    return (y.v, force) if mode == FREE else (y.v, force - p.k * (y.x - 1.0))
+
+
+def gap(mode, t, y, p):
+    return 1.0 - y.x
+
+
+def press(mode, t, y, p):
+    return PRESSED, (y.x, y.v)
+
+
+def depth(mode, t, y, p):
+    return y.x - 1.0
+
+
+def release(mode, t, y, p):
+    return FREE, (y.x, y.v)
+
+
+SPRINGS = mi.System(
+    states=("x", "v"),
+    flow=flow,
+    period=2.0 * math.pi,
+    parameters={"A": 1.0, "k": 5.0, "phase": 1.0},
+    guards=[
+        mi.Guard("contact", gap, press, modes=(FREE,)),
+        mi.Guard("release", depth, release, modes=(PRESSED,)),
+    ],
+)
+
+
+def through(system, start, stop):
+    orbit = mi.find_orbit(system.changed(A=start), transient=100)
+    return mi.continue_orbit(orbit, "A", stop)
+
+
+def check_through(branch, phase, *, inwards):
+    (touched,) = branch.special_points
+    assert touched.kind == "contact"
+    assert touched.value == pytest.approx(GRAZING, abs=1e-9)
+    assert branch.ended == "A reached its bound"
+    assert branch.table["admissible"].all()
+    touches = [len(orbit.events) for orbit in (branch.orbits[0], branch.orbits[-1])]
+    assert touches == ([0, 2] if inwards else [2, 0])
+    free = branch.orbits[0 if inwards else -1]
+    response = free.system.parameters["A"] * cmath.exp(1j * phase) / (1.0 + 0.2j)
+    assert free.state.x == pytest.approx(response.real, abs=1e-9)
+    assert free.state.v == pytest.approx(-response.imag, abs=1e-9)
+
+
+def test_from_the_side_with_the_event():
+    check_through(through(SPRINGS, 1.03, 1.01), 1.0, inwards=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phase", [0.0, 1.0, 2.0, 3.0, -1.0])
+@pytest.mark.parametrize("k", [5.0, -0.5])
+def test_from_both_sides_wherever_the_period_begins(phase, k):
+    """Contact and release both come to no speed there: which acts is not left to rounding."""
+    system = SPRINGS.changed(phase=phase, k=k)
+    out, into = through(system, 1.03, 1.01), through(system, 1.01, 1.03)
+    check_through(out, phase, inwards=False)
+    check_through(into, phase, inwards=True)
+    ends = into.orbits[-1].state.as_dict(), out.orbits[0].state.as_dict()
+    assert list(ends[0].values()) == pytest.approx(list(ends[1].values()), abs=1e-8)
+
+
+def swing(mode, t, y, p):
+    force = (1.0 - y.x * y.x) * y.v - y.x
+    return (y.v, force) if mode == FREE else (y.v, force - 2.0 * (y.x - p.d))
+
+
+def gap_to(mode, t, y, p):
+    return p.d - y.x
+
+
+def depth_beyond(mode, t, y, p):
+    return y.x - p.d
+
+
+@pytest.mark.slow
+def test_of_a_limit_cycle():
+    """Van der Pol's oscillator touches a spring that stands where SciPy's solver sees it turn."""
+
+    def turns(t, y):
+        return y[1]
+
+    turns.direction = -1.0
+    swings = solve_ivp(
+        lambda t, y: (y[1], (1.0 - y[0] * y[0]) * y[1] - y[0]), (0.0, 60.0), (0.5, 0.0),
+        method="DOP853", rtol=1e-12, atol=1e-14, events=turns,
+    )  # fmt: skip
+    amplitude = swings.y_events[0][-1, 0]
+    system = mi.System(
+        states=("x", "v"),
+        flow=swing,
+        parameters={"d": 1.98},
+        guards=[
+            mi.Guard("contact", gap_to, press, modes=(FREE,)),
+            mi.Guard("release", depth_beyond, release, modes=(PRESSED,)),
+        ],
+        initial={"x": 0.5},
+    )
+    out = mi.continue_orbit(mi.find_orbit(system), "d", 2.03)
+    into = mi.continue_orbit(mi.find_orbit(system.changed(d=2.03)), "d", 1.98)
+    for branch in (out, into):
+        (touched,) = branch.special_points
+        assert touched.kind == "contact"
+        assert touched.value == pytest.approx(amplitude, abs=1e-9)
+        assert branch.ended == "d reached its bound"
+    assert into.orbits[-1].period == pytest.approx(out.orbits[0].period, abs=1e-8)
+    assert np.allclose(into.orbits[0].multipliers, out.orbits[-1].multipliers, atol=1e-8)
