@@ -18,7 +18,7 @@ from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
+from mems_impact.errors import FunctionError, InvalidParameter, MemsImpactError, RunError
 
 __all__ = ["Case", "Chain", "Point", "Study", "in_threads", "in_turn"]
 
@@ -82,7 +82,7 @@ class Study:
                 options=self.options,
                 progress=watch or False,
             )
-        except (RunError, InvalidParameter) as error:
+        except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return point, start
         trajectory = run.trajectory
