@@ -139,11 +139,17 @@ class FunctionError(MemsImpactError, TypeError):
     file : str, optional
         Where the function, or the line that fails, stands.
     line : int, optional
+
+    Attributes
+    ----------
+    trajectory : object
+        The run after which it was found out, None where there was none.
     """
 
     def __init__(self, role: str, problem: str, remedy: str, file: str = "", line: int = 0) -> None:
         self.role, self.problem, self.remedy = role, problem, remedy
         self.file, self.line = file, line
+        self.trajectory: object = None
         super().__init__(f"{self.reason}; {remedy}")
 
     @property

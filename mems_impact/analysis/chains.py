@@ -22,7 +22,7 @@ from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
+from mems_impact.errors import FunctionError, InvalidParameter, MemsImpactError, RunError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.tables.sweep import counted
 
@@ -93,7 +93,7 @@ class Study:
                 options=self.options,
                 progress=watch or False,
             )
-        except (RunError, InvalidParameter) as error:
+        except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return point, start
         numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mems_impact.analysis.checks import meeting
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
@@ -82,6 +83,8 @@ def find_orbit(
         is no orbit of the system: then that is the `Orbit`, whose ``defects`` say why not.
     RunError
         If the run from the guess fails.
+    FunctionError
+        If a function does not do what it must in a mode of the orbit that no run has come to.
     """
     if periods is not None:
         periods = whole("periods", periods, 1)
@@ -132,6 +135,12 @@ def find_orbit(
     # At rest all repeats with any period; but a motion that leaves it does not.
     if system.forced and not found.stable and not time_enters(problem, start.y):
         raise _unforced(system)
+    meets = meeting(system, problem)
+    if meets is not None:
+        segments = zip(found.segments, found.point.ends, found.point.arcs, strict=True)
+        for segment, end, arc in segments:
+            meets.put(Instant(segment.cycle, float(end), segment.mode, arc.end))
+        meets.check()
     orbit = orbit_of(system, found)
     if not orbit.admissible:
         raise OrbitError(

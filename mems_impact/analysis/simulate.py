@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, get_args
 
+from mems_impact.analysis.checks import meeting
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.sizes import Largest, tell_of_run
@@ -14,7 +15,7 @@ from mems_impact.analysis.statistics import Deferred, Span
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import FunctionError, InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Trajectory
 
@@ -73,6 +74,9 @@ def simulate(
         If an argument is out of range.
     RunError
         If the run cannot go on; its ``trajectory`` is the `Run` up to there.
+    FunctionError
+        If a function does not do what it must in a mode that the run was the first to come to; its
+        ``trajectory`` is the `Run`.
 
     Notes
     -----
@@ -95,10 +99,15 @@ def simulate(
     gatherer = begin()
     kept: list[Events] = []
     largest = None if system.is_scaled else Largest(start.y)
+    meets = meeting(system, problem)
+    if meets is not None:
+        meets.put(start)
 
     def consume(events: Events) -> None:
         if largest is not None:
             largest(events)
+        if meets is not None:
+            meets(events)
         if keep == "events":
             kept.append(events)
         else:
@@ -128,7 +137,14 @@ def simulate(
             if isinstance(error.trajectory, Trajectory):
                 error.trajectory = finished(error.trajectory)
             raise
-    return finished(trajectory)
+    run = finished(trajectory)
+    if meets is not None:
+        try:
+            meets.check()
+        except FunctionError as error:
+            error.trajectory = run
+            raise
+    return run
 
 
 def _length(

@@ -81,6 +81,7 @@ from mems_impact.hybrid.record import (
     whole_periods,
 )
 from mems_impact.hybrid.search import first_guard, look
+from mems_impact.hybrid.section import enter, pass_section
 
 __all__ = [
     "ACCUMULATION", "APPROACH", "BUFFER_FULL", "CLOCK", "CYCLE", "CYCLING", "DONE", "ENDED",
@@ -171,18 +172,18 @@ def advance(engine: Any, s: Any, quota: int) -> int:
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         take_samples(engine, s, min(t_event, end), t_event >= end)
-        if t_event > end or (t_event == end and guard == NONE):
-            contract.interpolate(engine, end, y)
-            s.t = end
-            return DONE
-
-        s.t = t_event
-        if t_event < t:
-            contract.interpolate(engine, t_event, y)
+        over = t_event > end or (t_event == end and guard == NONE)
+        s.t = end if over else t_event
+        rooted = status == contract.ROOT and s.t == t
+        if over or t_event < t:
+            contract.interpolate(engine, s.t, y)
         else:
             contract.state(engine, y)
-            if status == contract.ROOT:
-                note_passages(engine, s, t, y)
+        pass_section(engine, s, before, y, contract.fired(engine, 2 * s.m) if rooted else 0)
+        if over:
+            return DONE
+        if rooted:
+            note_passages(engine, s, t, y)
         if guard != NONE:
             status = resolve(engine, s, y, guard)
             if status != DONE:
@@ -238,6 +239,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         if clear and not below:
             s.lifted = 1
     contract.restart(engine, s.mode, s.t, y, s.stop)
+    enter(engine, s, y)
     s.restart = 0
     s.doubt = 0
     s.arc_start = s.t

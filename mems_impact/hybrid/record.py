@@ -93,6 +93,17 @@ CLOCK = np.dtype(
         ("rows", np.int64),  # rows written to the event buffer
         ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
         ("arc_start", np.float64),
+        (
+            "section",
+            np.int64,
+        ),  # its component, NONE without a section; the level; and the direction
+        ("level", np.float64),  # in which it is crossed, 0 for both
+        ("direction", np.int64),
+        ("side", np.int64),  # of the section, 1 or -1; 0 where that is not known
+        ("apart", np.float64),  # its component less the level, where the last step ended
+        ("pace", np.float64),  # at which that changed, over a step of this length
+        ("paced", np.float64),
+        ("turning", np.float64),  # how much the pace has changed of late, in a unit of time
         ("lifted", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
         ("per_period", np.int64),  # samples per period, 0 for none

@@ -131,6 +131,7 @@ class _Run:
         last += math.floor(end.time / problem.period * per_period + 1e-9)
         rows = max(0, last - first + 1)
         switches = len(problem.switches)
+        section, level, direction = problem.section or (record.NONE, 0.0, 0)
         self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
         self.events = np.empty((EVENT_ROWS + m, loop.HEAD + 2 * n))
         self.latest = self.events[:0]  # the last events, whoever consumes them
@@ -164,6 +165,9 @@ class _Run:
             "max_events": problem.options.max_events,
             "events_from": start.cycle,
             "per_period": per_period,
+            "section": section,
+            "level": level,
+            "direction": direction,
             "sample_cycle": start.cycle,
             "sample": first,
         }

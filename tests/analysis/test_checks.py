@@ -333,3 +333,118 @@ def test_what_is_rounding_depends_on_no_time(flow):
         period=lambda p: 2.0 * math.pi / p.w,
         initial={"x": 1.0},
     )
+
+
+# What the short run never comes to, a run does: a mode that is entered after a long while.
+
+EARLY, LATE = mi.modes("early", "late")
+
+
+def wrong_late(mode, t, y, p):
+    return -y.v if mode == EARLY else y.v
+
+
+def right_rate(mode, t, y, p):
+    return -y.v
+
+
+def swinging(mode, t, y, p):
+    return y.v, -y.x, 1.0
+
+
+def late_swing(rate, flow=swinging, length=50.0, **more):
+    """An oscillator with a clock, which is in another mode from s = 50 on; a stop out of reach."""
+    return mi.System(
+        states=("x", "v", "s"),
+        modes=("early", "late"),
+        flow=flow,
+        parameters={"length": length, "far": 2.0},
+        guards=[
+            mi.Guard(
+                "begins",
+                lambda mode, t, y, p: p.length - y.s,
+                lambda mode, t, y, p: (LATE, (y.x, y.v, y.s)),
+                modes=(EARLY,),
+            ),
+            mi.Guard("stop", lambda mode, t, y, p: p.far - y.x, rate=rate),
+        ],
+        initial={"x": 1.0},
+        **more,
+    )
+
+
+INTERPRETED = mi.Options(engine="interpreted", method="dop853")
+
+
+def test_a_rate_that_is_wrong_where_a_run_comes_at_last():
+    system = late_swing(wrong_late)
+    mi.simulate(system, duration=40.0, options=INTERPRETED)
+    for _ in range(2):  # it is told until it is mended
+        with pytest.raises(FunctionError, match=r"rate of 'stop'.* mode late") as caught:
+            mi.simulate(system, duration=60.0, options=INTERPRETED)
+        assert isinstance(caught.value.trajectory, mi.Run)
+        assert caught.value.trajectory.final.s == pytest.approx(60.0, rel=1e-12)
+        # There x = cos 50, v = -sin 50, and the margin 2 - x changes at -v.
+        given, found = (f"{sign * math.sin(50.0):.6g}" for sign in (-1.0, 1.0))
+        assert f"is {given} where the margin changes at {found}" in str(caught.value)
+        assert "s = 50, t = 50" in str(caught.value)
+
+
+def test_a_run_that_begins_where_the_short_one_did_not():
+    start = mi.State(x=0.0, v=1.0, s=0.0, mode="late")
+    with pytest.raises(FunctionError, match=r"is 1 where the margin changes at -1"):
+        mi.simulate(late_swing(wrong_late), duration=1.0, initial=start, options=INTERPRETED)
+
+
+def test_what_is_kept_of_a_run_does_not_matter_to_its_rates():
+    with pytest.raises(FunctionError, match="mode late"):
+        mi.simulate(late_swing(wrong_late), duration=60.0, keep="statistics", options=INTERPRETED)
+
+
+def test_a_sweep_goes_on_past_rates_that_are_wrong_for_some_of_its_values():
+    system = late_swing(wrong_late, period=2.0 * math.pi)
+    table = mi.sweep(
+        system, "length", [50.0, 90.0], transient=1, periods=9, options=INTERPRETED, workers=1
+    )
+    status = table.groupby("length")["status"].first()
+    assert "rate of 'stop'" in status[50.0]
+    assert status[90.0] == "ok"
+
+
+def test_a_time_that_enters_where_a_run_comes_at_last():
+    def driven_late(mode, t, y, p):
+        return y.v, -y.x + (0.1 * math.cos(t) if mode == LATE else 0.0), 1.0
+
+    with pytest.raises(FunctionError, match="depends on time, but the system has no period"):
+        mi.simulate(late_swing(right_rate, driven_late), duration=60.0, options=INTERPRETED)
+
+
+def test_rounding_far_from_the_origin_is_no_wrong_rate():
+    """A gap of order one between two bodies at 1e9, whose rate by differences is good to 1e-3."""
+
+    def apart(mode, t, y, p):
+        return y.b - y.a
+
+    def rate(mode, t, y, p):
+        return y.w - y.v
+
+    def free(mode, t, y, p):
+        return y.v, y.w, 0.0, 0.0, 1.0
+
+    far = mi.System(
+        states=("a", "b", "v", "w", "s"),
+        modes=("early", "late"),
+        flow=free,
+        guards=[
+            mi.Guard(
+                "begins",
+                lambda mode, t, y, p: 50.0 - y.s,
+                lambda mode, t, y, p: (LATE, tuple(y)),
+                modes=(EARLY,),
+            ),
+            mi.Guard("gap", apart, rate=rate),
+        ],
+        initial={"a": 1e9, "b": 1e9 + 3.0, "v": 0.1, "w": 0.1 + 1e-7},
+    )
+    run = mi.simulate(far, duration=60.0, options=INTERPRETED)
+    assert run.final.mode == "late"

@@ -119,7 +119,6 @@ def test_two_zeros_close_together(apart, options):
     assert run.events["t"].to_numpy() == pytest.approx([5.0 - half, 5.0 + half], abs=accuracy)
 
 
-@pytest.mark.xfail(reason="a section is looked at where steps end: two crossings in one are lost")
 @pytest.mark.parametrize("method", ["adams", "dop853"])
 def test_two_crossings_of_a_section_close_together(method):
     run = recorded(

@@ -12,7 +12,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from mems_impact.analysis.checks.effects import check_effects
-from mems_impact.analysis.checks.short import Clock, Short
+from mems_impact.analysis.checks.met import meeting, met
+from mems_impact.analysis.checks.short import Short
+from mems_impact.analysis.checks.times import Clock
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.terms import Terms
 from mems_impact.hybrid.blaming import Function, told
@@ -20,7 +22,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.tried import Place, Tried, Undefined
 from mems_impact.hybrid.written import Definition
 
-__all__ = ["check", "check_end"]
+__all__ = ["check", "check_end", "meeting"]
 
 
 def check(
@@ -58,7 +60,7 @@ def check(
     observables: Sequence[Observable] = vars(system)["observables"]
     seen: set[int] = set()
 
-    def met(i: int, before: Place, after: Place) -> None:
+    def noted(i: int, before: Place, after: Place) -> None:
         for each in observables:
             if definition.guards[i].name in each.at and id(each) not in seen:
                 seen.add(id(each))
@@ -70,7 +72,9 @@ def check(
             _measured(each, tried.state(start.y), tried.p)
     unit = time or problem.time_scale or problem.period
     clock = Clock(system.forcing_period, unit, problem.switches)
-    Short(tried, clock, met).go(start, meant=meant)
+    short = Short(tried, clock, noted)
+    short.go(start, meant=meant)
+    met(system).update(short.looked)
 
 
 def check_end(system: Terms, definition: Definition, problem: Problem) -> None:

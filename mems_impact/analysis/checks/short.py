@@ -10,14 +10,15 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from mems_impact.analysis.checks.rates import check_jacobian, check_rate, rate_of
-from mems_impact.analysis.checks.times import check_times
+from mems_impact.analysis.checks.met import compare
+from mems_impact.analysis.checks.rates import check_jacobian, rate_of
+from mems_impact.analysis.checks.times import Clock
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.blaming import Function
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD
 from mems_impact.hybrid.tried import Place, Tried, Undefined
 
-__all__ = ["Clock", "Short"]
+__all__ = ["Short"]
 
 CALLS = 300  # of the flow, of a system of few states
 FEW = 8  # states
@@ -36,17 +37,6 @@ Met = Callable[[int, Place, Place], None]
 
 class Lost(Exception):
     """From here on the short run says nothing about the system."""
-
-
-class Clock:
-    """The times of a system: its forcing period if it has one, time scale and switches."""
-
-    def __init__(self, period: float | None, unit: float, switches: Sequence[float]) -> None:
-        self.period, self.unit, self.switches = period, unit, tuple(switches)
-
-    def stop(self, t: float) -> float:
-        """Return the next switch after `t`."""
-        return next((time for time in self.switches if time > t), math.inf)
 
 
 class Short:
@@ -134,13 +124,8 @@ class Short:
     def look(self, at: Place, slope: Sequence[float]) -> None:
         """Compare rates with differences, and times with later ones, at the first few points."""
         seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
-        if seen > LOOKED:
-            return
-        if not self.clock.switches:
-            check_times(self.tried, at, slope, self.clock.period, self.clock.unit)
-        for i in self.watching(at.mode):
-            if self.guards[i].rate is not None:
-                check_rate(self.tried, i, at, slope, self.clock.unit)
+        if seen <= LOOKED:
+            compare(self.tried, self.clock, at, slope)
 
     def follow(self, at: Place, slope: list[float], now: dict[int, float]) -> None:
         """Follow the flow and its events until the budget is spent."""

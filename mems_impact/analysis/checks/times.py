@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from mems_impact.hybrid.blaming import Function
 from mems_impact.hybrid.tried import Place, Tried
 
-__all__ = ["check_times"]
+__all__ = ["Clock", "check_times"]
 
 PARTS = (0.1459, 0.3820, 0.6180)  # of the time scale: times that are no common parts of a period
 HAIR = 1e-9  # of the time scale
 SLACK = 1e-6  # of the largest component of the flow, or of what time changes in it
+
+
+class Clock:
+    """The times of a system: its forcing period if it has one, time scale and switches."""
+
+    def __init__(self, period: float | None, unit: float, switches: Sequence[float]) -> None:
+        self.period, self.unit, self.switches = period, unit, tuple(switches)
+
+    def stop(self, t: float) -> float:
+        """Return the next switch after `t`."""
+        return next((time for time in self.switches if time > t), math.inf)
 
 
 def check_times(

@@ -1,0 +1,78 @@
+"""Crossings of a section, of which a step may hold several; each before a closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from mems_impact.engines.options import Options
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.written import Definition, hidden_parameters, written
+
+
+def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, time_scale=20.0):
+    """Return where, and in which direction, a polynomial with these roots crosses zero on a run."""
+    slope = tuple(np.polynomial.Polynomial.fromroots(roots).deriv().coef[::-1].tolist())
+
+    def flow(mode, t, y, p):
+        rate = 0.0
+        for coefficient in slope:
+            rate = rate * y.s + coefficient
+        return rate, 1.0
+
+    definition = Definition(states=("g", "s"), modes=("one",), parameters=(), flow=flow)
+    problem = Problem(
+        automaton=written(definition),
+        parameters=np.zeros(hidden_parameters(definition)),
+        period=1e3,
+        time_scale=time_scale,
+        section=(0, 0.0, direction),
+        options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13),
+    )
+    start = Instant(0, 0.0, 0, np.array([math.prod(begin - root for root in roots), begin]))
+    log = run(problem, start, (end - begin) / 1e3).events.crossings(0)
+    return log.after[:, 1], log.guard.tolist()
+
+
+PAIRS = [
+    (0.3, 0.301),
+    (-0.5, -0.4999, 0.2, 0.2001),
+    (-0.9, 0.1, 0.13, 0.16, 0.95),
+    (-0.7, -0.69, -0.68, -0.67, 0.5, 0.51),
+]
+
+
+@pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
+@pytest.mark.parametrize("roots", PAIRS)
+def test_every_root_of_a_polynomial_is_met(roots, method):
+    found, directions = crossings(roots, method=method)
+    assert found == pytest.approx(roots, abs=1e-5)
+    residual = [math.prod(s - root for root in roots) for s in found]
+    assert residual == pytest.approx(len(roots) * [0.0], abs=1e-9)  # the error of the integration
+    first = (-1) ** (len(roots) + 1)
+    assert directions == [first * (-1) ** k for k in range(len(roots))]
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_crossings_in_one_direction(direction):
+    found, directions = crossings(PAIRS[1], direction=direction)
+    assert found == pytest.approx(PAIRS[1][::2] if direction < 0 else PAIRS[1][1::2], abs=1e-6)
+    assert set(directions) == {direction}
+
+
+def test_what_lies_beyond_the_end_of_a_run_is_not_told():
+    found, _ = crossings((0.3, 0.4, 0.4001), end=0.35)
+    assert found == pytest.approx([0.3], abs=1e-9)
+
+
+@pytest.mark.parametrize("roots", [(-1.0, -0.999), (-1.0, 0.3, 0.3002)])
+def test_a_start_on_the_section_is_no_crossing(roots):
+    found, _ = crossings(roots)
+    assert found == pytest.approx(roots[1:], abs=1e-6)
+
+
+def test_a_state_that_stays_on_the_section_crosses_nothing():
+    found, _ = crossings((0.5, 0.5), begin=0.5, end=0.5 + 1e-9)
+    assert found.size == 0
