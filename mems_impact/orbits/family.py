@@ -62,6 +62,15 @@ class Family:
         """Return the family integrated by another method."""
         return Family(_By(self.build, method), self.values)
 
+    def suited(self, stiff: bool) -> Family:
+        """Return the family, integrated by one method where that was left open (``"auto"``).
+
+        An orbit keeps to one method, lest a step of Newton's method change it.
+        """
+        if self.problem().options.method != "auto":
+            return self
+        return self.by("bdf" if stiff else "dop853")
+
     def value(self, name: str) -> float:
         """Return the present value of a parameter.
 
@@ -123,7 +132,7 @@ class _By:
     """What builds the same problems, to be integrated by another method."""
 
     build: Callable[[Mapping[str, float]], Problem]
-    method: Any
+    method: str
 
     def __call__(self, values: Mapping[str, float]) -> Problem:
         problem = self.build(values)
