@@ -93,7 +93,7 @@ class Run(Value):
 
     @cached_property
     def handovers(self) -> pd.DataFrame:
-        """One row a change of method on the way of ``"auto"``: when, the mode, the method from then.
+        """One row a change of method by ``"auto"``: when, in which mode, the method from then on.
 
         An arc begins with the method with which the last one in its mode has ended.
         """

@@ -122,7 +122,7 @@ def _integrator(method: str, rtol: float, atol: float) -> Decorator:
             type=click.Choice(METHODS),
             default=method,
             show_default=True,
-            help="CVODE's Adams or BDF formulas, or a one-step method of order 8; auto: the latter, "
+            help="CVODE's Adams or BDF formulas, or a one-step method of order 8; auto: that one, "
             "and BDF wherever the system is stiff.",
         ),
         click.option(

@@ -84,13 +84,10 @@ class Events:
 
     def remembered(self, before: tuple[int, ...]) -> tuple[int, ...]:
         """Return what the engine remembers of each mode after these rows, and before them."""
-        known = list(before)
-        handovers = self.handovers
-        for mode, value in zip(
-            handovers.mode_after.tolist(), handovers.guard.tolist(), strict=True
-        ):
-            known[mode] = value
-        return tuple(known)
+        rows = self.handovers
+        known = dict(enumerate(before))
+        known |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
+        return tuple(known.get(mode, 0) for mode in range(max(known, default=-1) + 1))
 
     def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
         """Return where the rows are impacts."""
