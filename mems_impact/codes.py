@@ -36,3 +36,4 @@ class Kind(IntEnum):
     APPROACH = 3  # closest, of bodies that part without an impact
     SECTION_CROSSING = 4
     REBASE = 5  # nothing: the loop cuts a long arc
+    HANDOVER = 6  # the engine goes on by another method; with what it remembers of the mode

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ class Build:
     def __call__(self, values: Mapping[str, float]) -> Problem:
         """Return the problem at values in the units of the numerics."""
         return self.system.at(values).problem(self.options)
+
+    def by(self, method: str) -> Build:
+        """Return the same, to be integrated by another method."""
+        return Build(self.system, dataclasses.replace(self.options, method=method))
 
     @functools.cached_property
     def _here(self) -> dict[str, float]:

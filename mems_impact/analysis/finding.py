@@ -20,12 +20,10 @@ from mems_impact.orbits.bounded import BOUNDED, DIVERGED, farthest
 from mems_impact.orbits.shooting import Point
 from mems_impact.orbits.timing import time_enters
 
-__all__ = ["IF_STIFF", "ORBIT_OPTIONS", "find_orbit"]
+__all__ = ["ORBIT_OPTIONS", "find_orbit"]
 
-ORBIT_OPTIONS = Options(method="dop853", rtol=1e-11, atol=1e-13)
-"""Tighter than for runs, as special points are located to ten digits; arcs are short."""
-IF_STIFF = "bdf"
-"""The method that takes over from that of `ORBIT_OPTIONS`."""
+ORBIT_OPTIONS = Options(method="auto", rtol=1e-11, atol=1e-13)
+"""Tighter than for runs, as special points are located to ten digits."""
 DEFECTS = 3  # of a solution that is no orbit, that a message tells
 UNFORCED = (
     "nothing in the system depends on t, and its motion does not repeat with this period: leave "
@@ -64,9 +62,9 @@ def find_orbit(
         Forcing periods to run before that, >= 0: a stable orbit attracts. A time, where nothing
         forces the system.
     options : Options, optional
-        How it is integrated; by default with method ``"dop853"``, or ``"bdf"`` if the run from
-        the guess is found stiff, to 1e-11 relative and 1e-13 absolute. `Orbit.options` has what
-        was taken.
+        How it is integrated; by default to 1e-11 relative and 1e-13 absolute, with method
+        ``"auto"``: the run from the guess tells whether the orbit takes ``"dop853"``, or ``"bdf"``
+        because it is stiff. `Orbit.options` has what was taken.
 
     Returns
     -------
@@ -99,7 +97,6 @@ def find_orbit(
         refusal = "an orbit of this system takes whole forcing periods: give periods="
         raise InvalidParameter("period", period, "", problem=refusal)
     chosen = ORBIT_OPTIONS if options is None else options
-    if_stiff = IF_STIFF if options is None else None
     problem = system.problem(chosen)
     start = system.instant(guess, problem, field="guess")
     try:
@@ -109,7 +106,6 @@ def find_orbit(
                 start,
                 periods=periods,
                 transient=float(transient),
-                if_stiff=if_stiff,
             )
         else:
             found = orbits.find_cycle(
@@ -117,7 +113,6 @@ def find_orbit(
                 start,
                 period=None if period is None else float(system.scales.into(period, "s")),
                 transient=float(system.scales.into(transient, "s")),
-                if_stiff=if_stiff,
             )
     except (OrbitError, RunError) as error:
         diverged = _diverged(error, system, problem)

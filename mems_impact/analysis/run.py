@@ -62,9 +62,11 @@ class Run(Value):
     def __repr__(self) -> str:
         first, last = (border * self._unit for border in self.extent)
         unit = "periods" if self.system.forced else "time"
+        told = f", {self._told_arcs}" if self.options.method == "auto" else ""
         return (
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
-            f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps, {self.final})"
+            f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps{told}, "
+            f"{self.final})"
         )
 
     def summary(self) -> dict[str, Any]:
@@ -76,9 +78,31 @@ class Run(Value):
             "events": len(self.trajectory.events),
             "steps": self.trajectory.steps,
             "method": f"{self.options.method}, rtol {self.options.rtol:g}",
+            "arcs": self._told_arcs,
             "final": repr(self.final),
             "ended": self.ended,
         }
+
+    @property
+    def arcs(self) -> dict[str, int]:
+        """How many arcs, from one transition or handover to the next, each method has taken."""
+        count, implicit = self.trajectory.arcs, self.trajectory.implicit_arcs
+        if self.options.method != "auto":
+            return {self.options.method: count}
+        return {"dop853": count - implicit, "bdf": implicit}
+
+    @cached_property
+    def handovers(self) -> pd.DataFrame:
+        """One row a change of method by ``"auto"``: when, in which mode, the method from then on.
+
+        An arc begins with the method with which the last one in its mode has ended.
+        """
+        log = self._log("handovers").handovers
+        return tables.handovers(log, self.trajectory.period, self.system)
+
+    @property
+    def _told_arcs(self) -> str:
+        return ", ".join(f"{count} arcs by {method}" for method, count in self.arcs.items())
 
     @property
     def periods(self) -> float:

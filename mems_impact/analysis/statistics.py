@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -113,6 +113,7 @@ class Anchors:
         self._window = window
         self._anchors = [start, start]
         self._last = start  # the latest event, whose mode lasts until the next one
+        self._remembered = start.remembered  # by the engine, after it
         self.durations = np.zeros(modes)
 
     def take(self, events: Events) -> None:
@@ -125,8 +126,11 @@ class Anchors:
             begins &= self._window.since(border, events.cycle, events.time) <= 0.0
             places = np.flatnonzero(begins)
             if places.size > 0:
-                self._anchors[border] = instant_after(events, int(places[-1]))
+                row = int(places[-1])
+                known = events[:row].remembered(self._remembered)
+                self._anchors[border] = replace(instant_after(events, row), remembered=known)
         self._last = instant_after(events, len(events) - 1)
+        self._remembered = events.remembered(self._remembered)
 
     def end(self, final: Instant) -> None:
         """Take the end of the run."""

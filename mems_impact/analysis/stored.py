@@ -41,7 +41,7 @@ from mems_impact.units import Scales
 
 __all__ = ["register_run", "restored", "variables"]
 
-TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended")
+TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_arcs")
 
 
 def restored(told: Mapping[str, Any], reader: Reader) -> System:

@@ -78,7 +78,7 @@ def other_family(options: Options) -> Options:
     """Return options of a method that shares no formula with that of `options`, more precise."""
     return replace(
         options,
-        method="adams" if options.method == "dop853" else "dop853",
+        method="adams" if options.method in ("dop853", "auto") else "dop853",
         rtol=min(options.rtol, max(TIGHTER * options.rtol, TIGHTEST_RTOL)),
         atol=min(options.atol, max(TIGHTER * options.atol, TIGHTEST_ATOL)),
     )

@@ -11,7 +11,6 @@ from mems_impact.cli.options import (
     actuator_from,
     device_options,
     orbit_integrator_options,
-    orbit_options,
     output_options,
     periods_option,
     progress_option,
@@ -57,7 +56,7 @@ def command(
     bias: float,
     crises: int,
     periods: int,
-    method: str | None,
+    method: str,
     rtol: float,
     atol: float,
     engine: str,
@@ -83,7 +82,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    options = orbit_options(method, rtol, atol, engine)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "chart") as files:
         try:
             chart = mi.operating_chart(

@@ -13,7 +13,6 @@ from mems_impact.cli.options import (
     device_options,
     guess_options,
     orbit_integrator_options,
-    orbit_options,
     output_options,
     parameter_option,
     progress_option,
@@ -64,7 +63,7 @@ def command(
     periods: int | None,
     through_grazing: bool,
     doubled: bool,
-    method: str | None,
+    method: str,
     rtol: float,
     atol: float,
     engine: str,
@@ -91,7 +90,7 @@ def command(
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     guess = state_from(initial)
-    options = orbit_options(method, rtol, atol, engine)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "continue") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options

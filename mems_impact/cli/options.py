@@ -115,14 +115,15 @@ def workers_option(text: str, **settings: Any) -> Decorator:
     return click.option("--workers", type=click.IntRange(1, 64), help=text, **settings)
 
 
-def _integrator(method: str | None, said: str, rtol: float, atol: float) -> Decorator:
+def _integrator(method: str, rtol: float, atol: float) -> Decorator:
     return combined(
         click.option(
             "--method",
             type=click.Choice(METHODS),
             default=method,
-            show_default=said,
-            help="CVODE's Adams or BDF formulas, or a one-step method of order 8.",
+            show_default=True,
+            help="CVODE's Adams or BDF formulas, or a one-step method of order 8; auto: that one, "
+            "and BDF wherever the system is stiff.",
         ),
         click.option(
             "--rtol", type=float, default=rtol, show_default=True, help="Relative tolerance."
@@ -144,19 +145,9 @@ def _integrator(method: str | None, said: str, rtol: float, atol: float) -> Deco
     )
 
 
-integrator_options = _integrator(Options.method, Options.method, Options.rtol, Options.atol)
-# Those of `mems_impact.analysis.orbit`, which is slow to import.
-ORBIT_RTOL, ORBIT_ATOL = 1e-11, 1e-13
-orbit_integrator_options = _integrator(
-    None, "dop853, or bdf where the system is stiff", ORBIT_RTOL, ORBIT_ATOL
-)
-
-
-def orbit_options(method: str | None, rtol: float, atol: float, engine: str) -> Options | None:
-    """Return what was chosen for an orbit; None if nothing was."""
-    if method is None and (rtol, atol, engine) == (ORBIT_RTOL, ORBIT_ATOL, Options.engine):
-        return None
-    return Options(method=method or "dop853", rtol=rtol, atol=atol, engine=engine)
+integrator_options = _integrator(Options.method, Options.rtol, Options.atol)
+# Those of `mems_impact.analysis.finding`, which is slow to import.
+orbit_integrator_options = _integrator("auto", 1e-11, 1e-13)
 
 
 guess_options = combined(

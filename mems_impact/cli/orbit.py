@@ -13,7 +13,6 @@ from mems_impact.cli.options import (
     device_options,
     guess_options,
     orbit_integrator_options,
-    orbit_options,
     output_options,
     state_from,
 )
@@ -36,7 +35,7 @@ def command(
     initial: dict[str, float],
     transient: float,
     periods: int | None,
-    method: str | None,
+    method: str,
     rtol: float,
     atol: float,
     engine: str,
@@ -60,7 +59,7 @@ def command(
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial)
-    options = orbit_options(method, rtol, atol, engine)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "orbit") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from numba import config, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
+
+from mems_impact.errors import EngineUnavailable
 
 # What `_Part` uses of numba beside what is documented.
 USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
@@ -66,6 +68,19 @@ if all(hasattr(JITCodeLibrary, name) for name in USED):
 # A C function is a wrapper around the function proper, whose arrays travel over the stack and whose
 # errors are looked for: a quarter of the time of a small one, unless it is inlined.
 FOR_C = {**JIT, "forceinline": True}
+
+
+def switched_off() -> bool:
+    """Return whether the environment keeps numba from compiling (NUMBA_DISABLE_JIT)."""
+    return bool(config.DISABLE_JIT)
+
+
+def check_numba() -> None:
+    """Raise EngineUnavailable where numba may not compile."""
+    if switched_off():
+        remedy = "unset NUMBA_DISABLE_JIT, or use engine='interpreted'"
+        raise EngineUnavailable("NUMBA_DISABLE_JIT keeps numba from compiling", remedy)
+
 
 WORD = 8  # bytes of a double
 

@@ -20,6 +20,9 @@ from typing import Any
 STEPPED = 0
 STOPPED = 1
 ROOT = 2
+# No step: from here the engine goes on in another way. The arc ends, and the next one begins, by
+# `restart`, with the state as it is.
+HANDOVER = 3
 
 NON_FINITE = -8  # CV_RHSFUNC_FAIL: the only way in which our right-hand side fails
 # CV_ILL_INPUT, which within an arc means that a root function is zero for longer than roots are
@@ -76,6 +79,11 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     it only up to the number before the stop.
     """
     engine.restart(mode, t, y, stop)
+
+
+def remembered(engine: Any, mode: int) -> int:
+    """Return what the engine has learnt of `mode`, with which it begins the next arc there."""
+    return engine.remembered(mode)
 
 
 def bias(engine: Any, i: int) -> float:

@@ -17,8 +17,8 @@ class Equations:
     ----------
     flow, margins, transition, jacobian : callable
         See `mems_impact.hybrid.automaton.Automaton`.
-    n, m : int
-        Number of states and of guards.
+    n, m, modes : int
+        Number of states, of guards and of modes.
     parameters : array_like of float
     section : tuple (component, level, direction), optional
         Crossings of ``y[component] = level`` that are reported as the last root function.
@@ -35,6 +35,7 @@ class Equations:
     jacobian: Callable[..., Any] | None = None
     section: tuple[int, float, int] | None = None
     bounds: bool = True
+    modes: int = 1
 
     @property
     def crossing(self) -> tuple[int, float, int]:

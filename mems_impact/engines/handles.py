@@ -63,6 +63,25 @@ class HandleOwner:
         handle["margins"] = self._kernels.margins.address
         handle["transition"] = self._kernels.transition.address
 
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs begun so far by the second of two methods: 0, where there is one."""
+        return 0
+
+    def learnt(self) -> tuple[int, ...]:
+        """Return what it has learnt of each mode: nothing."""
+        return ()
+
+    def learn(self, known: tuple[int, ...]) -> None:
+        """Begin with what was learnt of each mode: it makes no difference."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
+        return False
+
+    def close(self) -> None:
+        """Do nothing: the memory goes with the object."""
+
     def fault(self) -> Fault | None:
         """Return the first call of a function that failed, and forget it."""
         fault = fault_in(self._note)
@@ -83,6 +102,7 @@ mark_overloaded(
     contract.fired,
     contract.interpolate,
     contract.restart,
+    contract.remembered,
     contract.bias,
     contract.set_bias,
     contract.parameter,
@@ -114,6 +134,12 @@ def _state(engine, y):  # type: ignore[no-untyped-def]
 def _fired(engine, i):  # type: ignore[no-untyped-def]
     if is_handle(engine):
         return lambda engine, i: np.int64(integers(engine.fired)[i])
+
+
+@overload(contract.remembered, jit_options={**JIT, **INNER})
+def _remembered(engine, mode):  # type: ignore[no-untyped-def]
+    if is_handle(engine) and "implicit" not in engine.fields:
+        return lambda engine, mode: 0
 
 
 @overload(contract.bias, jit_options={**JIT, **INNER})

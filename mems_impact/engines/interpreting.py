@@ -40,6 +40,29 @@ class Functions:
         self.bias = np.zeros(equations.m)
         self._fault: Fault | None = None
 
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs begun so far by the second of two methods: 0, where there is one."""
+        return 0
+
+    def learnt(self) -> tuple[int, ...]:
+        """Return what it has learnt of each mode: nothing."""
+        return ()
+
+    def learn(self, known: tuple[int, ...]) -> None:
+        """Begin with what was learnt of each mode: it makes no difference."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
+        return False
+
+    def close(self) -> None:
+        """Do nothing: the memory is Python's own."""
+
+    def remembered(self, mode: int) -> int:
+        """Return what has been learnt of `mode`: nothing."""
+        return 0
+
     def fault(self) -> Fault | None:
         """Return the first call of a function that failed, and forget it."""
         fault, self._fault = self._fault, None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from mems_impact.errors import InvalidParameter
 
 # Each method, and the folder beside this file that holds its engines.
-FOLDERS = {"adams": "cvode", "bdf": "cvode", "dop853": "onestep"}
+FOLDERS = {"adams": "cvode", "bdf": "cvode", "dop853": "onestep", "auto": "auto"}
 METHODS = tuple(FOLDERS)
 ENGINES = ("auto", "compiled", "interpreted")
 
@@ -19,11 +19,12 @@ class Options:
 
     Parameters
     ----------
-    method : {"adams", "bdf", "dop853"}
+    method : {"adams", "bdf", "dop853", "auto"}
         CVODE's linear multistep families: Adams (default) needs about half the right-hand sides
         where the drive is near the resonance; BDF wins where the drive is slow against it, or the
         system stiff. ``"dop853"`` is Dormand and Prince's one-step method of order 8, which loses
         no order at an event: several times as fast where arcs are short. It needs no SUNDIALS.
+        ``"auto"`` takes ``"dop853"``, and ``"bdf"`` wherever the system turns out to be stiff.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float

@@ -43,6 +43,7 @@ from mems_impact.hybrid.record import (
     EVENT_BUDGET,
     FAILED,
     GUARD,
+    HANDOVER,
     HEAD,
     HIT_BEGIN,
     HIT_TIME,
@@ -85,7 +86,7 @@ from mems_impact.hybrid.section import enter, pass_section
 
 __all__ = [
     "ACCUMULATION", "APPROACH", "BUFFER_FULL", "CLOCK", "CYCLE", "CYCLING", "DONE", "ENDED",
-    "EVENT_BUDGET", "FAILED", "GUARD", "HEAD", "INADMISSIBLE", "KIND", "MODE_AFTER",
+    "EVENT_BUDGET", "FAILED", "GUARD", "HANDOVER", "HEAD", "INADMISSIBLE", "KIND", "MODE_AFTER",
     "MODE_BEFORE", "NONE", "NOT_FINITE", "NO_REST", "NO_SUCH_MODE", "PAUSED", "REBASE", "ROOM",
     "SECTION_CROSSING", "STEP_BUDGET", "SWITCH", "TIME", "TRANSITION", "WITHOUT_EFFECT",
     "advance",
@@ -140,6 +141,11 @@ def advance(engine: Any, s: Any, quota: int) -> int:
 
         status = contract.step(engine)
         quota -= 1
+        if status == contract.HANDOVER:
+            note(s, s.t, HANDOVER, contract.remembered(engine, s.mode), s.mode, y, y)
+            s.restart = 1
+            s.fresh = s.doubt  # a margin in doubt is looked at again
+            continue
         s.steps += 1
         s.arc_steps += 1
         if status == contract.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
@@ -148,7 +154,7 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             contract.state(engine, y)
             note(s, s.t, REBASE, 0, s.mode, y, y)
             s.restart = 1
-            s.fresh = s.doubt  # a margin in doubt is looked at again
+            s.fresh = s.doubt
             continue
         if status < 0 or s.arc_steps > s.max_steps:
             if s.arc_steps > 1:  # else y is where the arc, and its first step, began

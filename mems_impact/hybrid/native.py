@@ -10,11 +10,12 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
+from mems_impact.engines.auto import (  # noqa: F401 - give the contract its overloads
+    compiled as _auto,
+)
 from mems_impact.engines.cache import compile_loop
 from mems_impact.engines.compiling import INNER, JIT, WORD, pointer
-from mems_impact.engines.cvode import (  # noqa: F401 - give the contract its overloads
-    compiled as _cvode,
-)
+from mems_impact.engines.cvode import compiled as _cvode  # noqa: F401 - as above
 from mems_impact.engines.onestep import compiled as _onestep  # noqa: F401 - as above
 from mems_impact.engines.snapshot import mark_overloaded, take
 from mems_impact.hybrid import record

@@ -158,6 +158,10 @@ def integrate(
         status = contract.step(engine)
         if status < 0:
             return False
+        if status == contract.HANDOVER:
+            contract.state(engine, y)
+            contract.restart(engine, mode, contract.time(engine), y, end)
+            continue
         t = contract.time(engine)
         if t >= end:
             contract.interpolate(engine, end, y)

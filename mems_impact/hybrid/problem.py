@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -109,6 +109,26 @@ class Problem:
         return Numbers(self.parameters, self.period, self.switches, self.time_scale)
 
 
+class Engine(Protocol):
+    """What Python asks of an engine; what the event loop asks of it is its contract."""
+
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs begun so far by the second of two methods."""
+
+    def learnt(self) -> tuple[int, ...]:
+        """Return what it has learnt of each mode; empty if its method does not learn."""
+
+    def learn(self, known: tuple[int, ...]) -> None:
+        """Begin with what was learnt of each mode."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
+
+    def close(self) -> None:
+        """Free its memory."""
+
+
 @dataclass(frozen=True)
 class Bound:
     """An engine for one problem, and how functions over the engine's contract are called on it.
@@ -119,10 +139,8 @@ class Bound:
         ``call(function, *arguments)`` calls `function`, written over
         `mems_impact.engines.contract`, with the engine as its first argument; compiled, if the
         engine is.
-    is_stiff : callable
-        Returns whether stability, not accuracy, has limited steps; False if the method can't tell.
-    close : callable
-        Frees the engine's memory.
+    engine : Engine
+        What of it Python asks.
     table : callable
         ``table(rows, width)`` returns rows of numbers, all zero: an array, or lists where they are
         read by Python, which is several times as fast.
@@ -134,8 +152,7 @@ class Bound:
     """
 
     call: Callable[..., Any]
-    is_stiff: Callable[[], bool]
-    close: Callable[[], None]
+    engine: Engine
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
     quota: int
@@ -164,6 +181,7 @@ def bind(problem: Problem) -> Bound:
         jacobian=automaton.jacobian,
         n=len(automaton.states),
         m=len(automaton.guards),
+        modes=len(automaton.modes),
         parameters=problem.parameters,
         section=problem.section,
         bounds=automaton.bounds,
@@ -171,7 +189,7 @@ def bind(problem: Problem) -> Bound:
     max_step = (problem.time_scale or problem.period) / STEPS_PER_PERIOD
     if options.engine in ("auto", "compiled"):
         try:
-            return _compiled(automaton, equations, options, max_step)
+            return _compiled(automaton, equations, at_hand(options), max_step)
         except EngineUnavailable as error:
             if options.engine == "compiled":
                 raise
@@ -185,10 +203,20 @@ def is_compiled(options: Options) -> bool:
     if options.engine == "interpreted":
         return False
     try:
-        _module("compiled", options).prepare()
+        _module("compiled", at_hand(options)).prepare()
     except EngineUnavailable:
         return False
     return True
+
+
+def at_hand(options: Options) -> Options:
+    """Return the options; where there is no BDF, method "auto" is the one-step method alone."""
+    if options.method == "auto":
+        try:
+            _module("compiled", options).prepare()
+        except EngineUnavailable:
+            return replace(options, method="dop853")
+    return options
 
 
 def _module(form: str, options: Options) -> Any:
@@ -229,7 +257,7 @@ def _compiled(
             result[name] = number
         return result
 
-    return Bound(call, engine.is_stiff, engine.close, table, record, 20_000)
+    return Bound(call, engine, table, record, 20_000)
 
 
 class _Fields(SimpleNamespace):
@@ -268,4 +296,4 @@ def _interpreted(
         # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
         return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
 
-    return Bound(call, engine.is_stiff, engine.close, table, record, 1_000)
+    return Bound(call, engine, table, record, 1_000)

@@ -22,7 +22,7 @@ INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(St
 ENDS, NO_REST, NO_FIT = -3, -2, -4
 
 # Kinds of rows in the event buffer: see `Kind`.
-TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE = map(int, Kind)
+TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE, HANDOVER = map(int, Kind)
 
 # Columns of the event buffer; the states before and after follow.
 CYCLE, TIME, KIND, GUARD, MODE_BEFORE, MODE_AFTER, HEAD = 0, 1, 2, 3, 4, 5, 6

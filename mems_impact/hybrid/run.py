@@ -28,7 +28,7 @@ EVENT_ROWS = 4096
 MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
 STIFF = (
     "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
-    "method='bdf' may be faster"
+    "method='auto', or method='bdf', may be faster"
 )
 NAMED = (loop.INADMISSIBLE, loop.WITHOUT_EFFECT, loop.NOT_FINITE)  # failures at a guard
 
@@ -40,7 +40,6 @@ def run(
     *,
     consume: Callable[[Events], None] | None = None,
     progress: Callable[[float], None] | None = None,
-    on_stiff: Callable[[], None] | None = None,
 ) -> Trajectory:
     """Integrate `problem` from `start` over `periods`.
 
@@ -55,9 +54,6 @@ def run(
         the run does not grow with its length.
     progress : callable, optional
         Called with the periods done so far, several times a second.
-    on_stiff : callable, optional
-        Called, as often as the loop looks at its caller, once ``dop853`` has found the system
-        stiff; it may raise to end the run. Without it a `StiffnessWarning` tells in the end.
 
     Returns
     -------
@@ -91,13 +87,13 @@ def run(
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
     end = Instant(start.cycle + whole, phase, start.mode, start.y)
-    return _Run(problem, start, end, 0, consume, progress, on_stiff).go()
+    return _Run(problem, start, end, 0, consume, progress).go()
 
 
 def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> Samples:
     """Run again from `start` to `end` and return the state at equal intervals of every period."""
     # That the system is stiff, the run itself has said.
-    run_again = _Run(problem, start, end, per_period, lambda _: None, None, lambda: None)
+    run_again = _Run(problem, start, end, per_period, lambda _: None, None, quiet=True)
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
@@ -117,14 +113,15 @@ class _Run:
         per_period: int,
         consume: Callable[[Events], None] | None,
         progress: Callable[[float], None] | None,
-        on_stiff: Callable[[], None] | None = None,
+        quiet: bool = False,
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
         self.problem, self.start = problem, start
-        self.consume, self.progress, self.on_stiff = consume, progress, on_stiff
+        self.consume, self.progress, self.quiet = consume, progress, quiet
         self.kept: list[Floats] = []
         self.bound = bind(problem)
+        self.bound.engine.learn(start.remembered)
         # The epsilon keeps a sample that falls on the start itself.
         first = math.ceil((start.time / problem.period - 1e-12) * per_period)
         last = (end.cycle - start.cycle) * per_period
@@ -180,8 +177,6 @@ class _Run:
             while status in (loop.PAUSED, loop.BUFFER_FULL):
                 status = self.bound.call(loop.advance, self.clock, self.bound.quota)
                 self._drain()
-                if self.on_stiff is not None and self.bound.is_stiff():
-                    self.on_stiff()
                 if self.progress is not None:
                     self.progress(self._done())
         except KeyboardInterrupt:
@@ -192,9 +187,9 @@ class _Run:
             self._drain()
             raise self._ended_by(error.reason, error.remedy) from error
         finally:
-            if self.on_stiff is None and self.bound.is_stiff():
+            if self.bound.engine.is_stiff() and not self.quiet:
                 warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
-            self.bound.close()
+            self.bound.engine.close()
         if status not in (loop.DONE, loop.ENDED):
             raise self._failure(status)
         return self._trajectory(ended=status == loop.ENDED)
@@ -242,11 +237,13 @@ class _Run:
                 phase - ahead * period,
                 int(clock["mode"]),
                 self._state(),
+                self.bound.engine.learnt(),
             ),
             events=Events.from_rows(rows),
             steps=int(clock["steps"]),
             arcs=int(clock["arcs"]),
             ended=ended,
+            implicit_arcs=self.bound.engine.implicit_arcs,
         )
 
     def _name_of(self, code: int) -> str:
@@ -266,7 +263,7 @@ class _Run:
             ),
             loop.STEP_BUDGET: (
                 f"one arc took more than max_steps = {options.max_steps} steps",
-                "raise max_steps, loosen rtol, or use method 'bdf' if the system is stiff",
+                "raise max_steps, loosen rtol, or use method 'auto' if the system is stiff",
             ),
             loop.EVENT_BUDGET: (
                 f"one period held more than max_events = {options.max_events} events"

@@ -26,10 +26,11 @@ class Events:
     time : float array, shape (k,)
         Time since the start of that period, 0 <= time < period.
     kind : int array, shape (k,)
-        TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING or REBASE of
+        TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE or HANDOVER of
         `mems_impact.hybrid.loop`.
     guard : int array, shape (k,)
-        Number of the guard; for a crossing of the section the sign of the crossing.
+        Number of the guard; for a crossing of the section the sign of the crossing; for a handover
+        what the engine then remembers of the mode (see `mems_impact.engines.auto.choosing`).
     mode_before, mode_after : int array, shape (k,)
     before, after : float array, shape (k, n)
         The state just before and just after the event.
@@ -70,8 +71,23 @@ class Events:
 
     @property
     def begin_arcs(self) -> NDArray[np.bool_]:
-        """Where the rows begin an arc: all but passages, which only note what an arc did."""
-        return (self.kind != loop.APPROACH) & (self.kind != loop.SECTION_CROSSING)
+        """Where the rows begin an arc that can be integrated again by itself.
+
+        Passages only note what an arc did, and a handover belongs to the arc before it.
+        """
+        return ~np.isin(self.kind, (loop.APPROACH, loop.SECTION_CROSSING, loop.HANDOVER))
+
+    @property
+    def handovers(self) -> Events:
+        """Where the engine has gone on by another method."""
+        return self[self.kind == loop.HANDOVER]
+
+    def remembered(self, before: tuple[int, ...]) -> tuple[int, ...]:
+        """Return what the engine remembers of each mode after these rows, and before them."""
+        rows = self.handovers
+        known = dict(enumerate(before))
+        known |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
+        return tuple(known.get(mode, 0) for mode in range(max(known, default=-1) + 1))
 
     def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
         """Return where the rows are impacts."""
@@ -118,12 +134,15 @@ class Instant:
         Time since the start of the current period.
     mode : int
     y : float array, shape (n,)
+    remembered : tuple of int
+        What the engine has learnt of each mode, if its method learns; empty at the start of a run.
     """
 
     cycle: int
     time: float
     mode: int
     y: Floats
+    remembered: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -158,6 +177,8 @@ class Trajectory:
         Steps of the method and arcs (restarts) that the run took.
     ended : bool
         Whether a transition ended the run.
+    implicit_arcs : int
+        How many of the arcs method ``"auto"`` has begun by BDF.
     """
 
     problem: Problem = field(repr=False, compare=False)
@@ -167,6 +188,7 @@ class Trajectory:
     steps: int
     arcs: int
     ended: bool = False
+    implicit_arcs: int = 0
 
     @property
     def automaton(self) -> Automaton:
@@ -177,6 +199,17 @@ class Trajectory:
     def period(self) -> float:
         """Unit in which the run is counted."""
         return self.problem.period
+
+    @property
+    def stiff(self) -> bool:
+        """Whether method ``"auto"`` found BDF worth while, in any mode that was met.
+
+        Of the events only those are known that were kept.
+        """
+        if (self.events.handovers.guard == 0).any():
+            return True
+        known, visited = self.final.remembered, {self.start.mode, *self.events.mode_after.tolist()}
+        return any(known[mode] < 0 for mode in visited) if known else False
 
     def with_events(self, events: Events) -> Trajectory:
         """Return the trajectory with events that were kept elsewhere."""
@@ -216,7 +249,7 @@ class Trajectory:
         if first is None:
             return self.start
         events = self.events
-        begins = (events.kind != loop.APPROACH) & (events.kind != loop.SECTION_CROSSING)
+        begins = events.begin_arcs
         begins &= events.cycle + events.time / self.period <= first
         # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
         # within one can't be run again without all of it.
@@ -240,5 +273,9 @@ class Trajectory:
             return self.start
         i = places[-1]
         return Instant(
-            int(events.cycle[i]), float(events.time[i]), int(events.mode_after[i]), events.after[i]
+            int(events.cycle[i]),
+            float(events.time[i]),
+            int(events.mode_after[i]),
+            events.after[i],
+            events[:i].remembered(self.start.remembered),
         )

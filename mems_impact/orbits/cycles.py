@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -37,7 +36,6 @@ def cycle_near(
     transient: float = 0.0,
     period: float | None = None,
     active: tuple[str, ...] = (),
-    on_stiff: Callable[[], None] | None = None,
 ) -> tuple[Shooting, Guess]:
     """Return the equations of a cycle and a guess of it, from a run.
 
@@ -50,8 +48,6 @@ def cycle_near(
     period : float, optional
         That of the cycle, near which `start` lies then; recognised by default.
     active : tuple of str
-    on_stiff : callable, optional
-        As of `mems_impact.hybrid.run.run`.
 
     Raises
     ------
@@ -61,17 +57,17 @@ def cycle_near(
     problem = family.problem()
     if transient > 0.0:
         length = transient / problem.period
-        start = run(problem, start, length, consume=lambda _: None, on_stiff=on_stiff).final
+        start = run(problem, start, length, consume=lambda _: None).final
     check_bounded(problem, start)
     start = replace(start, cycle=0, time=0.0)
     if period is None:
-        start, period = own_period(problem, start, on_stiff)
+        start, period = own_period(problem, start)
     problem = problem.counted_in(period)
     free = list(free_components(problem.automaton))
     begin = _amid(problem, start)
-    guess = read_guess(problem, begin, 1, on_stiff)
+    guess = read_guess(problem, begin, 1)
     phase = Phase.across(flow_at(problem, begin)[free], begin.y[free], period)
-    return Shooting(family, guess.segments, active, phase=phase), guess
+    return Shooting(family.suited(guess.stiff), guess.segments, active, phase=phase), guess
 
 
 def _amid(problem: Problem, start: Instant) -> Instant:

@@ -33,7 +33,8 @@ class Family:
     -----
     Where `build` has an attribute ``automaton``, this is the automaton of all its problems. Where
     it has a method ``numbers(values)``, this returns the `Numbers` of a problem without making one:
-    corrections and differences by a parameter ask for them by thousands.
+    corrections and differences by a parameter ask for them by thousands. Where it has a method
+    ``by(method)``, this returns what builds the same problems for another method of integration.
     """
 
     build: Callable[[Mapping[str, float]], Problem]
@@ -60,7 +61,19 @@ class Family:
 
     def by(self, method: str) -> Family:
         """Return the family integrated by another method."""
-        return Family(_By(self.build, method), self.values)
+        known: Callable[[str], Callable[[Mapping[str, float]], Problem]] | None
+        known = getattr(self.build, "by", None)
+        build = _By(self.build, method) if known is None else known(method)
+        return Family(build, self.values)
+
+    def suited(self, stiff: bool) -> Family:
+        """Return the family, integrated by one method where that was left open (``"auto"``).
+
+        An orbit keeps to one method, lest a step of Newton's method change it.
+        """
+        if self.problem().options.method != "auto":
+            return self
+        return self.by("bdf" if stiff else "dop853")
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter.
@@ -123,7 +136,7 @@ class _By:
     """What builds the same problems, to be integrated by another method."""
 
     build: Callable[[Mapping[str, float]], Problem]
-    method: Any
+    method: str
 
     def __call__(self, values: Mapping[str, float]) -> Problem:
         problem = self.build(values)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -16,16 +14,13 @@ from mems_impact.orbits.cycles import begun_anew, cycle_near, well_begun
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit
-from mems_impact.orbits.returning import MOST, Recognised, flow_at, forcing_periods
+from mems_impact.orbits.returning import MOST, flow_at, forcing_periods
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import Guess, at_period_start, guess_from, read_guess
 
 SAME = 1e-6  # part of the size of an orbit by which two of its states differ that are one
 COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
 PARTS = range(2, 9)  # into which an orbit may fall that was taken for several passes
-
-OnStiff = Callable[[], None] | None
-T = TypeVar("T")
 
 
 def find_orbit(
@@ -35,12 +30,12 @@ def find_orbit(
     periods: int | None = 1,
     transient: float = 0.0,
     active: tuple[str, ...] = (),
-    if_stiff: str | None = None,
 ) -> PeriodicOrbit:
     """Find a periodic orbit of a forced system near a state.
 
     The signature is read off a run over `periods` periods, then all states and event times are
-    corrected by Newton's method.
+    corrected by Newton's method. Where the method is ``"auto"``, the orbit takes the one that suits
+    that run.
 
     Parameters
     ----------
@@ -53,9 +48,6 @@ def find_orbit(
         Periods to run before the signature is read.
     active : tuple of str
         Parameters in which the orbit is to be continued afterwards.
-    if_stiff : str, optional
-        The method that takes over if the run from `guess` is found stiff; the orbit's family is
-        then integrated by it.
 
     Raises
     ------
@@ -65,35 +57,26 @@ def find_orbit(
     if periods is not None and periods < 1:
         raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
 
-    def settled(family: Family, on_stiff: OnStiff) -> tuple[Family, Instant, Recognised | None]:
-        problem, start = family.problem(), guess
-        if transient > 0.0:
-            start = run(problem, start, transient, consume=_drop, on_stiff=on_stiff).final
-        check_bounded(problem, start)
-        start = at_period_start(problem, start, on_stiff)
-        recognised = forcing_periods(problem, start, on_stiff) if periods is None else None
-        return family, start, recognised
+    def closed(read: Guess) -> PeriodicOrbit:
+        return _corrected(Shooting(family.suited(read.stiff), read.segments, active), read)
 
-    def closing(family: Family, start: Instant, count: int) -> PeriodicOrbit:
-        def approach(family: Family, on_stiff: OnStiff) -> tuple[Shooting, Guess]:
-            read = read_guess(family.problem(), start, count, on_stiff)
-            return Shooting(family, read.segments, active), read
-
-        return _corrected(*_unless_stiff(family, if_stiff, approach))
-
-    family, start, recognised = _unless_stiff(family, if_stiff, settled)
-    if recognised is None:
-        return closing(family, start, periods or 1)
+    problem, start = family.problem(), guess
+    if transient > 0.0:
+        start = run(problem, start, transient, consume=_drop).final
+    check_bounded(problem, start)
+    start = at_period_start(problem, start)
+    if periods is not None:
+        return closed(read_guess(problem, start, periods))
+    recognised = forcing_periods(problem, start)
     if recognised.near <= 1:
         try:
-            read = guess_from(recognised.once, 1, recognised.once.problem.switches)
-            found = _corrected(Shooting(family, read.segments, active), read)
+            found = closed(guess_from(recognised.once, 1, problem.switches))
             if found.admissible or recognised.near or not recognised.settled:
                 return found
         except OrbitError as error:
             if recognised.near:
                 raise
-            check_bounded(family.problem(), replace(recognised.later, cycle=3 * MOST))
+            check_bounded(problem, replace(recognised.later, cycle=3 * MOST))
             if not recognised.settled:
                 raise OrbitError(
                     f"{error.reason}, and none on which the motion settles in {3 * MOST} periods",
@@ -101,11 +84,13 @@ def find_orbit(
                     "does not settle at all",
                     error.partial,
                 ) from error
-        found = closing(family, recognised.later, recognised.settled)
+        found = closed(read_guess(problem, recognised.later, recognised.settled))
     else:
-        found = closing(family, start, recognised.near)
+        found = closed(read_guess(problem, start, recognised.near))
     again = _passes(found)
-    return found if again == 1 else closing(found.family, found.instant, found.periods // again)
+    if again == 1:
+        return found
+    return closed(read_guess(problem, found.instant, found.periods // again))
 
 
 def find_cycle(
@@ -115,7 +100,6 @@ def find_cycle(
     period: float | None = None,
     transient: float = 0.0,
     active: tuple[str, ...] = (),
-    if_stiff: str | None = None,
 ) -> PeriodicOrbit:
     """Find a limit cycle, a periodic orbit of a system that nothing forces, near a state.
 
@@ -128,7 +112,7 @@ def find_cycle(
         That of the cycle, roughly, where `guess` lies near it; recognised from a run by default.
     transient : float
         Time to run first.
-    active, if_stiff
+    active
         As for `find_orbit`.
 
     Raises
@@ -136,13 +120,7 @@ def find_cycle(
     OrbitError
         If the motion does not return, or comes to rest, or no cycle is found where it returns.
     """
-
-    def approach(family: Family, on_stiff: OnStiff) -> tuple[Shooting, Guess]:
-        return cycle_near(
-            family, guess, transient=transient, period=period, active=active, on_stiff=on_stiff
-        )
-
-    shooting, read = _unless_stiff(family, if_stiff, approach)
+    shooting, read = cycle_near(family, guess, transient=transient, period=period, active=active)
     found = _corrected(shooting, read)
     speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
     first = Instant(0, 0.0, read.segments[0].mode, read.states[0])
@@ -197,26 +175,6 @@ def _passes(orbit: PeriodicOrbit) -> int:
         if np.abs(later.y - orbit.state)[free].max() < SAME * size:
             return k
     return 1
-
-
-class _Stiff(Exception):
-    """The run from the guess is stiff."""
-
-
-def _unless_stiff(
-    family: Family, if_stiff: str | None, approach: Callable[[Family, OnStiff], T]
-) -> T:
-    """Return what `approach` does with a family, integrated by `if_stiff` if a run is stiff."""
-    if if_stiff is None:
-        return approach(family, None)
-
-    def end() -> None:
-        raise _Stiff
-
-    try:
-        return approach(family, end)
-    except _Stiff:
-        return approach(family.by(if_stiff), None)
 
 
 def _drop(_: object) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -90,21 +89,16 @@ class Recognised(NamedTuple):
     settled: int
 
 
-def forcing_periods(
-    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
-) -> Recognised:
-    """Recognise after how many forcing periods the motion from the start of a period returns.
-
-    `on_stiff` is that of `mems_impact.hybrid.run.run`.
-    """
+def forcing_periods(problem: Problem, start: Instant) -> Recognised:
+    """Recognise after how many forcing periods the motion from the start of a period returns."""
     free = list(free_components(problem.automaton))
-    once = run(problem, start, 1, on_stiff=on_stiff)
+    once = run(problem, start, 1)
     change = np.abs(once.final.y - start.y)[free].max(initial=0.0)
     if once.final.mode == start.mode and change <= SETTLED * np.abs(start.y[free]).max(initial=0.0):
         return Recognised(once, 1, start, 0)
     extent = extent_of(once, free)
     try:
-        longer = run(problem, start, 3 * MOST, on_stiff=on_stiff)
+        longer = run(problem, start, 3 * MOST)
     except RunError:
         return Recognised(once, 0, start, 0)  # the orbit may lie where no run stays
     grid = longer.samples(1)
@@ -113,9 +107,7 @@ def forcing_periods(
     return Recognised(once, near, replace(longer.final, cycle=0, time=0.0), settled)
 
 
-def own_period(
-    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
-) -> tuple[Instant, float]:
+def own_period(problem: Problem, start: Instant) -> tuple[Instant, float]:
     """Recognise after which time the motion of a system without forcing returns.
 
     The run goes on, for ever longer, until it comes back to where it began or where it last came
@@ -137,7 +129,7 @@ def own_period(
     length, steps, elapsed = _first_length(problem, start), 0, 0.0
     while steps < STEPS:
         section = _section(problem, start, largest, free)
-        piece = run(replace(problem, section=section), start, length, on_stiff=on_stiff)
+        piece = run(replace(problem, section=section), start, length)
         steps, elapsed = steps + piece.steps, elapsed + length * problem.period
         check_bounded(problem, replace(piece.final, cycle=0, time=elapsed))
         extent = extent_of(piece, free)

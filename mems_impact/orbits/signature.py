@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -56,40 +56,38 @@ class Guess:
     states : float array, shape (N, n)
     times : float array, shape (N,)
         End of each segment, since the start of its period.
+    stiff : bool
+        Whether method ``"auto"`` took BDF on the way.
     """
 
     segments: tuple[Segment, ...]
     states: Floats
     times: Floats
+    stiff: bool = False
 
 
 def read_guess(
     problem: Problem,
     start: Instant,
     periods: int,
-    on_stiff: Callable[[], None] | None = None,
 ) -> Guess:
     """Read the signature off a run of `periods` periods that begins at `start`.
-
-    `on_stiff` is that of `mems_impact.hybrid.run.run`.
 
     Raises
     ------
     OrbitError
         If two transitions fall into one instant, which the segments cannot express.
     """
-    start = at_period_start(problem, start, on_stiff)
-    trajectory = run(problem, start, periods, on_stiff=on_stiff)
+    start = at_period_start(problem, start)
+    trajectory = run(problem, start, periods)
     return guess_from(trajectory, periods, problem.switches)
 
 
-def at_period_start(
-    problem: Problem, start: Instant, on_stiff: Callable[[], None] | None = None
-) -> Instant:
+def at_period_start(problem: Problem, start: Instant) -> Instant:
     """Return `start`, or where the run from there comes to the start of the next period."""
     if start.time != 0.0:
         rest = 1.0 - start.time / problem.period
-        start = run(problem, start, rest, on_stiff=on_stiff).final
+        start = run(problem, start, rest).final
     return replace(start, cycle=0, time=0.0)
 
 
@@ -160,7 +158,7 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
                 reason=f"two transitions fall into one instant (t = {later:.6g})",
                 remedy="move the parameter a little",
             )
-    return Guess(tuple(segments), np.array(states), np.array(times))
+    return Guess(tuple(segments), np.array(states), np.array(times), trajectory.stiff)
 
 
 def completes(events: Events, i: int) -> bool:

@@ -23,6 +23,7 @@ from mems_impact.tables.common import (
 __all__ = [
     "corners",
     "events",
+    "handovers",
     "impacts",
     "samples",
     "section",
@@ -91,6 +92,16 @@ def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
         **when(log.cycle, log.time, period, labels),
         **states(labels.automaton.states, log.after),
         "direction": log.guard,
+    }
+    return table(columns, labels)
+
+
+def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a change of method: when, the mode, the method from then on."""
+    columns = {
+        **when(log.cycle, log.time, period, labels),
+        "mode": words(labels.automaton.modes, log.mode_after),
+        "method": words(("dop853", "bdf"), (log.guard < 0).astype(np.int64)),
     }
     return table(columns, labels)
 

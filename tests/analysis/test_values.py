@@ -16,6 +16,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
+from mems_impact.analysis.storing.file import FORMAT
 from mems_impact.analysis.system import System
 from tests.analysis.machine import FREE, chain, gap, oscillator, rebound
 
@@ -312,7 +313,7 @@ def test_the_file_is_open(saved):
     with zipfile.ZipFile(path) as file:
         assert file.testzip() is None
         header = json.loads(file.read("header.json"))
-    assert header["format"] == 1
+    assert header["format"] == FORMAT
     assert set(header["versions"]) == {"mems_impact", "numpy", "SUNDIALS"}
     assert header["versions"]["SUNDIALS"].startswith("7.")
     system = header["result"]["system"]
@@ -336,7 +337,7 @@ def rewritten(path, change):
 
 
 DAMAGES = {
-    "newer": (lambda header: header.update(format=2), "is of format 2 .* update mems_impact"),
+    "newer": (lambda header: header.update(format=99), "is of format 99 .* update mems_impact"),
     "no format": (lambda header: header.pop("format"), "holds no result"),
     "no tables": (lambda header: header.pop("tables"), "holds no result"),
     "unknown kind": (lambda header: header["result"].update({"is": "os.system"}), "not known here"),

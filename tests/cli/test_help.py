@@ -51,7 +51,7 @@ def test_every_command_explains_itself(cli):
 
 @pytest.mark.parametrize("command", ["simulate", "sweep", "orbit", "continue", "chart"])
 def test_every_command_that_integrates_offers_every_method(cli, command):
-    assert "--method [adams|bdf|dop853]" in cli(command, "--help").out
+    assert "--method [adams|bdf|dop853|auto]" in cli(command, "--help").out
 
 
 def test_version_is_that_of_the_package(cli):

@@ -52,8 +52,6 @@ class Boundaries:
         Called with a line for every part.
     omega : tuple of float
         The range of the chart.
-    if_stiff : str or None
-        The method that takes over where an orbit is stiff.
     """
 
     def __init__(
@@ -63,10 +61,8 @@ class Boundaries:
         steps: Steps,
         tell: Callable[[str], None],
         omega: tuple[float, float],
-        if_stiff: str | None = None,
     ) -> None:
         self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
-        self.if_stiff = if_stiff
         self.options = options
         self.family: Family = system.family(options)
         self.notes: list[str] = []
@@ -160,7 +156,7 @@ class Boundaries:
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
         rest = here.instant(State(), family.problem())
-        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,), if_stiff=self.if_stiff)
+        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
         branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
         return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
 

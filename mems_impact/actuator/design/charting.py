@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis.finding import IF_STIFF, ORBIT_OPTIONS
+from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.state import is_number, whole
 from mems_impact.continuation.branch import Steps
 from mems_impact.engines.options import Options
@@ -86,7 +86,6 @@ def operating_chart(
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
     system = ActuatorSystem(actuator, drive)
-    if_stiff = IF_STIFF if options is None else None
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -97,7 +96,7 @@ def operating_chart(
     tell = _teller(progress)
     ends = system.into(OMEGA, low), system.into(OMEGA, high)
     chosen = ORBIT_OPTIONS if options is None else options
-    maker = Boundaries(system, chosen, steps, tell, ends, if_stiff)
+    maker = Boundaries(system, chosen, steps, tell, ends)
     try:
         maker.make(crises, periods, workers)
     except KeyboardInterrupt:

@@ -249,7 +249,7 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     """Return why numba cannot compile `function`, or nothing."""
     from numba import types
 
-    from mems_impact.engines.cvode.library import switched_off
+    from mems_impact.engines.compiling import switched_off
     from mems_impact.engines.refusing import compiling
 
     if switched_off():

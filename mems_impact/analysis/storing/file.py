@@ -22,7 +22,7 @@ from mems_impact.writing import replacing
 
 __all__ = ["FORMAT", "load", "save"]
 
-FORMAT = 1
+FORMAT = 2  # 1: instants without what an engine remembers, trajectories without `implicit_arcs`
 HEADER = "header.json"
 ARRAY = ".npy"
 REMEDY = "give a file that a result's save(path) wrote"

@@ -96,10 +96,6 @@ class Engine(HandleOwner):
         _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
         _must(sun.CVodeSetInitStep(memory, first_step(max_step)), "CVodeSetInitStep")
 
-    def is_stiff(self) -> bool:
-        """Return False: CVODE does not tell."""
-        return False
-
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""
         self._finalizer()

@@ -91,13 +91,6 @@ class Engine(Functions):
             num_events=2 * m + 1,
         )
 
-    def is_stiff(self) -> bool:
-        """Return False: CVODE does not tell."""
-        return False
-
-    def close(self) -> None:
-        """Do nothing: scikit-sundae frees its memory with the object."""
-
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
         self._mode = mode

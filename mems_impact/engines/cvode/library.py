@@ -81,9 +81,9 @@ def load() -> ctypes.CDLL:
         If scikit-sundae's build is not the one that is declared here: another major version of
         SUNDIALS, real or index type, or a symbol that can't be found. If numba may not compile.
     """
-    if switched_off():
-        remedy = "unset NUMBA_DISABLE_JIT, or use engine='interpreted'"
-        raise EngineUnavailable("NUMBA_DISABLE_JIT keeps numba from compiling", remedy)
+    from mems_impact.engines.compiling import check_numba
+
+    check_numba()
     try:
         from sksundae import _cy_common, _cy_cvode
 
@@ -131,13 +131,6 @@ def check(config: dict[str, str]) -> None:
     if version.split(".")[0] != str(SUPPORTED_MAJOR):
         reason = f"SUNDIALS_VERSION is {version!r} where the bindings need {SUPPORTED_MAJOR}.x"
         raise EngineUnavailable(reason, REMEDY)
-
-
-def switched_off() -> bool:
-    """Return whether the environment keeps numba from compiling (NUMBA_DISABLE_JIT)."""
-    from numba import config
-
-    return bool(config.DISABLE_JIT)
 
 
 def symbol(name: str) -> Any:

@@ -21,6 +21,7 @@ from mems_impact.engines.compiling import (
     WORD,
     address,
     caller,
+    check_numba,
     data,
     integers,
     pointer,
@@ -36,7 +37,7 @@ from mems_impact.engines.snapshot import mark_overloaded, sources, take
 
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
-_COUNTS = ("at_border", "off_border", "stiff", "steps")
+_COUNTS = ("at_border", "off_border", "stiff", "patience")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
@@ -61,7 +62,8 @@ SIGNATURES = {
 
 
 def prepare() -> None:
-    """Do nothing: there is nothing to bind."""
+    """Raise EngineUnavailable where nothing may be compiled; there is nothing to bind."""
+    check_numba()
 
 
 class Engine(HandleOwner):
@@ -83,13 +85,11 @@ class Engine(HandleOwner):
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
+        handle["patience"] = stepper.IN_A_ROW
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""
         return bool(self.handle["stiff"] == 1)
-
-    def close(self) -> None:
-        """Do nothing: the memory goes with the object."""
 
 
 @cache

@@ -34,14 +34,11 @@ class Engine(Functions):
         self.h_next = self.longest = 0.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
-        self.steps = 0
+        self.patience = stepper.IN_A_ROW
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""
         return self.stiff == 1
-
-    def close(self) -> None:
-        """Do nothing: the memory is Python's own."""
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""

@@ -1,0 +1,204 @@
+"""Which of two methods takes an arc, and when it hands over to the other.
+
+One text for both engines, over an engine that holds two: the explicit one-step method and CVODE's
+BDF. What decides is the stiffness of a step, its length times the spectral radius of the flow's
+Jacobian. An explicit method that is at the border of stability for many steps has one of about 6,
+and hands over. BDF hands back where its own steps have one below 1, since six times their length
+would then be stable: a step of the explicit method costs as much as some four of BDF. Between the
+two limits whichever method is at work goes on.
+
+Of every mode is remembered how its last arc has ended, one whole number each:
+
+- 0: by the explicit method, with which the next arc begins;
+- k > 0: the same, BDF having been tried k times in vain, so that it is tried again only after
+  2**k times as many steps at the border;
+- below 0: by BDF, with which the next arc begins, after -1 - k trials in vain.
+
+It changes at a hand-over only, which the event loop writes down, so that any arc of a run can be
+integrated again as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mems_impact.engines import contract
+from mems_impact.engines.onestep.stepper import IN_A_ROW
+
+EXPLICIT, IMPLICIT = 0, 1
+
+# Stiffness of an explicit step from which on BDF may take over (on the imaginary axis the border of
+# stability is nearer), and of a step of BDF below which the explicit method does.
+ENTER, LEAVE = 3.0, 1.0
+# BDF is looked at every so many steps, and only once its order has risen and they grow no more.
+LOOK, GROWN = 32, 2.0
+MOST_DOUBLED = 10  # times the patience of the explicit method
+
+# Steps of the power method: at the first look in an arc, and later, from where it has come to. The
+# change of the state is so large a part of its size.
+FIRST, LATER, NUDGE = 8, 2, 1e-7
+
+# Rows of numbers: one for each component of the state, in MEMORY one for each mode.
+STATE, SLOPE, AHEAD, CHANGED, DIRECTION, MEMORY, ROWS = range(7)
+
+
+def explicit(engine: Any) -> Any:
+    """Return the engine of the one-step method."""
+    return engine.explicit
+
+
+def implicit(engine: Any) -> Any:
+    """Return the engine of BDF."""
+    return engine.implicit
+
+
+def present(engine: Any, one: Any) -> None:
+    """Let `engine` answer for `one`, which is at work."""
+    engine.at_work = one
+
+
+def row(engine: Any, i: int) -> Any:
+    """Return row `i`."""
+    return engine.rows[i]
+
+
+def remembered(engine: Any, mode: int) -> int:
+    """Return what is remembered of `mode`."""
+    return int(row(engine, MEMORY)[mode])
+
+
+def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
+    """Begin an arc by the method with which the last one in its mode has ended."""
+    known = remembered(engine, mode)
+    engine.mode = mode
+    engine.last_instant = float(np.nextafter(stop, -math.inf))
+    engine.wanted = 0
+    engine.looks = 0
+    engine.directed = 0
+    # A first look in vain, in an arc that begins with a hand-over, makes a trial one in vain.
+    engine.trial = engine.handed
+    engine.handed = 0
+    if known < 0:
+        engine.now = IMPLICIT
+        engine.begun += 1
+        engine.taken = 0
+        engine.longest = 0.0
+        engine.longest_before = 0.0
+        contract.restart(implicit(engine), mode, t, y, stop)
+        present(engine, implicit(engine))
+    else:
+        engine.now = EXPLICIT
+        one = explicit(engine)
+        one.patience = IN_A_ROW * 2 ** min(known, MOST_DOUBLED)
+        one.stiff = 0
+        contract.restart(one, mode, t, y, stop)
+        present(engine, one)
+
+
+def step(engine: Any) -> int:
+    """Take a step by the method at work, or hand over to the other."""
+    if engine.wanted == 1:
+        engine.wanted = 0
+        hand_over(engine)
+        return contract.HANDOVER
+    if engine.now == IMPLICIT:
+        return implicit_step(engine, implicit(engine))
+    return explicit_step(engine, explicit(engine))
+
+
+def hand_over(engine: Any) -> None:
+    """Remember for the mode that the other method goes on from here."""
+    memory, mode = row(engine, MEMORY), engine.mode
+    if engine.now == EXPLICIT:
+        memory[mode] = -1 - memory[mode]
+        engine.handed = 1
+    elif engine.trial == 1 and engine.looks == 1:
+        memory[mode] = -memory[mode]
+    else:
+        memory[mode] = 0
+
+
+def explicit_step(engine: Any, one: Any) -> int:
+    """Take a step, and ask for BDF if the border of stability has limited many."""
+    status = contract.step(one)
+    present(engine, one)
+    if status == contract.STEPPED and one.stiff == 1:
+        one.stiff = 0
+        one.at_border = 0
+        contract.state(one, row(engine, STATE))
+        if (one.t_end - one.t_start) * radius(engine, one.t_end) > ENTER:
+            engine.wanted = 1
+    return status
+
+
+def implicit_step(engine: Any, one: Any) -> int:
+    """Take a step, and ask for the explicit method if it could take far longer ones."""
+    before = contract.time(one)
+    status = contract.step(one)
+    present(engine, one)
+    if status != contract.STEPPED:
+        return status
+    t = contract.time(one)
+    engine.longest = max(engine.longest, t - before)
+    engine.taken += 1
+    if engine.taken % LOOK == 0:
+        if engine.longest <= GROWN * engine.longest_before:
+            engine.looks += 1
+            contract.state(one, row(engine, STATE))
+            if engine.longest * radius(engine, t) < LEAVE:
+                engine.wanted = 1
+        engine.longest_before = engine.longest
+        engine.longest = 0.0
+    return status
+
+
+def radius(engine: Any, t: float) -> float:
+    """Return an estimate of the spectral radius of the flow's Jacobian, at `t` and row STATE.
+
+    By the power method on differences of the flow, as in explicit stabilized methods (B. P.
+    Sommeijer, L. F. Shampine, J. G. Verwer, J. Comput. Appl. Math. 88, 1998); the direction is
+    kept for the next look in the arc. The mean of two growths is told: under a pair of complex
+    eigenvalues the direction goes on turning. Not a number where the flow is none.
+    """
+    n, mode, now = engine.n, engine.mode, min(t, engine.last_instant)
+    y, slope = row(engine, STATE), row(engine, SLOPE)
+    ahead, changed, direction = row(engine, AHEAD), row(engine, CHANGED), row(engine, DIRECTION)
+    count = LATER
+    if engine.directed == 0:
+        count = FIRST
+        for j in range(n):  # any direction, but that of no component alone
+            direction[j] = size_of(engine, y[j]) * (1.0 + 0.5 * math.cos(3.0 * j))
+    engine.directed = 1
+    contract.flow(engine, mode, now, y, slope)
+    length = measured(engine, direction)
+    before, growth = 0.0, 0.0
+    for _ in range(count):
+        if not length > 0.0:
+            engine.directed = 0
+            return length
+        for j in range(n):
+            direction[j] /= length
+            ahead[j] = y[j] + NUDGE * direction[j]
+        contract.flow(engine, mode, now, ahead, changed)
+        for j in range(n):
+            direction[j] = (changed[j] - slope[j]) / NUDGE
+        length = measured(engine, direction)
+        before, growth = growth, length
+    return math.sqrt(before * growth)
+
+
+def measured(engine: Any, direction: Any) -> float:
+    """Return the length of a direction, each component in the size of the state's."""
+    y, total = row(engine, STATE), 0.0
+    for j in range(engine.n):
+        part = direction[j] / size_of(engine, y[j])
+        total += part * part
+    return math.sqrt(total / engine.n)
+
+
+def size_of(engine: Any, y: float) -> float:
+    """Return how large a component counts: below it the absolute tolerance does."""
+    return abs(y) + engine.atol / engine.rtol
