@@ -88,6 +88,8 @@ class ActuatorSystem(System):
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
+        if any(term.signed for term in actuator.terms):
+            drive.check_signed()
         self._put(actuator, drive, scales or actuator.scales)
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
@@ -303,7 +305,8 @@ class ActuatorSystem(System):
         if self._scales is DIMENSIONLESS:
             return self.actuator
         values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
-        return self.actuator.replace_unchecked(**values, units="dimensionless")
+        terms = tuple(term.scaled(self._scales) for term in self.actuator.terms)
+        return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
         """Return what of the problem depends on the parameters, dimensionless.

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Fringing"]
 
+ROUNDING = 1e-12  # of a size in other units
+
 
 class Fringing(Term):
     """Electrodes with the field that bulges out at their edges.
@@ -61,7 +63,7 @@ class Fringing(Term):
         least = 2.0 * (actuator.d + actuator.delta)
         for name in ("width", "length"):
             size = getattr(self, name)
-            if size is not None and size < least:
+            if size is not None and size < least * (1.0 - ROUNDING):
                 allowed = f">= {shown(least)}, twice the widest gap d + delta"
                 raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
 
