@@ -154,7 +154,8 @@ class ActuatorNumerics(System):
         if self._scales is DIMENSIONLESS:
             return self.actuator
         values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
-        return self.actuator.replace_unchecked(**values, units="dimensionless")
+        terms = tuple(term.scaled(self._scales) for term in self.actuator.terms)
+        return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> Numbers:
         """Return what of the problem depends on the parameters, dimensionless.

@@ -117,6 +117,8 @@ class Actuator(Checked):
         if not self.mu_d <= self.mu_s:
             allowed = f"between 0 and mu_s = {shown(self.mu_s)}"
             raise InvalidParameter("mu_d", self.mu_d, allowed)
+        for term in self.terms:
+            term.check_on(self)
         return self
 
     def __iter__(self) -> Any:

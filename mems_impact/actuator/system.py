@@ -86,6 +86,8 @@ class ActuatorSystem(ActuatorNumerics):
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
+        if any(term.signed for term in actuator.terms):
+            drive.check_signed()
         self._put(actuator, drive, scales or actuator.scales)
 
     def _key(self) -> tuple[Any, ...]:

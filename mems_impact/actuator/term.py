@@ -8,8 +8,13 @@ from mems_impact.actuator.terms.files import term_type
 
 if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works without
     from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
+    from mems_impact.actuator.terms.dielectric_charging import (
+        DielectricCharging as DielectricCharging,
+    )
     from mems_impact.actuator.terms.frame_load import FrameLoad as FrameLoad
     from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
+    from mems_impact.actuator.terms.fringing import Fringing as Fringing
+    from mems_impact.actuator.terms.series_resistance import SeriesResistance as SeriesResistance
     from mems_impact.actuator.terms.tilt import Tilt as Tilt
 else:
 

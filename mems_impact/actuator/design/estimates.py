@@ -14,6 +14,8 @@ import numpy as np
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import tables
+from mems_impact.actuator.composing import compose
+from mems_impact.actuator.design.at_rest import AtRest, coasting
 from mems_impact.actuator.design.impacts import frame_steps
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
@@ -21,6 +23,7 @@ from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import State
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.trajectory import Events, Floats
 from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
@@ -49,6 +52,10 @@ def pull_in_voltage(actuator: Actuator) -> float:
     and the block snaps to the stopper. A stopper nearer than d/3 is reached before that, at
     `resting_voltage`.
 
+    With terms, the largest voltage that an equilibrium takes between where the block rests without
+    voltage and the stopper is found numerically. What stands before the electrode passes a slow
+    voltage, and its insulation is free of charge.
+
     Parameters
     ----------
     actuator : Actuator
@@ -56,8 +63,15 @@ def pull_in_voltage(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [V]
+        [V]; 0 where the block is on the stopper without voltage.
+
+    Raises
+    ------
+    InvalidParameter
+        If where the states of a term come to rest is not known.
     """
+    if actuator.terms:
+        return float(actuator.scales.out(AtRest(actuator).pull_in(), "V"))
     if actuator.delta <= actuator.d / 3.0:
         return resting_voltage(actuator)
     return math.sqrt(4.0 * actuator.k * actuator.d / (27.0 * actuator.alpha)) * actuator.d
@@ -66,7 +80,8 @@ def pull_in_voltage(actuator: Actuator) -> float:
 def resting_voltage(actuator: Actuator) -> float:
     """Return the voltage above which a block on the right stopper stays there.
 
-    ``sqrt(k delta / alpha) (d - delta)``: attraction against spring, the frame at rest.
+    ``sqrt(k delta / alpha) (d - delta)``: attraction against spring, the frame at rest. With terms,
+    attraction and adhesion against all forces that hold then; see `pull_in_voltage`.
 
     Parameters
     ----------
@@ -75,8 +90,15 @@ def resting_voltage(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [V]
+        [V]; 0 where it stays without voltage.
+
+    Raises
+    ------
+    InvalidParameter
+        If where the states of a term come to rest is not known.
     """
+    if actuator.terms:
+        return float(actuator.scales.out(AtRest(actuator).resting(), "V"))
     return math.sqrt(actuator.k * actuator.delta / actuator.alpha) * (actuator.d - actuator.delta)
 
 
@@ -86,8 +108,9 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     A frame at rest leaves an impact of the block at `speed` with v1' = (1 + e) m2/(m1 + m2) speed
     (Equation 5); friction and the load of spring, damper and attraction just after the impact
     slow it down by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that it comes to rest after
-    v1'^2/(2 a_f). That leaves out how the load changes while the frame slides, and whatever
-    comes before rest: another impact above all.
+    v1'^2/(2 a_f). That leaves out how load and friction change while the frame slides, and
+    whatever comes before rest: another impact above all. Terms enter by what they are just after
+    the impact.
 
     Parameters
     ----------
@@ -95,13 +118,21 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     speed : array_like
         Speed v2 of the block before the impact [m/s], >= 0.
     voltage : array_like, optional
-        At the impact [V].
+        At the impact, at the electrode [V].
 
     Returns
     -------
     float or ndarray
         [m]; infinite where the load overcomes friction.
+
+    Raises
+    ------
+    InvalidParameter
+        If the actuator has terms for which the formula does not hold: stoppers that yield, friction
+        without rest, or forces with a past of their own.
     """
+    if actuator.terms:
+        return _step_with_terms(actuator, speed, voltage)
     p = actuator.to_array()
     speeds, volts = np.broadcast_arrays(np.asarray(speed, float), np.asarray(voltage, float))
     after = eq.frame_speed_after(0.0, 1.0, actuator.e, p) * speeds
@@ -110,6 +141,18 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     slowing = (eq.sliding_friction(1, p) - load) / actuator.m1
     with np.errstate(divide="ignore", invalid="ignore"):
         result = np.where(slowing > 0.0, after**2 / (2.0 * slowing), np.inf)
+    return float(result) if result.ndim == 0 else result
+
+
+def _step_with_terms(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike) -> Any:
+    scales, device = actuator.scales, AtRest(actuator)
+
+    def step(one: float, volts: float) -> float:
+        y = device.after_impact(float(scales.into(one, "m/s")))
+        inner = coasting(device.model, y, float(scales.into(volts, "V")), 0.0, device.p)
+        return float(scales.out(inner, "m"))
+
+    result = np.vectorize(step, otypes=[float])(speed, voltage)
     return float(result) if result.ndim == 0 else result
 
 
@@ -137,10 +180,29 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
     scales = run.system.scales
     volts = run.drive.value(scales.out(hits.time, "s"))
     speed = scales.out(hits.before[:, V2], "m/s")
-    formula = step_length(run.actuator, speed, volts)
+    if run.actuator.terms:
+        formula = scales.out(_steps_after(run, hits), "m")
+    else:
+        formula = step_length(run.actuator, speed, volts)
     return tables.step_lengths(
         hits.cycle, hits.time / period, speed, volts, scales.out(steps, "m"), formula, run.system
     )
+
+
+def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
+    """Return the formula from the states after impacts, with those of the terms."""
+    system = run.system
+    if any(term.instead == "stopper" for term in system.actuator.terms):
+        AtRest(system.actuator).after_impact(0.0)  # says why there is none
+    numbers = system.numbers()
+    left = system.drive.left_voltage is not None
+    model = compose(tuple(term.kind for term in system.actuator.terms), 2 if left else 1)
+    times = system.scales.out(hits.time, "s")
+    volts = [
+        system.scales.into(system.drive.value(times, left=side), "V") for side in (False, True)
+    ]
+    rows = zip(hits.after, *volts, strict=True)
+    return np.array([coasting(model, y, v, w, numbers.parameters) for y, v, w in rows])
 
 
 def speed_over_voltage(
@@ -172,7 +234,8 @@ def speed_over_voltage(
     -------
     DataFrame
         One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
-        displacement per period, per impact and per blow, mean speed.
+        displacement per period, per impact and per blow, mean speed. A period is that of the
+        drive, of v^2, also where a term makes the sign of the voltage matter.
     """
     from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.analysis.sweep import sweep
@@ -184,12 +247,13 @@ def speed_over_voltage(
         initial=initial, options=options, workers=workers,
     )  # fmt: skip
     summary = sweep_summary(table).iloc[::-1]
+    share = drive.period / system.forcing_period  # below 1 where a term makes the sign matter
     return tables.speed(
         parameter,
         summary[parameter].to_numpy(),
-        summary["impacts per period"].to_numpy(),
-        summary["blows per period"].to_numpy(),
-        summary["displacement per period"].to_numpy(),
+        share * summary["impacts per period"].to_numpy(),
+        share * summary["blows per period"].to_numpy(),
+        share * summary["displacement per period"].to_numpy(),
         drive.period,
         system,
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from enum import Enum
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -18,7 +20,8 @@ from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["Drive", "Waveform"]
 
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)
+GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
+FEWEST, MOST = 16, 10_000  # times at which the sign of a voltage is looked at between two switches
 
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
@@ -65,7 +68,8 @@ class Drive(Checked, ABC):
         The array q, shape (n,), float64, that `voltage` and `voltage_rate` read.
     voltage(t, q)
         v at time t. For every t, v(t + period)^2 = v(t)^2 must hold, since a long run asks only
-        for times within the current forcing period. At a switching time, the value after it.
+        for times within the current forcing period (or two, see `changes_sign`). At a switching
+        time, the value after it.
     voltage_rate(t, q)
         The time derivative of `voltage`; at a switching time, from the right.
 
@@ -105,20 +109,34 @@ class Drive(Checked, ABC):
 
     @property
     def changes_sign(self) -> bool:
-        """Whether v changes its sign from one forcing period to the next.
+        """Whether v changes its sign from one forcing period to the next, and back in the third.
 
-        Where its sign matters, and not its square alone, the voltage has twice the period then.
+        Where its sign matters, and not its square alone, two forcing periods make one then:
+        `voltage` tells the sign in both, and the switches of the second are ``period + time``, to
+        the last bit.
+
+        Notes
+        -----
+        Found by trying, for a waveform without switches; one that knows overrides it.
         """
-        q, period = self.parameters(), self.period
-        for waveform in (self.voltage, self.left_voltage):
-            if waveform is not None:
-                # Parts of a period at which no waveform of a few pieces jumps.
-                times = [period * ((i + 0.5) * GOLDEN % 1.0) for i in range(16)]
-                pairs = [(waveform(t, q), waveform(t + period, q)) for t in times]
-                # One is the other, or its negative, but for rounding.
-                if any(abs(after - before) > abs(before) > 0.0 for before, after in pairs):
-                    return True
-        return False
+        return not self.switches and _signs(self) is Signs.ALTERNATE
+
+    def check_signed(self) -> None:
+        """Raise InvalidParameter if the voltage changes its sign in a way that nothing tells."""
+        within = [
+            each
+            for name in type(self).model_fields
+            if isinstance(each := getattr(self, name), Drive)
+        ]
+        for drive in within:
+            drive.check_signed()
+        if not within and _signs(self) is not Signs.STAY and not self.changes_sign:
+            problem = (
+                "the voltage changes its sign from one forcing period to the next, which matters "
+                "to a term of the actuator; give the period of the voltage itself, with all its "
+                "switches"
+            )
+            raise InvalidParameter("period", self.period, "", problem=problem)
 
     def check(self) -> None:
         """Raise InvalidParameter if the waveform cannot be told in floating-point numbers.
@@ -255,3 +273,28 @@ class Drive(Checked, ABC):
             return np.zeros_like(times)
         voltages = [waveform(time, q) for time in times.ravel().tolist()]
         return np.array(voltages, dtype=np.float64).reshape(times.shape)
+
+
+class Signs(Enum):
+    """What becomes of the sign of a voltage from one forcing period to the next."""
+
+    STAY = 0
+    ALTERNATE = 1
+    OTHER = 2
+
+
+@lru_cache(maxsize=16)
+def _signs(drive: Drive) -> Signs:
+    """Return what becomes of the sign of a drive's voltages, tried at many times."""
+    q, period = drive.parameters(), drive.period
+    times: list[float] = []
+    for begin, end in pairwise((0.0, *drive.switches, period)):
+        count = min(max(FEWEST, round(FEWEST * (end - begin) / drive.time_scale)), MOST)
+        times += [begin + (end - begin) * (i + GOLDEN) / count for i in range(count)]
+    waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
+    rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]
+    now, later, last = np.array(rows).T
+    # One is the other, or its negative, but for rounding.
+    if not (np.abs(later - now) > np.abs(now)).any():
+        return Signs.STAY
+    return Signs.OTHER if (np.abs(last - now) > np.abs(now)).any() else Signs.ALTERNATE

@@ -72,6 +72,11 @@ class Burst(Drive):
         return self.length + pause
 
     @property
+    def changes_sign(self) -> bool:
+        """No: one burst is like the other."""
+        return False
+
+    @property
     def time_scale(self) -> float:
         """That of the waveform within."""
         return self.wave.time_scale

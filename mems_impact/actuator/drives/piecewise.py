@@ -82,36 +82,52 @@ class Assembled(NamedTuple):
     switches: tuple[float, ...]
 
 
-def assembled(pieces: Sequence[Piece], period: float, lead: float) -> Assembled:
+def assembled(
+    pieces: Sequence[Piece], period: float, lead: float, *, mirrored: bool = False
+) -> Assembled:
     """Return the waveform of `pieces` (ascending, the first at 0), ahead by the time `lead`.
 
     The switching times are, to the last bit, the starts of the pieces: the value at one is that
-    after it, the value at the number before it that before.
+    after it, the value at the number before it that before. A waveform that is `mirrored` has the
+    negative pieces in every second period.
     """
-    lead = math.fmod(lead, period)
-    lead = lead + period if lead < 0.0 else lead
+    rest = math.fmod(lead, period)
+    rest = rest + period if rest < 0.0 else rest
+    sign = -1.0 if mirrored and round((lead - rest) / period) % 2 else 1.0
+    wrapped = -sign if mirrored else sign
     ends = [piece.start for piece in pieces[1:]] + [period]
     turned: list[Piece] = []
     for piece, end in zip(pieces, ends, strict=True):
-        if piece.start < lead < end:  # cut in two: it holds where the period begins
-            turned.append(_later(piece, lead - piece.start))
-        start = piece.start - lead if piece.start >= lead else piece.start - lead + period
+        if piece.start < rest < end:  # cut in two: it holds where the period begins
+            turned.append(_later(piece, rest - piece.start, sign))
+        before = piece.start < rest
+        start = piece.start - rest + period if before else piece.start - rest
         if start < period:
-            turned.append(piece._replace(start=start))
+            turned.append(_times(piece, wrapped if before else sign)._replace(start=start))
         else:
-            turned.append(piece._replace(start=0.0))
+            turned.append(_times(piece, sign)._replace(start=0.0))
     turned.sort(key=lambda piece: piece.start)
     switches = [piece.start for piece in turned if piece.switch and piece.start > 0.0]
     if turned[0].switch:
         switches.append(period)
+    if mirrored:
+        later = (_times(piece, -1.0) for piece in turned)
+        turned += [piece._replace(start=period + piece.start) for piece in later]
     rows = [piece[:WIDTH] for piece in turned]
-    q = np.concatenate([[period, len(rows)], np.ravel(rows)]).astype(np.float64)
+    turn = 2.0 * period if mirrored else period
+    q = np.concatenate([[turn, len(rows)], np.ravel(rows)]).astype(np.float64)
     return Assembled(q, tuple(switches))
 
 
-def _later(piece: Piece, x: float) -> Piece:
+def _times(piece: Piece, factor: float) -> Piece:
+    """Return a piece with another sign."""
+    start, c0, c1, c2, c3, switch = piece
+    return Piece(start, factor * c0, factor * c1, factor * c2, factor * c3, switch)
+
+
+def _later(piece: Piece, x: float, sign: float) -> Piece:
     """Return the same polynomial by powers of the time since `x` after its start, as start 0."""
-    _, c0, c1, c2, c3, _ = piece
+    _, c0, c1, c2, c3, _ = _times(piece, sign)
     return Piece(
         0.0,
         c0 + x * (c1 + x * (c2 + x * c3)),
@@ -123,10 +139,19 @@ def _later(piece: Piece, x: float) -> Piece:
 
 
 class PiecewiseDrive(Drive):
-    """Base of waveforms made of pieces; a subclass gives `period`, `lead` and `pieces`."""
+    """Base of waveforms made of pieces; a subclass gives `period`, `lead` and `pieces`.
+
+    One whose voltage changes its sign from one forcing period to the next says so by
+    `changes_sign`.
+    """
 
     voltage = staticmethod(piecewise_voltage)
     voltage_rate = staticmethod(piecewise_rate)
+
+    @property
+    def changes_sign(self) -> bool:
+        """No: one forcing period is like the other."""
+        return False
 
     @property
     @abstractmethod
@@ -143,10 +168,14 @@ class PiecewiseDrive(Drive):
         return _of(self).switches
 
     def parameters(self) -> NDArray[np.float64]:
-        """Return the array (period, n, then start and four coefficients of each of n pieces)."""
+        """Return the array (period, n, then start and four coefficients of each of n pieces).
+
+        The period is that of the voltage.
+        """
         return _of(self).q.copy()
 
 
 @lru_cache(maxsize=16)
 def _of(drive: PiecewiseDrive) -> Assembled:
-    return assembled(drive.pieces(), drive.period, drive.lead)
+    pieces, mirrored = drive.pieces(), drive.changes_sign
+    return assembled(pieces, drive.period, drive.lead, mirrored=mirrored)

@@ -68,8 +68,10 @@ def array_of(
 
 
 def repeated(drive: Drive, length: float) -> list[Stretch]:
-    """Return the stretches of `drive` repeated from 0 to `length`."""
+    """Return the stretches of `drive` repeated from 0 to `length`, its sign as it goes on."""
     period, switches = drive.period, drive.switches
+    if drive.changes_sign:
+        period, switches = 2.0 * period, (*switches, *(period + time for time in switches))
     if not switches:
         return [Stretch(0.0, 0.0, FOREVER)]
     # At the switch that closes a period, the next one begins.

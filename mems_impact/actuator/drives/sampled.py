@@ -67,7 +67,8 @@ class Sampled(PiecewiseDrive):
     stretch over which the slope changes, in sum, by a quarter of the range in 1/16 of a period. A
     smooth record has a few of them, a noisy one at every sample: smooth it first.
 
-    If the square of the voltage repeats sooner than the voltage, give half the record.
+    If the square of the voltage repeats sooner than the voltage, give half the record, unless the
+    actuator has a term to which the sign matters.
     """
 
     times: Numbers

@@ -87,21 +87,22 @@ class Square(PiecewiseDrive):
     @property
     def period(self) -> float:
         """Forcing period: 2 pi/omega, or half of it where v^2 repeats in the second half."""
-        return (1.0 if self._mirrored else 2.0) * math.pi / self.omega
+        return (1.0 if self.changes_sign else 2.0) * math.pi / self.omega
+
+    @property
+    def changes_sign(self) -> bool:
+        """Where the lower half mirrors the upper one."""
+        return self.duty == 0.5 and self.low == -self.amplitude
 
     @property
     def lead(self) -> float:
         """How far the wave is ahead, as a time."""
         return self.phase / self.omega
 
-    @property
-    def _mirrored(self) -> bool:
-        return self.duty == 0.5 and self.low == -self.amplitude
-
     def pieces(self) -> list[Piece]:
         """Return rise, top, fall and bottom; the first half of them if v^2 repeats in the other."""
         low, top, rise, period = self.low, self.amplitude, self.rise, self.period
-        if not self._mirrored:
+        if not self.changes_sign:
             return pulse(low, top, period, width=self.duty * period, rise=rise, fall=rise)
         slack = ROUNDING * period
         pieces = [Piece(0.0, low, (top - low) / rise)] if rise > slack else []

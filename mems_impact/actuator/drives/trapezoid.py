@@ -59,6 +59,11 @@ class Trapezoid(PiecewiseDrive):
         return (math.pi if self.bias == 0.0 else 2.0 * math.pi) / self.omega
 
     @property
+    def changes_sign(self) -> bool:
+        """Without bias."""
+        return self.bias == 0.0
+
+    @property
     def lead(self) -> float:
         """How far the wave is ahead, as a time."""
         # The pieces begin with the upper crest.

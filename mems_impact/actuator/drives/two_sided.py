@@ -81,8 +81,15 @@ class TwoSided(Drive):
         return min(self.right.time_scale, self.left.time_scale)
 
     @property
+    def changes_sign(self) -> bool:
+        """Where a side does that repeats an odd number of times within the common period."""
+        counts = self._counts or (0, 0)
+        sides = zip((self.right, self.left), counts, strict=True)
+        return any(side.changes_sign and count % 2 == 1 for side, count in sides)
+
+    @property
     def stretches(self) -> tuple[list[Stretch], list[Stretch]]:
-        """The timelines of right and left side."""
+        """The timelines of right and left side over a forcing period."""
         right, left = repeated(self.right, self.period), repeated(self.left, self.period)
         # What switches at the same time, but for rounding, shall be one switch.
         times = np.array([stretch.start for stretch in right])
@@ -105,10 +112,26 @@ class TwoSided(Drive):
     def parameters(self) -> NDArray[np.float64]:
         """Return, for each side, the length of its block, its timeline and its own array."""
         blocks = []
+        turn = 2.0 * self.period if self.changes_sign else self.period
         for side, stretches in zip((self.right, self.left), self.stretches, strict=True):
-            block = array_of(self.period, stretches, side.parameters())
+            timeline = self._continued(side, stretches) if self.changes_sign else stretches
+            block = array_of(turn, timeline, side.parameters())
             blocks += [np.array([block.size], dtype=np.float64), block]
         return np.concatenate(blocks)
+
+    def _continued(self, side: Drive, stretches: list[Stretch]) -> list[Stretch]:
+        """Return the timeline of a side over two forcing periods, of which the first is given.
+
+        A switch of the second is one forcing period after that of the first, to the last bit.
+        """
+        period = self.period
+        both = repeated(side, 2.0 * period)
+        starts = [period + stretch.start for stretch in stretches]
+        if len(both) < 2 * len(stretches):  # none begins where the first period ends
+            starts = starts[1:]
+        later = both[len(stretches) :]
+        joined = zip(later, starts, strict=True)
+        return stretches + [stretch._replace(start=start) for stretch, start in joined]
 
     def scaled(self, voltage: float, time: float) -> Self:
         """Return the same waveforms in other units of voltage and time."""

@@ -43,7 +43,7 @@ def plot_run(
     InvalidParameter
         If the run kept no events, or does not cover those periods.
     """
-    period, delta = run.drive.period, run.actuator.delta
+    period, delta = run.system.forcing_period, run.actuator.delta
     unit = " [m]" if run.actuator.units == "SI" else ""
     if first is None:
         begin, end = run.extent

@@ -16,11 +16,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 from mems_impact.actuator.checked import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
 from mems_impact.units import Scales
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.parameters import Actuator
 
 __all__ = ["Contribution", "Electrode", "Function", "Places", "Term", "TermKind"]
 
@@ -161,7 +164,7 @@ class Term(Checked, ABC):
         "friction". An actuator has one of each.
     layer : int
         Terms make something of an electrode in ascending order: first what lies in the gap, 0, then
-        what stands before it, 1.
+        what stands before it, 1. The latter passes a voltage that does not change.
     signed : bool
         Whether it makes the sign of the voltage matter. Forces go with its square, so that a
         period of v is two forcing periods where v changes its sign; with such a term it is one.
@@ -225,6 +228,9 @@ class Term(Checked, ABC):
         """Return a copy with some numbers changed; beyond what is allowed if not `checked`."""
         return self.replace(**values) if checked else self.replace_unchecked(**values)
 
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
+
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:
         """Return the names of its states."""
@@ -257,6 +263,21 @@ class Term(Checked, ABC):
         ``v`` is the voltage of the drive, ``x`` and ``speed`` are of the block towards it.
         """
         return ()
+
+    @classmethod
+    def electrode_energy(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+        """Return ``energy(v, x, y, p)``, the energy of the fields at an electrode, now complete.
+
+        None where what is stored comes from the drive, and goes back to it, without a loss. The
+        drive gives what the electrodes do to the block, what this energy grows by, and what is
+        lost.
+        """
+        return None
+
+    @classmethod
+    def electrode_lost(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+        """Return ``lost(v, x, y, p)``, the power that it turns into heat at an electrode, >= 0."""
+        return None
 
 
 def _shape(value: Any) -> Hashable:

@@ -1,0 +1,96 @@
+"""Charge that creeps into the insulation of each electrode."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from mems_impact.actuator.checked import Number, Positive
+from mems_impact.actuator.terms.base import (
+    Contribution,
+    Electrode,
+    Function,
+    Places,
+    Shape,
+    Term,
+)
+
+__all__ = ["DielectricCharging"]
+
+
+class DielectricCharging(Term):
+    """A dielectric that charges while a voltage stands over it, and shifts the voltage that pulls.
+
+    Parameters
+    ----------
+    share : float
+        Share of a lasting voltage that trapped charge makes up for in the end [-], between -1 and
+        1; above 0 it screens the voltage, below it adds to it.
+    time : float
+        Time constant of the charging [s], > 0.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    Notes
+    -----
+    The trapped charge acts as a voltage in series with the electrode, ``offset`` (and
+    ``left_offset``), a state that is 0 at first; the force goes with (node - offset)^2, so that the
+    curve of force over voltage is shifted (J. Wibbeler, G. Pfeifer, M. Hietschold, Sens. Actuators
+    A 71, 74 (1998)). It follows the voltage at the electrode,
+
+        d offset/dt = (share node - offset)/time
+
+    with one time constant of the several by which X. Yuan et al. (IEEE MTT-S Int. Microw. Symp.
+    2005, 753) fit such charging. Measured currents follow the power law of Curie and von Schweidler
+    over decades of time: one constant holds for about one decade around it.
+
+    The trapped charge has no energy of its own in this model.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> ageing = mi.load_actuator("mita2003").adding(mi.DielectricCharging(share=0.1, time=60.0))
+    """
+
+    share: Annotated[Number, Field(ge=-1, le=1)]
+    time: Positive
+
+    units = {"time": "s", "offset": "V"}  # noqa: RUF012 - ClassVar above
+    signed = True
+
+    @classmethod
+    def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
+        """Return the offset."""
+        return ("offset",)
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return nothing: the block feels the charge through the electrodes alone."""
+        return Contribution()
+
+    @classmethod
+    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+        """Return the electrode with the offset."""
+        before, own = electrode.offset, at.y["offset"]
+
+        def offset(y, p):  # type: ignore[no-untyped-def]
+            return before(y, p) + y[own]
+
+        return electrode._replace(offset=offset)
+
+    @classmethod
+    def electrode_rates(
+        cls, at: Places, shape: Shape, electrode: Electrode
+    ) -> tuple[Function, ...]:
+        """Return the rate of charging."""
+        node = electrode.node
+        offset, share, time = at.y["offset"], at.p["share"], at.p["time"]
+
+        def charging(v, x, speed, y, p):  # type: ignore[no-untyped-def]
+            return (p[share] * node(v, x, y, p) - y[offset]) / p[time]
+
+        return (charging,)

@@ -1,0 +1,106 @@
+"""The field beyond the edges of the electrodes."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import Positive
+from mems_impact.actuator.terms.base import Contribution, Electrode, Places, Shape, Term
+from mems_impact.errors import InvalidParameter, shown
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.parameters import Actuator
+
+__all__ = ["Fringing"]
+
+ROUNDING = 1e-12  # of a size in other units
+
+
+class Fringing(Term):
+    """Electrodes with the field that bulges out at their edges.
+
+    Parameters
+    ----------
+    width : float
+        Width of the electrodes [m], at least twice the widest gap, d + delta.
+    length : float, optional
+        Their length [m], likewise; without it they count as long, and two edges fringe.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    Notes
+    -----
+    The capacitance of two equal thin plates is 2 alpha/gap times
+
+        1 + gap/(pi width) (1 + ln(2 pi width/gap))
+
+    and times the same of the length (H. B. Palmer, Electr. Eng. 56, 363 (1937)); the force is
+    exactly half the slope of it, times the square of the voltage. With the width alone that is
+    the paper's force times 1 + gap/(pi width). For long plates, against a solution of the integral
+    equation of their charges, it is too large by 0.3 % at a gap of a tenth of the width, 1.4 % at a
+    quarter and 4.0 % at half of it, where the range ends.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> wider = mi.load_actuator("zhao2004").adding(mi.Fringing(width=5.0))
+    """
+
+    width: Positive
+    length: Positive | None = Field(default=None, description="a finite number > 0")
+
+    units = {"width": "m", "length": "m"}  # noqa: RUF012 - ClassVar above
+
+    def check_on(self, actuator: Actuator) -> None:
+        """Raise InvalidParameter where the widest gap is too wide for the electrodes."""
+        least = 2.0 * (actuator.d + actuator.delta)
+        for name in ("width", "length"):
+            size = getattr(self, name)
+            if size is not None and size < least * (1.0 - ROUNDING):
+                allowed = f">= {shown(least)}, twice the widest gap d + delta"
+                raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return nothing: the block feels the fringe through the electrodes alone."""
+        return Contribution()
+
+    @classmethod
+    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+        """Return the electrode with the capacitance of its edges."""
+        width, length = at.p["width"], at.p.get("length", -1)
+
+        def capacitance(x, p):  # type: ignore[no-untyped-def]
+            gap = eq.electrode_gap(x, p)
+            factor = fringe(gap, p[width])
+            if length >= 0:
+                factor *= fringe(gap, p[length])
+            return 2.0 * p[eq.ALPHA] * factor / gap
+
+        def slope(x, p):  # type: ignore[no-untyped-def]
+            gap = eq.electrode_gap(x, p)
+            factor, by_gap = fringe(gap, p[width]), fringe_slope(gap, p[width])
+            if length >= 0:
+                own = fringe(gap, p[length])
+                by_gap = by_gap * own + factor * fringe_slope(gap, p[length])
+                factor *= own
+            return 2.0 * p[eq.ALPHA] * (factor / gap - by_gap) / gap
+
+        return electrode._replace(capacitance=capacitance, slope=slope)
+
+
+def fringe(gap: float, size: float) -> float:
+    """Return Palmer's factor of the capacitance for one pair of edges."""
+    return 1.0 + gap / (math.pi * size) * (1.0 + math.log(2.0 * math.pi * size / gap))
+
+
+def fringe_slope(gap: float, size: float) -> float:
+    """Return its derivative by the gap."""
+    return math.log(2.0 * math.pi * size / gap) / (math.pi * size)

@@ -1,0 +1,123 @@
+"""Charge that creeps into the insulation, against closed forms."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+INTERPRETED = mi.Options(engine="interpreted")
+
+
+def test_a_resting_block_lets_go_when_the_offset_has_grown():
+    share, time, volts = 0.3, 40.0, 0.4
+    device = ZHAO.adding(mi.DielectricCharging(share=share, time=time))
+    least = mi.resting_voltage(ZHAO)
+    # volts (1 - share (1 - exp(-t/time))) = least
+    expected = -time * math.log(1.0 - (1.0 - least / volts) / share)
+    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts)
+    run = mi.simulate(device, dc, periods=4, initial=mi.State(x2=0.5), options=INTERPRETED)
+    release = run.events[run.events["event"] == "release"].iloc[0]
+    assert release["t"] == pytest.approx(expected, abs=1e-8)
+
+
+def test_pull_in_drifts_with_the_charge():
+    # Trapped charge stands against the voltage: the force is that of the difference.
+    share, offset = 0.3, 0.05
+    limit = mi.pull_in_voltage(ZHAO)
+    device = ZHAO.replace(mu_s=9.0, c=2.0).adding(mi.DielectricCharging(share=share, time=1e9))
+    start = mi.State(x2=1.0 / 3.0, offset=offset)
+    for volts, falls in ((0.995, False), (1.005, True)):
+        dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts * limit + offset)
+        run = mi.simulate(device, dc, periods=10, initial=start, options=INTERPRETED)
+        assert (len(run.impacts) > 0) is falls
+    # The sign of the voltage matters: the other one is strengthened.
+    other = mi.Sine(amplitude=0.0, omega=1.0, bias=-0.995 * limit)
+    run = mi.simulate(device, other, periods=10, initial=start, options=INTERPRETED)
+    assert len(run.impacts) > 0
+
+
+def test_alternating_voltage_leaves_no_mean():
+    share, time, omega, amplitude = 0.4, 2.0, 3.0, 0.1
+    device = ZHAO.replace(m2=1e12).adding(mi.DielectricCharging(share=share, time=time))
+    drive = mi.Sine(amplitude=amplitude, omega=omega)
+    lag = math.atan(omega * time)
+    start = mi.State(offset=share * amplitude * math.cos(lag) ** 2)
+    run = mi.simulate(device, drive, periods=2, initial=start, options=INTERPRETED)
+    samples = run.samples(64)
+    expected = share * amplitude * math.cos(lag) * np.cos(omega * samples["t"] - lag)
+    np.testing.assert_allclose(samples["offset"], expected, rtol=0, atol=1e-9)
+    assert abs(samples["offset"][:-1].mean()) < 1e-9
+    assert run.system.forcing_period == pytest.approx(2.0 * math.pi / omega, rel=1e-14)
+
+
+def test_beside_a_resistance():
+    # A block that stays: C = 2, two linear equations, solved by their eigenvalues.
+    share, time, resistance, volts = 0.4, 2.0, 0.7, 0.1
+    device = ZHAO.replace(m2=1e12).adding(
+        mi.DielectricCharging(share=share, time=time),
+        mi.SeriesResistance(resistance=resistance, parasitic=0.5),
+    )
+    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts)
+    run = mi.simulate(device, dc, periods=1, options=INTERPRETED)
+    # node = (charge + 2 offset)/2.5
+    by_charge, by_offset = 1.0 / 2.5, 2.0 / 2.5
+    matrix = np.array(
+        [
+            [-by_charge / resistance, -by_offset / resistance],
+            [share * by_charge / time, (share * by_offset - 1.0) / time],
+        ]
+    )
+    source = np.array([volts / resistance, 0.0])
+    rest = -np.linalg.solve(matrix, source)
+    values, vectors = np.linalg.eig(matrix)
+    share_of = np.linalg.solve(vectors, -rest)
+    expected = rest + (vectors * np.exp(values * 2.0 * math.pi)) @ share_of
+    assert run.final.charge == pytest.approx(expected[0], abs=1e-9)
+    assert run.final.offset == pytest.approx(expected[1], abs=1e-9)
+    assert rest[1] == pytest.approx(share * volts, rel=1e-12)
+
+
+def test_units_file_and_pickle(tmp_path):
+    term = mi.DielectricCharging(share=0.1, time=60.0)
+    device = mi.load_actuator("mita2003").adding(term)
+    lines = [f"{name} = {value!r}" for name, value in device if name not in ("units", "terms")]
+    path = tmp_path / "device.toml"
+    table = "\n[dielectric_charging]\nshare = 0.1\ntime = 60.0\n"
+    path.write_text('units = "SI"\n[parameters]\n' + "\n".join(lines) + table)
+    assert mi.load_actuator(path) == device == pickle.loads(pickle.dumps(device))
+    inner = device.to_dimensionless().term("dielectric_charging")
+    assert inner.time == pytest.approx(60.0 * math.sqrt(device.k / device.m2), rel=1e-12)
+    drive = mi.Sine(amplitude=30.0, omega=1500.0, bias=5.0)
+    run = mi.simulate(device, drive, periods=1, options=INTERPRETED)
+    assert run.system.unit("offset") == "V"
+    run.save(tmp_path / "run.zip")
+    again = mi.load(tmp_path / "run.zip")
+    assert again.final == run.final
+    assert again.actuator == device
+
+
+@pytest.mark.parametrize(
+    ("values", "field"),
+    [({"share": 1.1, "time": 1.0}, "share"), ({"share": 0.1, "time": 0.0}, "time")],
+)
+def test_refuses_what_no_dielectric_does(values, field):
+    with pytest.raises(mi.InvalidParameter, match=field):
+        mi.DielectricCharging(**values)
+
+
+@pytest.mark.slow
+def test_branch_over_the_share_ends_where_the_paper_is():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    device = ZHAO.adding(mi.DielectricCharging(share=0.1, time=3.0))
+    orbit = mi.find_orbit(mi.simulate(device, drive, periods=150))
+    branch = mi.continue_orbit(orbit, "dielectric_charging.share", stop=0.0)
+    paper = mi.find_orbit(mi.simulate(ZHAO, drive, periods=300))
+    assert branch.orbits[-1].step == pytest.approx(2.0 * paper.step, rel=1e-6)
+    table = mi.sweep(
+        device, drive, "dielectric_charging.share", [0.0, 0.1], transient=50, periods=5
+    )
+    assert table["dielectric_charging.share"].tolist() == [0.0, 0.1]

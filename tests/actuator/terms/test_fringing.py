@@ -1,0 +1,121 @@
+"""The field beyond the edges, against the integral equation of the charges on two strips."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, minimize_scalar
+
+import mems_impact as mi
+from mems_impact.actuator.composing import compose
+
+ZHAO = mi.load_actuator("zhao2004")
+INTERPRETED = mi.Options(engine="interpreted")
+
+
+def electrode(device):
+    model = compose(tuple(term.kind for term in device.terms), 1)
+    numbers = device.under(mi.Sine(amplitude=0.1, omega=1.0)).numbers()
+    return model.electrodes[0], numbers.parameters
+
+
+def strips(width, gap, count=48):
+    """Capacitance per length over permittivity of two thin strips, by collocation.
+
+    Charges as Chebyshev series over the root of the distance from both edges; half a volt on each.
+    """
+    s = np.cos((np.arange(count) + 0.5) * np.pi / count)
+    orders = np.arange(count)
+    series = np.cos(np.outer(np.arccos(s), orders))
+    half = 0.5 * width
+    own = -np.pi * series / np.maximum(orders, 1)
+    own[:, 0] = np.pi * math.log(half / 2.0)
+    apart = np.log(np.hypot(half * (s[:, None] - s[None, :]), gap))
+    other = (apart * np.pi / count) @ series
+    charges = np.linalg.solve(-(own - other) / (2.0 * np.pi), np.full(count, 0.5))
+    return np.pi * charges[0]
+
+
+@pytest.mark.parametrize(("ratio", "excess"), [(0.1, 0.0033), (0.25, 0.0143), (0.499, 0.0398)])
+def test_force_against_the_charges_on_two_strips(ratio, excess):
+    width = 1.0 / ratio  # 2 alpha = 1 for strips as wide as they are: permittivity/width
+    device = ZHAO.replace(alpha=0.5 * width, d=1.0, delta=1e-3)
+    made, p = electrode(device.adding(mi.Fringing(width=width)))
+    h = 1e-4
+    exact = (strips(width, 1.0 - h) - strips(width, 1.0 + h)) / (2.0 * h)
+    assert made.slope(0.0, p) / exact - 1.0 == pytest.approx(excess, abs=1e-4)
+
+
+@pytest.mark.parametrize("sizes", [{"width": 3.0}, {"width": 3.0, "length": 5.0}])
+def test_force_is_the_slope_of_the_capacitance(sizes):
+    made, p = electrode(ZHAO.adding(mi.Fringing(**sizes)))
+    for x in (-0.5, 0.0, 0.3, 0.5):
+        h = 1e-5
+        slope = (made.capacitance(x + h, p) - made.capacitance(x - h, p)) / (2.0 * h)
+        assert made.slope(x, p) == pytest.approx(slope, rel=1e-9)
+    factor = 1.0
+    for size in sizes.values():
+        factor *= 1.0 + (1.0 + math.log(2.0 * math.pi * size)) / (math.pi * size)
+    assert made.capacitance(0.0, p) == pytest.approx(2.0 * factor, rel=1e-14)
+
+
+def test_wide_electrodes_are_those_of_the_paper():
+    made, p = electrode(ZHAO.adding(mi.Fringing(width=1e12, length=1e12)))
+    assert made.slope(0.2, p) == pytest.approx(2.0 / 0.64, rel=1e-10)
+
+
+def test_pulls_in_where_statics_say():
+    width = 4.0
+
+    def pull(x):
+        return (1.0 + (1.0 - x) / (math.pi * width)) / (1.0 - x) ** 2
+
+    top = minimize_scalar(lambda x: -x / pull(x), bounds=(0.1, 0.5), options={"xatol": 1e-10})
+    volts = math.sqrt(-top.fun)
+    fringing = mi.Fringing(width=width)
+    assert mi.pull_in_voltage(ZHAO.adding(fringing)) == pytest.approx(volts, rel=1e-9)
+    # Just below it the block rests in equilibrium, just above it goes to the stopper.
+    device = ZHAO.replace(mu_s=9.0, c=2.0).adding(fringing)
+    below = 0.999 * volts
+    rest = brentq(lambda x: x - below**2 * pull(x), 0.0, top.x)
+    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=below)
+    run = mi.simulate(device, dc, 1, initial=mi.State(x2=rest), options=INTERPRETED)
+    assert run.final.x2 == pytest.approx(rest, abs=1e-8)
+    above = dc.replace(bias=1.001 * volts)
+    run = mi.simulate(device, above, 20, initial=mi.State(x2=top.x), options=INTERPRETED)
+    assert len(run.impacts) > 0
+
+
+def test_range_units_file_and_pickle(tmp_path):
+    with pytest.raises(mi.InvalidParameter, match=r"fringing.width .* >= 3"):
+        ZHAO.adding(mi.Fringing(width=2.9))
+    with pytest.raises(mi.InvalidParameter, match=r"fringing.length .* >= 3"):
+        ZHAO.adding(mi.Fringing(width=3.0, length=2.0))
+    with pytest.raises(mi.InvalidParameter, match="width"):
+        mi.Fringing(width=-1.0)
+    device = mi.load_actuator("mita2003").adding(mi.Fringing(width=2e-4))
+    lines = [f"{name} = {value!r}" for name, value in device if name not in ("units", "terms")]
+    path = tmp_path / "device.toml"
+    path.write_text(
+        'units = "SI"\n[parameters]\n' + "\n".join(lines) + "\n[fringing]\nwidth = 2e-4\n"
+    )
+    assert mi.load_actuator(path) == device == pickle.loads(pickle.dumps(device))
+    assert device.to_dimensionless().term("fringing").width == pytest.approx(40.0, rel=1e-12)
+    drive = mi.Sine(amplitude=30.0, omega=1500.0)
+    run = mi.simulate(device, drive, periods=1, options=INTERPRETED)
+    run.save(tmp_path / "run.zip")
+    assert mi.load(tmp_path / "run.zip").actuator == device
+
+
+@pytest.mark.slow
+def test_branch_and_sweep_over_the_width():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    device = ZHAO.adding(mi.Fringing(width=6.0))
+    orbit = mi.find_orbit(mi.simulate(device, drive, periods=300))
+    branch = mi.continue_orbit(orbit, "fringing.width", stop=1e3)
+    paper = mi.find_orbit(mi.simulate(ZHAO, drive, periods=300))
+    # What the edges add goes with 1/width.
+    assert branch.orbits[-1].step == pytest.approx(paper.step, rel=5e-3)
+    table = mi.sweep(device, drive, "fringing.width", [6.0, 60.0], transient=100, periods=5)
+    assert table["fringing.width"].tolist() == [6.0, 60.0]

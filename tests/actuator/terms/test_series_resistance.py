@@ -1,0 +1,232 @@
+"""A resistance before the electrodes, against closed forms and SciPy's integration."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+from mems_impact.actuator.composing import compose
+
+ZHAO = mi.load_actuator("zhao2004")
+HELD = ZHAO.replace(m2=1e12)  # a block that nothing moves: C = 2 alpha/d = 2
+FIRM = ZHAO.replace(mu_s=5.0)  # a frame that nothing moves
+INTERPRETED = mi.Options(engine="interpreted")
+STIFF = mi.Options(engine="interpreted", method="bdf")
+
+
+def test_charges_as_rc_circuits_do():
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3))
+    dc = mi.Sine(amplitude=0.0, omega=2.0 * math.pi, bias=0.1)
+    samples = mi.simulate(device, dc, periods=3, options=INTERPRETED).samples(20)
+    t = samples["t"]
+    charge = 0.1 * 2.3 * (1.0 - np.exp(-t / (0.5 * 2.3)))
+    np.testing.assert_allclose(samples["charge"], charge, rtol=0, atol=1e-9)
+
+
+def test_is_a_low_pass():
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5, parasitic=0.3))
+    rc, omega, amplitude = 0.5 * 2.3, 2.0, 0.1
+    lag = math.atan(omega * rc)
+    ratio = math.cos(lag)  # 1/sqrt(1 + (omega rc)^2)
+    start = mi.State(charge=2.3 * amplitude * ratio * math.cos(lag))
+    run = mi.simulate(
+        device, mi.Sine(amplitude=amplitude, omega=omega), periods=2, initial=start,
+        options=INTERPRETED,
+    )  # fmt: skip
+    samples = run.samples(40)
+    node = samples["charge"] / 2.3
+    expected = amplitude * ratio * np.cos(omega * samples["t"] - lag)
+    np.testing.assert_allclose(node, expected, rtol=0, atol=1e-9)
+    # A forcing period is one of the voltage.
+    assert run.system.forcing_period == pytest.approx(2.0 * math.pi / omega, rel=1e-14)
+
+
+def flow(resistance, parasitic, volts):
+    """Block and charge of the paper's device, its frame held."""
+
+    def rates(t, y):
+        x, v, q = y
+        node = q / (2.0 / (1.0 - x) + parasitic)
+        return [v, node**2 / (1.0 - x) ** 2 - x - 0.04 * v, (volts(t) - node) / resistance]
+
+    return rates
+
+
+def test_motion_and_multipliers_are_those_of_scipy():
+    resistance, parasitic, omega = 0.4, 0.2, 0.9
+    device = FIRM.adding(mi.SeriesResistance(resistance=resistance, parasitic=parasitic))
+    drive = mi.Sine(amplitude=0.2, omega=omega)
+    orbit = mi.find_orbit(device, drive, options=INTERPRETED, transient=3, periods=1)
+    rates = flow(resistance, parasitic, lambda t: 0.2 * math.cos(omega * t))
+    turn = 2.0 * math.pi / omega
+
+    def after(y):
+        return solve_ivp(rates, (0, turn), y, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+
+    start = np.array([orbit.state.x2, orbit.state.v2, orbit.state.charge])
+    np.testing.assert_allclose(after(start), start, rtol=0, atol=2e-9)
+    h = 1e-5
+    columns = [(after(start + h * e) - after(start - h * e)) / (2 * h) for e in np.eye(3)]
+    expected = np.linalg.eigvals(np.array(columns).T)
+    found = orbit.multipliers
+    np.testing.assert_allclose(
+        np.sort_complex(found[np.abs(found) > 1e-7]), np.sort_complex(expected), atol=1e-7
+    )
+
+
+def test_charge_that_stays_takes_pull_in_away():
+    # Beyond a third of the gap, where voltage control has no stable equilibrium, the block swings
+    # about it as if there were no voltage (Seeger and Boser 2003): the force is charge^2/(4 alpha).
+    device = FIRM.replace(c=0.0)
+    middle, swing = 0.42, 0.03
+    charge = math.sqrt(4.0 * middle)
+    volts = charge * (1.0 - middle) / 2.0
+    dc = mi.Sine(amplitude=0.0, omega=1.0, bias=volts)
+    start = mi.State(x2=middle + swing, charge=charge)
+
+    slow = device.adding(mi.SeriesResistance(resistance=1e12))
+    run = mi.simulate(slow, dc, periods=2, initial=start, options=INTERPRETED)
+    samples = run.samples(20)
+    expected = middle + swing * np.cos(samples["t"])
+    np.testing.assert_allclose(samples["x2"], expected, rtol=0, atol=2e-9)
+
+    fast = device.adding(mi.SeriesResistance(resistance=1e-2))
+    assert len(mi.simulate(fast, dc, periods=1, initial=start, options=STIFF).impacts) > 0
+
+
+def test_tends_to_the_model_without_resistance():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    paper = mi.simulate(ZHAO, drive, periods=2, options=INTERPRETED).final.x2
+    errors = []
+    for resistance in (2e-4, 1e-4):
+        device = ZHAO.adding(mi.SeriesResistance(resistance=resistance))
+        start = mi.State(charge=2.0 * 0.24)
+        run = mi.simulate(device, drive, periods=1, initial=start, options=STIFF)
+        errors.append(run.final.x2 - paper)
+    assert abs(errors[1]) < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.01)
+
+
+def test_energy_is_accounted_for():
+    # Block against a heavy frame: kinetic energy is the block's, and impacts lose theirs.
+    device = ZHAO.replace(m1=1e9, mu_s=1e3, mu_d=1e3).adding(
+        mi.SeriesResistance(resistance=0.6, parasitic=0.1)
+    )
+    drive = mi.Sine(amplitude=0.8, omega=0.9)
+    run = mi.simulate(device, drive, periods=2, initial=mi.State(v2=0.4), options=INTERPRETED)
+    assert len(run.impacts) > 0
+    y = run.samples(4000)
+    x, v, q, t = (y[name].to_numpy() for name in ("x2", "v2", "charge", "t"))
+    capacitance = 2.0 / (1.0 - x)
+    node = q / (capacitance + 0.1)
+    volts = drive.value(t)
+    current = (volts - node) / 0.6
+    stored = 0.5 * (capacitance + 0.1) * node**2 + 0.5 * x**2 + 0.5 * v**2
+    given = np.trapezoid(volts * current, t)
+    lost = np.trapezoid(0.6 * current**2 + 0.04 * v**2, t) + run.impacts["energy lost"].sum()
+    assert given > 0.1
+    # The damper's share has jumps at impacts, which the quadrature rounds off.
+    assert given == pytest.approx(lost + stored[-1] - stored[0], abs=2e-5)
+
+    system = device.under(drive)
+    model = compose(tuple(term.kind for term in device.terms), 1)
+    (kind,), (at,) = (term.kind for term in device.terms), model.layout.electrodes[0]
+    end, p = y.iloc[700], system.numbers().parameters
+    state = end[["x1", "v1", "x2", "v2", "charge"]].to_numpy(float)
+    electrode, place = model.electrodes[0], (volts[700], state[2], state, p)
+    energy = kind.term.electrode_energy(at, kind.shape, electrode)(*place)
+    heat = kind.term.electrode_lost(at, kind.shape, electrode)(*place)
+    assert energy == pytest.approx(0.5 * (capacitance[700] + 0.1) * node[700] ** 2, rel=1e-12)
+    assert heat == pytest.approx(0.6 * current[700] ** 2, rel=1e-12)
+
+
+def test_each_electrode_has_its_own():
+    device = HELD.adding(mi.SeriesResistance(resistance=0.5))
+    sides = {"right": (0.1, 1.0), "left": (0.2, -0.3)}
+    drive = mi.TwoSided(
+        **{name: mi.Sine(amplitude=0.0, omega=1.0, bias=b) for name, (_, b) in sides.items()}
+    )
+    start = mi.State(charge=0.1, left_charge=0.2)
+    final = mi.simulate(device, drive, periods=1, initial=start, options=INTERPRETED).final
+    for name, (first, volts) in zip(("charge", "left_charge"), sides.values(), strict=True):
+        left = (first - 2.0 * volts) * math.exp(-2.0 * math.pi)
+        assert getattr(final, name) == pytest.approx(2.0 * volts + left, abs=1e-9)
+
+
+def test_device_in_si_and_from_a_file(tmp_path):
+    text = mi.load_actuator("mita2003")
+    lines = [f"{name} = {value!r}" for name, value in text if name != "units"]
+    path = tmp_path / "device.toml"
+    table = "[series_resistance]\nresistance = 2e12\nparasitic = 1e-14\n"
+    path.write_text('units = "SI"\n[parameters]\n' + "\n".join(lines) + "\n" + table)
+    device = mi.load_actuator(path)
+    assert device == text.adding(mi.SeriesResistance(resistance=2e12, parasitic=1e-14))
+    assert pickle.loads(pickle.dumps(device)) == device
+    drive = mi.Sine(amplitude=30.0, omega=1500.0)
+    scales = device.scales
+    bare = device.to_dimensionless()
+    assert bare.term("series_resistance").resistance == pytest.approx(
+        2e12 * device.alpha / device.d * math.sqrt(device.k / device.m2), rel=1e-12
+    )
+    inner = drive.scaled(scales.unit("V"), scales.unit("s"))
+    one = mi.simulate(device, drive, periods=1, options=INTERPRETED)
+    two = mi.simulate(bare, inner, periods=1, options=INTERPRETED)
+    charge_unit = device.alpha / device.d * scales.unit("V")
+    assert one.final.charge == pytest.approx(two.final.charge * charge_unit, rel=1e-9)
+    assert one.final.x2 == pytest.approx(two.final.x2 * device.d, rel=1e-9)
+    assert one.system.unit("series_resistance.resistance") == "ohm"
+    assert one.system.unit("charge") == "C"
+    one.save(tmp_path / "run.zip")
+    again = mi.load(tmp_path / "run.zip")
+    assert again.final == one.final
+    assert again.actuator == device
+
+
+@pytest.mark.parametrize(
+    ("values", "field"),
+    [
+        ({"resistance": 0.0}, "resistance"),
+        ({"resistance": 1.0, "parasitic": -1e-15}, "parasitic"),
+    ],
+)
+def test_refuses_what_no_circuit_has(values, field):
+    with pytest.raises(mi.InvalidParameter, match=field):
+        mi.SeriesResistance(**values)
+
+
+@pytest.mark.slow
+def test_a_time_constant_of_a_millionth_of_the_period():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    device = ZHAO.adding(mi.SeriesResistance(resistance=1e-6 * drive.period))
+    start, options = mi.State(charge=2.0 * 0.24), mi.Options(method="bdf")
+    run = mi.simulate(device, drive, periods=10, initial=start, options=options)
+    paper = mi.simulate(ZHAO, drive, periods=20)
+    assert len(run.impacts) == len(paper.impacts) > 0
+    assert run.final.x1 == pytest.approx(paper.final.x1, abs=2e-6)
+    # A square drive charges at once; the other method would take a step per time constant.
+    square = mi.Square(amplitude=0.3, omega=0.5)
+    run = mi.simulate(device, square, periods=20, options=options)
+    paper = mi.simulate(ZHAO, square, periods=20)
+    assert len(run.impacts) == len(paper.impacts) > 0
+    assert run.final.x1 == pytest.approx(paper.final.x1, abs=2e-6)
+
+
+@pytest.mark.slow
+def test_sweeps_and_branches_over_the_resistance():
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    device = ZHAO.adding(mi.SeriesResistance(resistance=0.02))
+    table = mi.sweep(
+        device, drive, "series_resistance.resistance", [0.02, 0.3], transient=30, periods=5
+    )
+    assert set(table["series_resistance.resistance"]) == {0.02, 0.3}
+    run = mi.simulate(device, drive, periods=150)
+    orbit = mi.find_orbit(run)
+    assert len(orbit.impacts) == 2 * orbit.periods
+    branch = mi.continue_orbit(orbit, "series_resistance.resistance", stop=0.05)
+    point = branch.table.iloc[-1]
+    other = ZHAO.adding(mi.SeriesResistance(resistance=float(point.iloc[0])))
+    again = mi.find_orbit(mi.simulate(other, drive, periods=150))
+    assert again.step == pytest.approx(branch.orbits[-1].step, rel=1e-6)
