@@ -54,8 +54,8 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
     moved : callable
         ``moved(mode, v, w, y, p)``, all that would set the frame in motion but for friction.
     pressing : callable
-        ``pressing(side, direction, v, w, y, p)``, the force of a rigid stopper on the block that
-        rests on it, where friction acts in `direction`.
+        ``pressing(side, direction, v, w, y, p)``, the force that holds the block at rest on the
+        face of a stopper, where friction acts in `direction`.
     resting_acceleration : callable
         ``resting_acceleration(direction, y, p)`` of frame and block together.
     """
@@ -124,7 +124,7 @@ def composed_automaton(
     load, moved, pressing, resting_acceleration = forces_of(model)
     static_limit, sliding_friction = model.static_limit, model.sliding_friction
     on_frame, on_block, rates = model.on_frame, model.on_block, model.rates
-    restitution = model.restitution
+    restitution, hardness = model.restitution, model.stopper_slopes
     rigid, sticks = model.stopper is None, model.sticks
     n, scratch, begin = len(model.layout.states), model.layout.scratch, model.layout.drive
     volts = voltages(voltage, left, begin)
@@ -158,37 +158,35 @@ def composed_automaton(
             return STUCK
         return friction_towards(own if own != 0.0 else 1.0)
 
-    def touched(y, p):  # type: ignore[no-untyped-def]
-        # The stopper that yields to the block, told at its face by the way that the block goes.
+    def touched(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The contact of the block: on a stopper that yields it stays the one that it is in, and
+        # begins with the way that the block goes at its face; or, as on a rigid one, where the
+        # block rests and is held.
+        if not rigid and kept != FREE:
+            return kept
         for contact in (RIGHT, LEFT):
             side = 1 if contact == RIGHT else -1
             depth = side * y[X2] - p[eq.DELTA]
-            if depth > 0.0 or (depth == 0.0 and side * y[V2] > 0.0):
+            if not rigid and (depth > 0.0 or (depth == 0.0 and side * y[V2] > 0.0)):
                 return contact
+            if depth >= 0.0 and y[V2] == 0.0:
+                friction = friction_mode(mode_of(STUCK, contact), v, w, y, p)
+                if pressing(side, direction_of(friction), v, w, y, p) > 0.0:
+                    return contact
         return FREE
 
-    def mode_under(v, w, y, p):  # type: ignore[no-untyped-def]
-        contact = FREE
-        if rigid:
-            if y[V2] == 0.0 and abs(y[X2]) >= p[eq.DELTA]:
-                side = 1 if y[X2] > 0.0 else -1
-                contact = RIGHT if side == 1 else LEFT
-                friction = friction_mode(mode_of(STUCK, contact), v, w, y, p)
-                direction = direction_of(friction)
-                if pressing(side, direction, v, w, y, p) > 0.0:
-                    return mode_of(friction, contact)
-                contact = FREE
-        else:
-            contact = touched(y, p)
+    def mode_under(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+        contact = touched(kept, v, w, y, p)
         return mode_of(friction_mode(mode_of(STUCK, contact), v, w, y, p), contact)
 
-    def push(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
-        # The force on which the two guards hang whose rates are taken by differences.
+    def watched(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        # What is taken by differences of the rates of two guards; of a load, not the part of a
+        # stopper that yields, which bends within less than they are wide.
         if code == RELEASE:
             return pressing(side_of(mode), direction_of(mode), v, w, y, p)
-        return moved(mode, v, w, y, p)
+        return moved(mode if rigid else mode % 3, v, w, y, p)
 
-    def push_rate(code, mode, t, y, p):  # type: ignore[no-untyped-def]
+    def slope_along(code, mode, t, y, p):  # type: ignore[no-untyped-def]
         # Along the flow, and along the voltages' own rates: these jump where a drive switches.
         # Without the corner of a margin: where a charge follows fast, the points lie far apart.
         v, w = volts(t, p)
@@ -204,9 +202,14 @@ def composed_automaton(
             s = sign * size * h
             for k in range(n):
                 x[k] = y[k] + s * slope[k]
-            found = push(code, mode, v + s * dv, w + s * dw, x, p)
+            found = watched(code, mode, v + s * dv, w + s * dw, x, p)
             total += sign * (8.0 if size == 1 else -1.0) * found
-        return total / (12.0 * h)
+        rate = total / (12.0 * h)
+        side = side_of(mode)
+        if not rigid and code == BREAK_AWAY and side != 0:
+            by_depth, by_rate = hardness(side * y[X2] - p[eq.DELTA], side * y[V2], p)
+            rate += by_depth * slope[X2] + by_rate * slope[V2]
+        return rate
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
         v, w = volts(t, p)
@@ -220,8 +223,8 @@ def composed_automaton(
             g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
             r[LEFT_IMPACT] = y[V2]
         elif rigid:
-            g[RELEASE] = push(RELEASE, mode, v, w, y, p)
-            r[RELEASE] = push_rate(RELEASE, mode, t, y, p)
+            g[RELEASE] = pressing(side, direction, v, w, y, p)
+            r[RELEASE] = slope_along(RELEASE, mode, t, y, p)
         else:
             g[RELEASE] = side * y[X2] - p[eq.DELTA]
             r[RELEASE] = side * y[V2]
@@ -231,10 +234,10 @@ def composed_automaton(
             g[SLIP_END] = direction * y[V1]
             r[SLIP_END] = direction * force / mass
         else:
-            load_rate = push_rate(BREAK_AWAY, mode, t, y, p)
-            own = moved(mode, v, w, y, p)
-            g[BREAK_AWAY] = static_limit(p) - abs(own)
-            r[BREAK_AWAY] = -load_rate if own > 0.0 else load_rate
+            push = moved(mode, v, w, y, p)
+            rate = slope_along(BREAK_AWAY, mode, t, y, p)
+            g[BREAK_AWAY] = static_limit(p) - abs(push)
+            r[BREAK_AWAY] = -rate if push > 0.0 else rate
 
     def strike(side, resting, y, p):  # type: ignore[no-untyped-def]
         y[X2] = side * p[eq.DELTA]
@@ -260,7 +263,7 @@ def composed_automaton(
             # The push is at the static limit to rounding: slip whichever side it is on.
             y[V1] = 0.0
             return mode_of(friction_towards(moved(mode, v, w, y, p)), mode // 3)
-        return mode_under(v, w, y, p)
+        return mode_under(mode // 3, v, w, y, p)
 
     return Automaton(
         states=model.layout.states,
@@ -269,7 +272,7 @@ def composed_automaton(
         flow=flow,
         margins=margins,
         transition=transition,
-        cyclic=() if model.places_frame else (X1,),
+        cyclic=model.cyclic,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )

@@ -6,12 +6,13 @@ compiler sees plain calls.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from typing import Any
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.modes import STATES, V2, X2
+from mems_impact.actuator.modes import STATES, V2, X1, X2
 from mems_impact.actuator.terms.base import (
     Contribution,
     Electrode,
@@ -98,9 +99,13 @@ class Model:
         ``adhesion(p)``
     stopper : callable or None
         ``stopper(depth, rate, p)``; None for stoppers that are rigid.
+    stopper_slopes : callable
+        ``stopper_slopes(depth, rate, p)``, its derivatives by both.
     rates : callable
         ``rates(v, w, y, p, dy)`` writes the derivatives of the states of the terms.
-    sticks, places_frame : bool
+    sticks : bool
+    cyclic : tuple of int
+        Places of the states that no function reads.
     """
 
     layout: Arrangement
@@ -115,9 +120,10 @@ class Model:
     restitution: Function
     adhesion: Function
     stopper: Function | None
+    stopper_slopes: Callable[..., tuple[float, float]]
     rates: Function
     sticks: bool
-    places_frame: bool
+    cyclic: tuple[int, ...]
 
 
 def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
@@ -141,15 +147,23 @@ def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
         restitution=chosen(parts, "restitution") or eq.restitution,
         adhesion=chosen(parts, "adhesion") or eq.no_adhesion,
         stopper=chosen(parts, "stopper"),
+        stopper_slopes=chosen(parts, "stopper_slopes") or eq.no_slopes,
         rates=all_rates(kinds, places, parts, ends),
         sticks=all(part.sticks for part in parts),
-        places_frame=any(part.places_frame for part in parts),
+        cyclic=cyclic_of(parts, places),
     )
 
 
-def chosen(parts: Sequence[Contribution], name: str) -> Function | None:
+def cyclic_of(parts: Sequence[Contribution], places: Arrangement) -> tuple[int, ...]:
+    """Return the places of the states that no function reads: x1 as a rule, and sums of terms."""
+    frame = () if any(part.places_frame for part in parts) else (X1,)
+    sums = (at.y[each] for part, at in zip(parts, places.terms, strict=True) for each in part.sums)
+    return (*frame, *sums)
+
+
+def chosen(parts: Sequence[Contribution], name: str) -> Any:
     """Return what a term puts into a place of which there is one; None if no term does."""
-    found: list[Function] = [each for part in parts if (each := getattr(part, name))]
+    found = [each for part in parts if (each := getattr(part, name))]
     return found[-1] if found else None
 
 

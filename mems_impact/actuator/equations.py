@@ -34,7 +34,7 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # The same as functions that terms may put others in place of (see `terms.base`):
 #
 # capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
-# mu_d, restitution, no_adhesion   of the paper: constants, and none
+# mu_d, restitution, no_adhesion, no_slopes   of the paper: constants, and none
 
 
 def electrode_gap(x2: float, p: Any) -> float:
@@ -128,3 +128,7 @@ def restitution(speed: float, p: Any) -> float:
 
 def no_adhesion(p: Any) -> float:
     return 0.0
+
+
+def no_slopes(depth: float, rate: float, p: Any) -> tuple[float, float]:
+    return 0.0, 0.0

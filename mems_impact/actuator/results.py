@@ -10,8 +10,10 @@ import numpy as np
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.blows import each_blow
-from mems_impact.actuator.design.impacts import energy_lost, frame_steps
+from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
+from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.design.statistics import Accumulator, Statistics
+from mems_impact.actuator.modes import V2
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.trajectory import Events
@@ -59,12 +61,10 @@ class ActuatorRun(_OfActuator, Run):
         came).
         """
         log = self._log("impacts")
-        rows, steps = frame_steps(log)
-        struck = np.zeros(len(log), dtype=bool)
-        struck[rows] = True
-        hits = log[struck]
-        lost = energy_lost(hits, self.system.inner_actuator)
-        return tables.impacts(hits, steps, lost, self.trajectory.period, self.system)
+        steps = frame_steps(log)[1]
+        struck = is_impact(log)
+        lost = energy_lost(log, self.system.inner_actuator)[struck]
+        return tables.impacts(log[struck], steps, lost, self.trajectory.period, self.system)
 
     @cached_property
     def blows(self) -> pd.DataFrame:
@@ -77,10 +77,11 @@ class ActuatorRun(_OfActuator, Run):
         ended). The impacts of a sequence that the end of the run cuts short stand as blows of
         their own.
         """
-        each = each_blow(self._log("blows"), self.system.inner_actuator)
+        actuator, period = self.system.inner_actuator, self.trajectory.period
+        each = each_blow(Rests(actuator, period)(self._log("blows")), actuator)
         return tables.blows(
-            each.first, each.impacts, each.rests, each.displacement, each.energy,
-            self.trajectory.period, self.system,
+            each.first, each.impacts, each.rests, each.displacement, each.energy, period,
+            self.system,
         )  # fmt: skip
 
     @cached_property
@@ -110,6 +111,17 @@ class ActuatorOrbit(_OfActuator, Orbit):
         log = Events.joined([self._log, replace(later, after=self._ahead(later.after))])
         steps = frame_steps(log)[1]
         hits = self._hits
-        lost = energy_lost(hits, self.system.inner_actuator)
+        lost = energy_lost(log, self.system.inner_actuator)[is_impact(log)]
         period = self.found.point.period
-        return tables.impacts(hits, steps[: len(hits)], lost, period, self.system)
+        return tables.impacts(hits, steps[: len(hits)], lost[: len(hits)], period, self.system)
+
+    @cached_property
+    def impact_speeds(self) -> list[float]:
+        """The speed of the block in each impact, in the units of the numerics."""
+        speeds: list[float] = np.abs(self._hits.before[:, V2]).tolist()
+        return speeds
+
+    @property
+    def _hits(self) -> Events:
+        # By the actuator's guards: where stoppers yield, those of its automaton reset nothing.
+        return self._log[is_impact(self._log)]

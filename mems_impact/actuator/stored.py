@@ -10,6 +10,7 @@ import numpy as np
 
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
@@ -95,3 +96,4 @@ register(ActuatorOrbit)
 register(Chart)
 register_object(Accumulator)
 register_object(BlowCounter)
+register_object(Rests)

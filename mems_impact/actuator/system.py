@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mems_impact.actuator.composed import composed_automaton
+from mems_impact.actuator.design.impacts import yields
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives import WAVEFORMS
@@ -55,6 +56,15 @@ def _energy_lost(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
     return float(0.5 * m1 * m2 / (m1 + m2) * (before.v2 - after.v2) * (before.v2 + after.v2))
 
 
+def _contact_loss(y: Any, p: Any) -> float:
+    return float(y.contact_loss)
+
+
+STEP = Observable("step", _frame_position, unit="m")
+IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J")
+CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # where stoppers yield
+
+
 class ActuatorSystem(ActuatorNumerics):
     """An actuator under a drive, with every number of theirs as a parameter.
 
@@ -75,10 +85,6 @@ class ActuatorSystem(ActuatorNumerics):
 
     run_type = ActuatorRun
     orbit_type = ActuatorOrbit
-    observables = (
-        Observable("step", _frame_position, unit="m"),
-        Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J"),
-    )
 
     def __init__(self, actuator: Actuator, drive: Drive, scales: Scales | None = None) -> None:
         if not isinstance(actuator, Actuator):
@@ -89,6 +95,10 @@ class ActuatorSystem(ActuatorNumerics):
         if any(term.signed for term in actuator.terms):
             drive.check_signed()
         self._put(actuator, drive, scales or actuator.scales)
+
+    def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
+        super()._put(actuator, drive, scales)
+        self.observables = (STEP, CONTACT_LOSS if self._yields else IMPACT_LOSS)
 
     def _key(self) -> tuple[Any, ...]:
         return dict(self.actuator), self.drive, self._scales
@@ -127,7 +137,7 @@ class ActuatorSystem(ActuatorNumerics):
     @cached_property
     def _yields(self) -> bool:
         """Whether the stoppers yield, and a block may be beyond them."""
-        return any(kind.term.instead == "stopper" for kind in self._kinds)
+        return yields(self.actuator)
 
     @cached_property
     def _bounds(self) -> bool:
@@ -194,14 +204,17 @@ class ActuatorSystem(ActuatorNumerics):
     def _check_mode(self, state: State) -> None:
         """Raise InvalidParameter unless the velocities of a state are those of its mode."""
         mode = self.mode_number(state.mode if state.mode is not None else 0)
-        if self._yields:
-            return  # whether the stopper touches says how far the block is
         values = {**dict.fromkeys(STATES, 0.0), **state.as_dict()}
         direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
         v1, resting = values["v1"], values["v2"] == 0.0
-        at_stopper = abs(values["x2"] - side * delta) <= TOUCHING * delta
+        beyond = abs(values["x2"]) - delta if side == 0 else side * values["x2"] - delta
+        touching = TOUCHING * delta
         fits = v1 == 0.0 if direction == 0 else direction * v1 >= 0.0
-        if not (fits and (side == 0 or (resting and at_stopper))):
+        if self._yields:
+            fits = fits and (beyond <= touching if side == 0 else beyond >= -touching)
+        else:
+            fits = fits and (side == 0 or (resting and abs(beyond) <= touching))
+        if not fits:
             problem = f"does not fit {state!r}; leave it out, then it follows from the state"
             raise InvalidParameter("mode", state.mode, "", problem=problem)
 
@@ -232,13 +245,13 @@ class ActuatorSystem(ActuatorNumerics):
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, in the units of the numerics."""
-        return float(observable.function(_Named(y), problem.parameters))
+        return float(observable.function(_Named(self.states, y), problem.parameters))
 
     def measure_event(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Return an observable at an event, in the units of the numerics."""
-        before, after = _Named(events.before[i]), _Named(events.after[i])
+        before, after = (_Named(self.states, y[i]) for y in (events.before, events.after))
         mode, time = int(events.mode_before[i]), float(events.time[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
 
@@ -284,5 +297,5 @@ def kicked(actuator: Actuator) -> State:
 class _Named:
     """A state of the actuator by name."""
 
-    def __init__(self, y: Floats) -> None:
-        self.x1, self.v1, self.x2, self.v2 = y[: len(STATES)].tolist()
+    def __init__(self, states: Sequence[str], y: Floats) -> None:
+        vars(self).update(zip(states, y.tolist(), strict=False))

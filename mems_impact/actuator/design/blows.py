@@ -114,11 +114,15 @@ def contacts(events: Events) -> tuple[Events, Floats]:
 
     Steps are those of `frame_steps` after impacts, 0 after the end of chatter.
     """
-    chosen = is_impact(events) | (events.kind == loop.ACCUMULATION)
+    chosen = _chosen(events)
     hits, moved = frame_steps(events)
     steps = np.zeros(len(events))
     steps[hits] = moved
     return events[chosen], steps[chosen]
+
+
+def _chosen(events: Events) -> NDArray[np.bool_]:
+    return is_impact(events) | (events.kind == loop.ACCUMULATION)
 
 
 class BlowCounter:
@@ -189,7 +193,7 @@ class EachBlow:
 
 
 def each_blow(events: Events, actuator: Actuator) -> EachBlow:
-    """Return the blows among events."""
+    """Return the blows among events, in which `Rests` has told the ends of contacts."""
     log, steps = contacts(events)
     first, _ = blow_of(log)
     begins = first == np.arange(len(log))
@@ -199,7 +203,7 @@ def each_blow(events: Events, actuator: Actuator) -> EachBlow:
         impacts=_sums(first, ~ends)[begins].astype(np.int64),
         rests=_sums(first, ends)[begins] > 0.0,
         displacement=_sums(first, steps)[begins],
-        energy=_sums(first, energy_lost(log, actuator))[begins],
+        energy=_sums(first, energy_lost(events, actuator)[_chosen(events)])[begins],
     )
 
 

@@ -7,11 +7,21 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.actuator.modes import GUARDS, MODES, V2, X1, direction_of
+from mems_impact.actuator.composing import layout
+from mems_impact.actuator.modes import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats
 
-__all__ = ["SLIPPING", "energy_lost", "frame_steps", "is_impact"]
+__all__ = [
+    "SLIPPING",
+    "contact_loss",
+    "energy_lost",
+    "frame_steps",
+    "is_impact",
+    "is_release",
+    "yields",
+]
 
 SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
 """Whether the frame slips, by mode."""
@@ -22,14 +32,41 @@ def is_impact(events: Events) -> NDArray[np.bool_]:
     return events.impacts_among(GUARDS)
 
 
-def energy_lost(events: Events, actuator: Actuator) -> Floats:
-    """Return the kinetic energy lost in impacts and in the rest of chatter sequences.
+def is_release(events: Events) -> NDArray[np.bool_]:
+    """Return where the block leaves a stopper on which it has rested, or which has yielded."""
+    return (events.kind == loop.TRANSITION) & (events.guard == RELEASE)
 
-    Equations (5) and (6) conserve momentum; what is lost is of the relative motion alone.
+
+def yields(actuator: Actuator) -> bool:
+    """Return whether the stoppers yield, and contacts last."""
+    return any(term.instead == "stopper" for term in actuator.terms)
+
+
+def contact_loss(actuator: Actuator) -> int:
+    """Return the place of the state that sums up what contacts with stoppers that yield lose."""
+    states = layout([term.kind for term in actuator.terms], 0).states
+    return states.index("contact_loss")
+
+
+def energy_lost(events: Events, actuator: Actuator) -> Floats:
+    """Return the energy that each row loses: impacts, and the rest of chatter sequences.
+
+    Equations (5) and (6) conserve momentum; what is lost is of the relative motion alone. A contact
+    with a stopper that yields has lost it when the block leaves; NaN if it has not left yet.
     """
-    reduced = actuator.m1 * actuator.m2 / (actuator.m1 + actuator.m2)
-    before, after = events.before[:, V2], events.after[:, V2]
-    lost: Floats = 0.5 * reduced * (before - after) * (before + after)
+    if not yields(actuator):
+        reduced = actuator.m1 * actuator.m2 / (actuator.m1 + actuator.m2)
+        before, after = events.before[:, V2], events.after[:, V2]
+        lost: Floats = 0.5 * reduced * (before - after) * (before + after)
+        return np.where(is_impact(events) | (events.kind == loop.ACCUMULATION), lost, 0.0)
+    rows = np.flatnonzero(is_impact(events))
+    ends = np.flatnonzero(is_release(events) | (events.kind == loop.ACCUMULATION))
+    total = events.after[:, contact_loss(actuator)]
+    place = np.searchsorted(ends, rows)
+    ended = place < ends.size
+    lost = np.zeros(len(events))
+    lost[rows] = math.nan
+    lost[rows[ended]] = total[ends[place[ended]]] - total[rows[ended]]
     return lost
 
 
@@ -46,7 +83,9 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     """
     impact = is_impact(events)
     rows = np.flatnonzero(impact)
-    rests = ~SLIPPING[events.mode_after] & events.begin_arcs
+    # A contact that begins with the frame at rest may move it yet.
+    comes = SLIPPING[events.mode_before] | np.isin(events.guard, (RELEASE, SLIP_END))
+    rests = ~SLIPPING[events.mode_after] & events.begin_arcs & comes
     ends = np.flatnonzero(impact | rests)
     x1 = events.after[:, X1]
     # An impact that leaves the frame at rest ends its own step, of length zero.
@@ -54,5 +93,6 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     steps = np.full(rows.size, math.nan)
     ended = place < ends.size
     steps[ended] = x1[ends[place[ended]]] - x1[rows[ended]]
-    steps[rests[rows]] = 0.0
+    struck = events.before[rows, V2] != events.after[rows, V2]  # else a contact begins
+    steps[struck & ~SLIPPING[events.mode_after[rows]]] = 0.0
     return rows, steps

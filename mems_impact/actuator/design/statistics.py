@@ -14,7 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.actuator.design.blows import BlowCounter, contacts
-from mems_impact.actuator.design.impacts import SLIPPING, energy_lost, is_impact
+from mems_impact.actuator.design.impacts import (
+    SLIPPING,
+    contact_loss,
+    energy_lost,
+    is_impact,
+    yields,
+)
+from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.modes import MODES, V2, X1, X2, side_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.moments import Moments
@@ -65,14 +72,16 @@ class Statistics:
     impact_speed_min, impact_speed_mean, impact_speed_max : float
         Of abs(v2) before the impacts.
     share_slipping, share_resting : float
-        Shares of the time in which the frame slips, and in which the block rests on a stopper.
+        Shares of the time in which the frame slips, and in which the block rests on a stopper; on
+        one that yields, in which it is in contact.
     closest_approach : float
         Smallest distance from a stopper at which the block turned back in a window without
         impacts; 0 if it rested on a stopper.
     chatter_sequences : int
-        Sequences of impacts that ended in rest on a stopper.
+        Sequences of impacts that ended in rest on a stopper. Rest on one that yields is a contact
+        that lasts longer than bounces do (see `Rests`), and counts when it ends.
     energy_lost_per_period : float
-        In impacts, chatter included.
+        In impacts, chatter included, and in contacts with stoppers that yield.
     """
 
     window_first: float
@@ -118,6 +127,7 @@ class Accumulator:
         self._speeds = Moments()
         self._steps = Moments()
         self._blows = BlowCounter()
+        self._rests = Rests(actuator, window.period)
         self._energy = 0.0
         self._closest = math.inf
 
@@ -125,6 +135,7 @@ class Accumulator:
         """Take the next chunk of events."""
         if len(events) == 0:
             return
+        events = self._rests(events)
         self._anchors.take(events)
         self._take_impacts(events, self._window.contains(events))
         self._take_steps(events)
@@ -156,6 +167,10 @@ class Accumulator:
         duration = periods * window.period
         impacts, blows = self._impacts, self._blows.count
         closest = self._closest if math.isfinite(self._closest) else math.nan
+        energy = self._energy
+        if yields(self._actuator):
+            place = contact_loss(self._actuator)
+            energy = float(borders[1][place] - borders[0][place])
         slipping = float(self._anchors.durations[SLIPPING].sum())
         resting = float(self._anchors.durations[_RESTING].sum())
         if resting > 0.0:
@@ -181,7 +196,7 @@ class Accumulator:
             share_resting=ratio(resting, duration),
             closest_approach=math.nan if impacts else closest,
             chatter_sequences=self._chatter,
-            energy_lost_per_period=ratio(self._energy, periods),
+            energy_lost_per_period=ratio(energy, periods),
         )
 
     def _take_impacts(self, events: Events, inside: NDArray[np.bool_]) -> None:
@@ -190,7 +205,8 @@ class Accumulator:
         self._impacts += int(struck.sum())
         self._chatter += int(ended.sum())
         self._speeds.add(np.abs(events.before[struck, V2]))
-        self._energy += float(energy_lost(events[struck | ended], self._actuator).sum())
+        if not yields(self._actuator):
+            self._energy += float(energy_lost(events[struck | ended], self._actuator).sum())
         turned = events[(events.kind == loop.APPROACH) & inside]
         side = np.where(turned.guard == 0, 1.0, -1.0)
         gaps = self._actuator.delta - side * turned.before[:, X2]

@@ -78,8 +78,13 @@ class Contribution:
         Whether the frame sticks where it comes to rest.
     restitution : callable
         ``restitution(speed, p)``, the coefficient of an impact at the speed, >= 0, in place of e.
+    sums : tuple of str
+        Those of the term's states that only sum up: no function reads them.
     stopper : callable
         ``stopper(depth, rate, p)``, the force of a stopper that yields, >= 0, in place of impacts.
+        It is smooth a little below depth zero.
+    stopper_slopes : callable
+        ``stopper_slopes(depth, rate, p)``, its derivatives by both.
     adhesion : callable
         ``adhesion(p)``, with which a stopper holds the block that rests on it, >= 0.
     places_frame : bool
@@ -98,7 +103,9 @@ class Contribution:
     friction: Function | None = None
     sticks: bool = True
     restitution: Function | None = None
+    sums: tuple[str, ...] = ()
     stopper: Function | None = None
+    stopper_slopes: Callable[..., tuple[float, float]] | None = None
     adhesion: Function | None = None
     places_frame: bool = False
     energy: Function | None = None

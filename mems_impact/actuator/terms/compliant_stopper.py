@@ -1,0 +1,111 @@
+"""Stoppers of finite stiffness."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from pydantic import Field
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import NonNegative, Number, Positive
+from mems_impact.actuator.modes import V2, X2
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["CompliantStopper"]
+
+
+class CompliantStopper(Term):
+    """Stoppers that yield, in place of impacts: a contact lasts, and goes as deep as it must.
+
+    Parameters
+    ----------
+    stiffness : float
+        Force by depth [N/m] at the depth `depth`, > 0.
+    exponent : float, optional
+        With which the force grows with the depth [-], >= 1: 1 for a beam, 1.5 for a sphere on a
+        plane (Hertz); 1 by default.
+    damping : float, optional
+        Of which restitution comes [s/m], >= 0: e is 1 - damping v for a slow impact.
+    depth : float, optional
+        Where `stiffness` is force by depth [m], > 0; it does not matter for the exponent 1. With
+        1 by default, `stiffness` is the factor of depth^exponent.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    Notes
+    -----
+    Hunt and Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
+    Mech. 42 (1975) 440: the force at the depth s is N = K s^n (1 + 3/2 a s'), where K is
+    stiffness/depth^(n-1) and a the damping; never negative. Impacts are the beginnings of
+    contacts. The device's `e` is not used. State ``contact_loss`` [J] sums up what is lost.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> soft = mi.load_actuator("zhao2004").adding(mi.CompliantStopper(stiffness=1e4, damping=0.5))
+    """
+
+    stiffness: Positive
+    exponent: Annotated[Number, Field(ge=1)] = 1.0
+    damping: NonNegative = 0.0
+    depth: Positive = 1.0
+
+    units = {  # noqa: RUF012 - ClassVar above
+        "stiffness": "N/m",
+        "damping": "s/m",
+        "depth": "m",
+        "contact_loss": "J",
+    }
+    instead = "stopper"
+
+    @classmethod
+    def states(cls, shape: Shape) -> tuple[str, ...]:
+        """Return the name of what contacts have lost."""
+        return ("contact_loss",)
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the force of a stopper."""
+        stiffness, exponent = at.p["stiffness"], at.p["exponent"]
+        damping, reference = at.p["damping"], at.p["depth"]
+
+        def spring(depth, p):  # type: ignore[no-untyped-def]
+            # Odd, so that it is smooth where a trial step leaves the contact.
+            relative = abs(depth) / p[reference]
+            return p[stiffness] * depth * relative ** (p[exponent] - 1.0)
+
+        def hold(rate, p):  # type: ignore[no-untyped-def]
+            # What a block leaves faster than the stopper can follow presses it no more.
+            return max(1.0 + 1.5 * p[damping] * rate, 0.0)
+
+        def stopper(depth, rate, p):  # type: ignore[no-untyped-def]
+            return spring(depth, p) * hold(rate, p)
+
+        def stopper_slopes(depth, rate, p):  # type: ignore[no-untyped-def]
+            relative = abs(depth) / p[reference]
+            held = hold(rate, p)
+            by_depth = p[exponent] * p[stiffness] * relative ** (p[exponent] - 1.0) * held
+            by_rate = 1.5 * p[damping] * spring(depth, p) if held > 0.0 else 0.0
+            return by_depth, by_rate
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
+            return spring(depth, p) * depth / (p[exponent] + 1.0)
+
+        def lost(y, p):  # type: ignore[no-untyped-def]
+            depth = max(abs(y[X2]) - p[eq.DELTA], 0.0)
+            rate = math.copysign(y[V2], y[X2] * y[V2])
+            return spring(depth, p) * (hold(rate, p) - 1.0) * rate
+
+        return Contribution(
+            stopper=stopper,
+            stopper_slopes=stopper_slopes,
+            rates=(lost,),
+            sums=("contact_loss",),
+            energy=energy,
+            lost=lost,
+        )

@@ -1,0 +1,283 @@
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import brentq
+
+import mems_impact as mi
+from mems_impact.actuator.design.rests import contact_time
+from mems_impact.actuator.term import CompliantStopper
+
+ZHAO = mi.load_actuator("zhao2004")
+SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
+DRIVE = mi.Sine(amplitude=0.3, omega=0.5)
+PRECISE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
+METHODS = [
+    mi.Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-14)
+    for method in ("adams", "bdf", "dop853")
+]
+
+
+def restitution(damping, speed):
+    """The implicit relation of Hunt and Crossley's law, whatever the exponent."""
+    b = 1.5 * damping
+
+    def balance(after):
+        return b * (speed + after) - math.log1p(b * speed) + math.log1p(-b * after)
+
+    return brentq(balance, 0.0, (1.0 - 1e-15) / b, xtol=1e-15) / speed
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+@pytest.mark.parametrize("speed", [0.01, 0.2, 1.0, 3.0])
+def test_restitution(exponent, speed):
+    free = ZHAO.replace(k=1e-6, c=0.0, mu_s=1e6)  # nothing but the contact acts
+    hard = free.adding(CompliantStopper(stiffness=1e3, exponent=exponent, damping=0.4))
+    start = mi.State(x2=0.5, v2=speed)
+    run = mi.simulate(hard, SILENT, duration=1.2, initial=start, options=PRECISE)
+    leaving = run.events.query("event == 'release'")["v2"].iloc[0]
+    assert run.events["mode after"].iloc[0] == "stuck-free"
+    assert -leaving / speed == pytest.approx(restitution(0.4, speed), rel=1e-6)
+    if speed == 0.01:
+        assert -leaving / speed == pytest.approx(1.0 - 0.4 * speed, abs=2.0 * (0.4 * speed) ** 2)
+
+
+@pytest.mark.parametrize(("exponent", "order"), [(1.0, 0.5), (1.5, 0.4)])
+def test_hard_stoppers_strike_as_rigid_ones(exponent, order):
+    start, slid = mi.State(x2=0.49, v2=1.0), []
+    speed = None
+    for stiffness in (1e6, 1e8, 1e10):
+        term = CompliantStopper(stiffness=stiffness, exponent=exponent, damping=0.3)
+        soft = ZHAO.replace(c=0.0).adding(term)
+        run = mi.simulate(soft, SILENT, duration=0.3, initial=start, options=PRECISE)
+        (speed,) = run.impacts["v2 before"]
+        slid.append(run.impacts["step"].iloc[0])
+    rigid = ZHAO.replace(c=0.0, e=restitution(0.3, speed))
+    run = mi.simulate(rigid, SILENT, duration=0.3, initial=start, options=PRECISE)
+    away = np.abs(np.array(slid) - run.impacts["step"].iloc[0])
+    rates = np.log(away[:-1] / away[1:]) / math.log(100.0)
+    assert rates == pytest.approx([order, order], abs=0.03)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """A device whose frame slips during contacts, over three forcing periods."""
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e4, exponent=1.5, damping=0.5))
+    start = mi.State(v2=1.0)
+    return mi.simulate(soft, DRIVE, periods=3, initial=start, options=PRECISE, window=(0, 3))
+
+
+def test_against_another_integrator(driven):
+    final, lost, hits = integrated(driven.actuator, DRIVE, 1.0, 3.0 * DRIVE.period)
+    assert len(driven.impacts) == hits > 2
+    assert {"break-away", "slip end"} <= set(driven.events["event"])
+    found = [driven.final.x1, driven.final.v1, driven.final.x2, driven.final.v2]
+    assert found == pytest.approx(final, abs=2e-8)
+    assert driven.statistics["energy lost per period"] * 3.0 == pytest.approx(lost, rel=1e-6)
+    assert driven.impacts["energy lost"].sum() == pytest.approx(lost, rel=1e-6)
+
+
+def integrated(actuator, drive, speed, duration):
+    """The same equations by SciPy; a stretch ends where the frame or a contact changes."""
+    p, term = actuator, actuator.terms[0]
+    weight = (p.m1 + p.m2) * p.g
+
+    def pushes(t, y):
+        depth, rate = abs(y[2]) - p.delta, math.copysign(1.0, y[2]) * y[3]
+        spring = term.stiffness * max(depth, 0.0) ** term.exponent
+        normal = spring * max(1.0 + 1.5 * term.damping * rate, 0.0)
+        pull = p.alpha * (drive.amplitude * math.cos(drive.omega * t)) ** 2 / (p.d - y[2]) ** 2
+        load = p.k * y[2] + p.c * y[3] - pull + math.copysign(normal, y[2])
+        return load, (normal - spring) * rate
+
+    def flow(t, y, sign):
+        load, lost = pushes(t, y)
+        a1 = (load - sign * p.mu_d * weight) / p.m1 if sign else 0.0
+        return [y[1], a1, y[3], -load / p.m2 - a1, lost]
+
+    def turn(t, y, sign):
+        return sign * y[1] if sign else p.mu_s * weight - abs(pushes(t, y)[0])
+
+    def gap(t, y, sign):
+        return p.delta - abs(y[2])
+
+    turn.terminal = gap.terminal = True
+    turn.direction = -1.0
+    t, y, sign, hits = 0.0, np.array([0.0, 0.0, 0.0, speed, 0.0]), 0, 0
+    while t < duration:
+        part = solve_ivp(flow, (t, duration), y, "DOP853", args=(sign,), rtol=1e-11, atol=1e-13,
+                         events=[turn, gap], max_step=0.1)  # fmt: skip
+        t, y = part.t[-1], part.y[:, -1].copy()
+        if len(part.t_events[0]) and part.t_events[0][-1] == t:
+            load = pushes(t, y)[0]
+            y[1] = 0.0
+            sign = 0 if sign and abs(load) <= p.mu_s * weight else int(math.copysign(1, load))
+        elif t < duration:
+            hits += y[2] * y[3] > 0.0
+            y[2] = math.copysign(p.delta + math.copysign(1e-15, y[2] * y[3]), y[2])
+    return y[:4], y[4], hits
+
+
+def test_energy(driven):
+    p = ZHAO.replace(c=0.0, mu_s=1e6)
+    soft = p.adding(CompliantStopper(stiffness=1e4, exponent=1.5, damping=0.5))
+    run = mi.simulate(soft, SILENT, duration=20.0, initial=mi.State(v2=1.0), options=PRECISE)
+    assert len(run.impacts) > 3
+    final = run.final
+    stored = 0.5 * final.v2**2 + 0.5 * final.x2**2
+    assert abs(final.x2) < p.delta
+    assert 0.5 - stored == pytest.approx(run.impacts["energy lost"].sum(), rel=1e-9)
+
+
+def test_all_methods_agree():
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e6, damping=0.3))
+    ends = [
+        mi.simulate(soft, DRIVE, duration=2.0, initial=mi.State(v2=1.0), options=options).final
+        for options in METHODS
+    ]
+    for end in ends[1:]:
+        assert [end.x1, end.v2, end.x2] == pytest.approx(
+            [ends[0].x1, ends[0].v2, ends[0].x2], abs=1e-7
+        )
+
+
+@pytest.mark.parametrize("eps", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_a_graze_is_a_contact(eps):
+    # The free block has the amplitude 0.5 + eps, and is at the face at sqrt(2 eps 0.5).
+    soft = ZHAO.replace(c=0.0).adding(CompliantStopper(stiffness=1e3, exponent=1.5))
+    start = mi.State(v2=0.5 + eps)
+    run = mi.simulate(soft, SILENT, duration=2.5, initial=start, options=PRECISE)
+    assert list(run.events["event"]) == ["right impact", "release"]
+    slow = math.sqrt((0.5 + eps) ** 2 - 0.25)
+    assert run.impacts["v2 before"].iloc[0] == pytest.approx(slow, rel=1e-4 + 1e-11 / eps)
+    clear = mi.simulate(soft, SILENT, duration=2.5, initial=mi.State(v2=0.5 - eps), options=PRECISE)
+    assert clear.events.empty
+
+
+def test_the_block_starts_and_rests_in_a_contact():
+    # 0.4 V hold it: the depth at which stopper, spring and electrode balance.
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e3, exponent=1.5, damping=0.5))
+
+    def unbalanced(depth):
+        return 0.16 / (0.5 - depth) ** 2 - 0.5 - depth - 1e3 * depth**1.5
+
+    deep = brentq(unbalanced, 0.0, 0.1)
+    held = mi.Pulse(amplitude=0.4, period=20.0, width=10.0, phase=0.0)
+    start = mi.State(x2=0.5 + deep)
+    run = mi.simulate(soft, held, duration=9.0, initial=start, options=PRECISE)
+    assert set(run.events["mode after"]) <= {"stuck-right"}
+    assert run.final.x2 == pytest.approx(0.5 + deep, abs=1e-12)
+    face = mi.simulate(soft, held, duration=9.0, initial=mi.State(x2=0.5), options=PRECISE)
+    assert set(face.events["mode after"]) == {"stuck-right"}
+    assert face.final.x2 == pytest.approx(0.5 + deep, abs=1e-3)
+    off = mi.simulate(soft, SILENT, duration=0.5, initial=mi.State(x2=0.5), options=PRECISE)
+    assert off.events.empty
+    assert off.final.x2 < 0.45
+
+
+def test_a_mode_must_fit():
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e3))
+    for state in (mi.State(x2=0.4, mode="stuck-right"), mi.State(x2=0.51, mode="stuck-free"),
+                  mi.State(x2=0.51, v1=0.1, mode="backward-right")):  # fmt: skip
+        with pytest.raises(mi.InvalidParameter, match="does not fit"):
+            mi.simulate(soft, SILENT, periods=1, initial=state)
+
+
+def test_bounces_that_end_in_rest_are_one_blow():
+    # Pressed by 0.45 V from near by, the block bounces and comes to rest; then it is let go.
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e3, damping=1.5))
+    held = mi.Pulse(amplitude=0.45, period=26.0, width=16.0)
+    run = mi.simulate(
+        soft, held, periods=1, initial=mi.State(x2=0.4), options=PRECISE, window=(0, 1)
+    )
+    first = run.blows.iloc[0]
+    assert len(run.impacts) == first["impacts"] > 3
+    assert first["ends in rest"]
+    assert run.statistics["chatter sequences"] == run.statistics["blows"] == 1
+    assert first["energy lost"] == pytest.approx(run.impacts["energy lost"].sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+def test_contact_time(exponent):
+    soft = ZHAO.adding(CompliantStopper(stiffness=50.0, exponent=exponent, depth=0.1))
+    factor, power = 50.0 / 0.1 ** (exponent - 1.0), exponent + 1.0
+    deepest = (0.5 * power * 0.09 / factor) ** (1.0 / power)
+
+    def slowness(angle):  # depth = deepest * (1 - angle^2), which takes the pole away
+        u = 1.0 - angle * angle
+        return (
+            2.0 * angle * deepest / math.sqrt(0.09 - 2.0 * factor / power * (deepest * u) ** power)
+        )
+
+    exact = 2.0 * quad(slowness, 0.0, 1.0)[0]
+    assert contact_time(soft, np.array([0.3, 0.0])) == pytest.approx([exact, 0.0], rel=1e-8)
+
+
+def test_units_files_and_pickles(tmp_path):
+    mita = mi.load_actuator("mita2003")
+    term = CompliantStopper(stiffness=2e5, exponent=1.5, damping=0.2, depth=1e-7)
+    file = tmp_path / "device.toml"
+    lines = ['units = "SI"', "[parameters]"]
+    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
+    lines += ["[compliant_stopper]", "stiffness = 2e5", "exponent = 1.5", "damping = 0.2"]
+    file.write_text("\n".join([*lines, "depth = 1e-7"]))
+    soft = mi.load_actuator(file)
+    assert soft == mita.adding(term)
+    drive = mi.Sine(amplitude=100.0, omega=2.0 * math.pi * 100.0)
+    start = mi.State(v2=0.02)
+    options = mi.Options(engine="interpreted", method="dop853")
+    run = mi.simulate(soft, drive, periods=0.2, initial=start, options=options)
+    scales = mita.scales
+    inner = mi.simulate(
+        soft.to_dimensionless(),
+        mi.Sine(amplitude=100.0 / scales.unit("V"), omega=drive.omega * scales.unit("s")),
+        periods=0.2,
+        initial=mi.State(v2=0.02 / scales.unit("m/s")),
+        options=options,
+    )
+    assert len(run.impacts) == len(inner.impacts) > 0
+    assert run.final.x2 == pytest.approx(inner.final.x2 * scales.unit("m"), rel=1e-7)
+    lost = run.impacts["energy lost"].sum() / inner.impacts["energy lost"].sum()
+    assert lost == pytest.approx(scales.unit("J"), rel=1e-7)
+    again = pickle.loads(pickle.dumps(run))
+    assert again.impacts.equals(run.impacts)
+
+
+@pytest.mark.slow
+def test_an_orbit_over_the_stiffness():
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e5, damping=1.2))
+    hard = ZHAO.adding(CompliantStopper(stiffness=2e5, damping=1.2))
+    drive, options = mi.Sine(amplitude=0.24, omega=0.5), mi.Options(method="dop853")
+    runs = [mi.simulate(each, drive, periods=300, options=options) for each in (soft, hard)]
+    orbit, same = map(mi.find_orbit, runs)
+    assert orbit.stable
+    assert orbit.step > 1e-4
+    assert len(orbit.impacts) == len(orbit.impact_speeds) == 1
+    assert orbit.observables["energy lost"] == pytest.approx(
+        orbit.impacts["energy lost"].iloc[0], rel=1e-9
+    )
+    assert np.abs(orbit.multipliers) == pytest.approx(by_runs(soft, drive, orbit), abs=1e-5)
+    branch = mi.continue_orbit(orbit, "compliant_stopper.stiffness", stop=2e5)
+    assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
+    values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}
+    table = mi.sweep(soft, drive, "compliant_stopper.stiffness", [1e5, 2e5], **values)
+    found = mi.sweep_summary(table)["displacement per period"]
+    assert list(found) == pytest.approx([orbit.step, same.step], rel=1e-5)
+
+
+def by_runs(actuator, drive, orbit):
+    """Multipliers by central differences of runs over a period, the frame at rest at both ends."""
+    options = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    state, h, columns = orbit.state, 1e-6, []
+    for name in ("x2", "v2"):
+        ends = []
+        for sign in (1.0, -1.0):
+            start = mi.State(
+                **{"x2": state.x2, "v2": state.v2, name: getattr(state, name) + sign * h}
+            )
+            end = mi.simulate(actuator, drive, periods=1, initial=start, options=options).final
+            ends.append([end.x2, end.v2])
+        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
+    return np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))[::-1]
