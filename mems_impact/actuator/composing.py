@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 
 from mems_impact.actuator import equations as eq
@@ -120,6 +121,7 @@ class Model:
     places_frame: bool
 
 
+@cache
 def compose(kinds: tuple[Kind, ...], electrodes: int) -> Model:
     """Return the equations of an actuator with terms and one or two electrodes."""
     places = layout(kinds, electrodes)

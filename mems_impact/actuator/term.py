@@ -10,6 +10,7 @@ if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works witho
     from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
     from mems_impact.actuator.terms.frame_load import FrameLoad as FrameLoad
     from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
+    from mems_impact.actuator.terms.squeeze_film import SqueezeFilm as SqueezeFilm
     from mems_impact.actuator.terms.tilt import Tilt as Tilt
 else:
 

@@ -95,10 +95,13 @@ def simulate(
     gatherer = begin()
     kept: list[Events] = []
     largest = None if system.is_scaled else Largest(start.y)
+    validity = system.validity(problem, start)
 
     def consume(events: Events) -> None:
         if largest is not None:
             largest(events)
+        if validity is not None:
+            validity(events)
         if keep == "events":
             kept.append(events)
         else:
@@ -108,6 +111,8 @@ def simulate(
         if largest is not None:
             timed = system.forced or problem.time_scale is not None
             tell_of_run(system.states, options, trajectory, largest, timed)
+        if validity is not None:
+            validity.tell(trajectory.final)
         if kept:
             trajectory = trajectory.with_events(Events.joined(kept))
         lengths = [len(events) for events in kept]
