@@ -73,6 +73,7 @@ if TYPE_CHECKING:
         StiffnessWarning,
         SweepInterrupted,
         UnitsWarning,
+        ValidityWarning,
     )
     from mems_impact.hybrid.automaton import Guard, Impact
     from mems_impact.plotting.branch import plot_branch
@@ -132,6 +133,7 @@ __all__ = [
     "Target",
     "Term",
     "UnitsWarning",
+    "ValidityWarning",
     "Verification",
     "Window",
     "blows",
@@ -196,6 +198,7 @@ _HOMES = {
         "StiffnessWarning",
         "SweepInterrupted",
         "UnitsWarning",
+        "ValidityWarning",
     ),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),

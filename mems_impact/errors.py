@@ -30,6 +30,7 @@ __all__ = [
     "StiffnessWarning",
     "SweepInterrupted",
     "UnitsWarning",
+    "ValidityWarning",
 ]
 
 # What a message shows of a wrong value and of a name, in characters.
@@ -350,6 +351,10 @@ class UnitsWarning(UserWarning):
 
 class ScaleWarning(UserWarning):
     """Numbers lie far from order one, and nothing was said of what is typical."""
+
+
+class ValidityWarning(UserWarning):
+    """A run went where a term of the model does not hold."""
 
 
 class StiffnessWarning(UserWarning):

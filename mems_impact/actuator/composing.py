@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import accumulate
 from typing import Any
 
@@ -126,6 +127,7 @@ class Model:
     cyclic: tuple[int, ...]
 
 
+@cache
 def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
     """Return the equations of an actuator with terms and one or two electrodes."""
     places = layout(kinds, electrodes)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.actuator.composed import composed_automaton
+from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import yields
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.drive import Drive
@@ -28,6 +29,7 @@ from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.tables import SWEEP_COLUMNS, SYMBOLS
+from mems_impact.actuator.validity import Validity
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Span
@@ -242,6 +244,13 @@ class ActuatorSystem(ActuatorNumerics):
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Accumulator(self.inner_actuator, start, window)
+
+    def validity(self, problem: Problem, start: Instant) -> Validity | None:
+        """Return what warns of a run that leaves the range in which its terms hold."""
+        sides = 1 if self.drive.left_voltage is None else 2
+        parts = compose(self._kinds, sides).contributions if self._kinds else ()
+        limits = [limit for part in parts for limit in part.limits]
+        return Validity(limits, problem, start, self._scales) if limits else None
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, in the units of the numerics."""

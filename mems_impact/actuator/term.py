@@ -7,6 +7,8 @@ from mems_impact.actuator.terms.base import Term as Term
 from mems_impact.actuator.terms.files import term_type
 
 if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works without
+    from mems_impact.actuator.terms.adhesion import Adhesion as Adhesion
+    from mems_impact.actuator.terms.compliant_stopper import CompliantStopper as CompliantStopper
     from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
     from mems_impact.actuator.terms.dielectric_charging import (
         DielectricCharging as DielectricCharging,
@@ -15,6 +17,7 @@ if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works witho
     from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
     from mems_impact.actuator.terms.fringing import Fringing as Fringing
     from mems_impact.actuator.terms.series_resistance import SeriesResistance as SeriesResistance
+    from mems_impact.actuator.terms.squeeze_film import SqueezeFilm as SqueezeFilm
     from mems_impact.actuator.terms.tilt import Tilt as Tilt
 else:
 

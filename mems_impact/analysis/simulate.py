@@ -102,12 +102,15 @@ def simulate(
     meets = meeting(system, problem)
     if meets is not None:
         meets.put(start)
+    validity = system.validity(problem, start)
 
     def consume(events: Events) -> None:
         if largest is not None:
             largest(events)
         if meets is not None:
             meets(events)
+        if validity is not None:
+            validity(events)
         if keep == "events":
             kept.append(events)
         else:
@@ -117,6 +120,8 @@ def simulate(
         if largest is not None:
             timed = system.forced or problem.time_scale is not None
             tell_of_run(system.states, options, trajectory, largest, timed)
+        if validity is not None:
+            validity.tell(trajectory.final)
         if kept:
             trajectory = trajectory.with_events(Events.joined(kept))
         lengths = [len(events) for events in kept]

@@ -20,7 +20,7 @@ from mems_impact.hybrid.written import NO_GUARD
 if TYPE_CHECKING:
     from mems_impact.analysis.system import System
 
-__all__ = ["Gatherer", "Gathering", "Span", "observed"]
+__all__ = ["Gatherer", "Gathering", "Span", "Watcher", "observed"]
 
 
 class Gatherer(Protocol):
@@ -37,6 +37,16 @@ class Gatherer(Protocol):
 
         `borders` are the states where the window begins and ends.
         """
+
+
+class Watcher(Protocol):
+    """Looks at the events of a run as they come, and tells what the user should know of it."""
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    def tell(self, final: Instant) -> None:
+        """Tell it of a run that ended at `final`."""
 
 
 class Deferred:

@@ -16,7 +16,7 @@ from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
 from mems_impact.analysis.sizes import tell_of_orbits
 from mems_impact.analysis.state import State
-from mems_impact.analysis.statistics import Gatherer, Gathering, Span
+from mems_impact.analysis.statistics import Gatherer, Gathering, Span, Watcher
 from mems_impact.analysis.typical import typical_of
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
@@ -275,6 +275,10 @@ class System(Numerics):
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Gathering(self, problem, start, window)
+
+    def validity(self, problem: Problem, start: Instant) -> Watcher | None:
+        """Return what warns of a run that leaves the range in which the system's model holds."""
+        return None
 
     def tidied(self, mode: int, y: Floats) -> Floats:
         """Return a state that Newton's method has found, without what rounding made of it."""

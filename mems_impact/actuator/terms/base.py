@@ -25,7 +25,7 @@ from mems_impact.units import Scales
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
 
-__all__ = ["Contribution", "Electrode", "Function", "Places", "Term", "TermKind"]
+__all__ = ["Contribution", "Electrode", "Function", "Limit", "Places", "Term", "TermKind"]
 
 Function = Callable[..., float]
 """A scalar function that numba compiles unchanged."""
@@ -55,6 +55,25 @@ class Electrode(NamedTuple):
     slope: Function
     node: Function
     offset: Function
+
+
+class Limit(NamedTuple):
+    """A range beyond which a term no longer tells the truth; a run that leaves it warns once.
+
+    Attributes
+    ----------
+    what : str
+        What it is of, to be followed by "is 0.3".
+    value : callable
+        ``value(y, p)``, of plain arithmetic: it is called with the states of many events at once, y
+        of shape (n, k).
+    most : float
+        The end of the range.
+    """
+
+    what: str
+    value: Function
+    most: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +112,8 @@ class Contribution:
         ``energy(y, p)`` that the term stores, of which its conservative forces are the slope.
     lost : callable
         ``lost(y, p)``, the power that it turns into heat, >= 0.
+    limits : tuple of Limit
+        Beyond which it does not hold.
     """
 
     force: Function | None = None
@@ -110,6 +131,7 @@ class Contribution:
     places_frame: bool = False
     energy: Function | None = None
     lost: Function | None = None
+    limits: tuple[Limit, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,308 @@
+"""The gas between block and electrode, squeezed out and compressed as the gap closes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple, Self
+
+from pydantic import Field, model_validator
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.composing import summed
+from mems_impact.actuator.modes import V2, X2
+from mems_impact.actuator.terms.base import Contribution, Function, Limit, Places, Shape, Term
+from mems_impact.errors import InvalidParameter, shown
+
+__all__ = ["SqueezeFilm"]
+
+MOST_MODES = 4
+SMALL = 0.2  # mean pressure beside the ambient one, for which the flow is still linear in it
+THIN = 880.0  # Knudsen number up to which the effective viscosity was fitted
+EXCESS = "the excess of the squeeze film's mean pressure, by the ambient one,"
+EMPTY = 1.0 - 1e-9  # no gas is left; a trial step may look beyond
+FOURTH = math.pi**4 / 96.0  # sum of l^-4 over odd l
+FIFTH = 31.0 / 32.0 * 1.0369277551433699  # of l^-5: 31/32 zeta(5)
+
+
+class SqueezeFilm(Term):
+    """The film of gas between block and electrode, which damps at low frequencies and then springs.
+
+    It takes the place of a constant damping: leave in `c` only what the suspension itself loses.
+
+    Parameters
+    ----------
+    length, width : float
+        Sides of the rectangular face [m], 0 < width <= length.
+    pressure : float
+        Ambient pressure [Pa], > 0.
+    viscosity : float
+        Of the gas, not rarefied [Pa s], > 0; 1.82e-5 for air at 20 degrees Celsius.
+    free_path_pressure : float
+        Mean free path times pressure [Pa m], >= 0, a constant of the gas at its temperature;
+        6.7e-3 for air at 20 degrees Celsius, 0 for a film without rarefaction.
+    sides : {"right", "both"}, optional
+        Where there is a film: in the gap d - x2 at the right electrode, or in d + x2 too.
+    modes : int, optional
+        How finely the pressure over the face is resolved, 1 to 4: 3, 6, 10 or 15 states a film.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range, or the width above the length.
+
+    Warns
+    -----
+    ValidityWarning
+        After a run, if the mean pressure came to differ from the ambient one by a fifth of it, or
+        the Knudsen number of the gap rose above 880.
+
+    Notes
+    -----
+    Reynolds' equation, isothermal and linear in the pressure but not in the gap, mode by mode
+    (J. J. Blech, *J. Lubrication Technology* 105 (1983) 615; T. Veijola et al., *J.
+    Microelectromech. Syst.* 4 (1995) 109). Each mode is a compartment of a share of the face, whose
+    gas would fill the gap h + u at the ambient pressure, h being the gap: u is its state, and
+
+        du/dt = -dh/dt - u/tau,        tau = 12 mu_eff s/(pressure h^2)
+
+    with 1/s = pi^2 (k^2/length^2 + l^2/width^2), k and l odd; it presses with pressure u/h. What
+    the modes leave out of the face is put together so that the stiffness at high frequencies,
+    pressure area/h, and the damping at low ones are exact. mu_eff = viscosity/(1 + 9.638 Kn^1.159),
+    Kn the mean free path by h. See docs/terms/squeeze_film.md.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> film = mi.SqueezeFilm(length=2e-4, width=1e-4, pressure=1e5, viscosity=1.82e-5,
+    ...                       free_path_pressure=6.7e-3)
+    >>> damped = mi.load_actuator("mita2003").replace(c=0.0).adding(film)
+    """
+
+    length: Positive
+    width: Positive
+    pressure: Positive
+    viscosity: Positive
+    free_path_pressure: NonNegative
+    sides: Literal["right", "both"] = "right"
+    modes: Annotated[int, Field(ge=1, le=MOST_MODES, description="a whole number, 1 to 4")] = 1
+
+    units = {  # noqa: RUF012 - ClassVar above
+        "length": "m",
+        "width": "m",
+        "pressure": "Pa",
+        "viscosity": "Pa s",
+        "free_path_pressure": "Pa m",
+        **dict.fromkeys((f"film_{i}" for i in range(1, 16)), "m"),
+        **dict.fromkeys((f"left_film_{i}" for i in range(1, 16)), "m"),
+    }
+
+    @model_validator(mode="after")
+    def _check_sides(self) -> Self:
+        if not self.width <= self.length:
+            allowed = f"above 0 and at most length = {shown(self.length)}"
+            raise InvalidParameter("width", self.width, allowed)
+        return self
+
+    @classmethod
+    def states(cls, shape: Shape) -> tuple[str, ...]:
+        """Return a state for each compartment of each film."""
+        sides, modes = _structure(shape)
+        names = [f"film_{i + 1}" for i in range(modes * (modes + 3) // 2 + 1)]
+        return (*names, *(f"left_{name}" for name in names if sides == "both"))
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return what the films do."""
+        sides, modes = _structure(shape)
+        parts, places = compartments(at, modes), list(at.y.values())
+        count = len(parts)
+        films = [film_of(at, parts, 1, places[:count])]
+        if sides == "both":
+            films.append(film_of(at, parts, -1, places[count:]))
+        path, ambient, both = at.p["free_path_pressure"], at.p["pressure"], sides == "both"
+
+        def knudsen(y, p):  # type: ignore[no-untyped-def]
+            return p[path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both else y[X2])))
+
+        rarefied = Limit("the Knudsen number of the squeeze film", knudsen, THIN)
+        return Contribution(
+            force=summed([film.force for film in films]),
+            rates=tuple(rate for film in films for rate in film.rates),
+            energy=summed([film.energy for film in films]),
+            lost=summed([film.lost for film in films]),
+            limits=(*(film.limit for film in films), rarefied),
+        )
+
+
+def _structure(shape: Shape) -> tuple[str, int]:
+    """Return the sides and the modes of a shape."""
+    *_, sides, modes = shape
+    return str(sides), int(str(modes))
+
+
+class Compartment(NamedTuple):
+    """A part of the face with one pressure.
+
+    Attributes
+    ----------
+    share : float
+        Of the face; those of all compartments add up to 1.
+    size : callable
+        ``size(p)``, its s [m^2]: the square of a length over which the gas flows out.
+    """
+
+    share: float
+    size: Function
+
+
+def compartments(at: Places, modes: int) -> list[Compartment]:
+    """Return the compartments: row by row across the width, modes along it and what they leave.
+
+    Row 1, 3, ... across has the modes 1, 3, ... along one by one, one fewer than the row before,
+    and the sum of its others; at the end comes the sum of all other rows.
+    """
+    found = []
+    for row in range(modes):
+        across = 2 * row + 1
+        odd = range(1, 2 * (modes - row), 2)
+        found += [Compartment(share(along, across), size_of(at, along, across)) for along in odd]
+        rest = share_of_row(across) - sum(share(along, across) for along in odd)
+        found.append(Compartment(rest, size_of_row(at, across, modes - row, rest)))
+    rest = 1.0 - sum(share_of_row(2 * row + 1) for row in range(modes))
+    return [*found, Compartment(rest, size_of_rest(at, modes, rest))]
+
+
+def share(along: int, across: int) -> float:
+    """Return the share of the face that the mode (along, across) stands for."""
+    return 64.0 / (math.pi**4 * along * along * across * across)
+
+
+def share_of_row(across: int) -> float:
+    """Return the share of all modes of a row."""
+    return 8.0 / (math.pi**2 * across * across)
+
+
+def size_of(at: Places, along: int, across: int) -> Function:
+    """Return the size of a mode."""
+    length, width = at.p["length"], at.p["width"]
+
+    def size(p):  # type: ignore[no-untyped-def]
+        return 1.0 / (math.pi**2 * ((along / p[length]) ** 2 + (across / p[width]) ** 2))
+
+    return size
+
+
+def size_of_row(at: Places, across: int, resolved: int, rest: float) -> Function:
+    """Return the size of what `resolved` modes leave of a row: the mean over all others.
+
+    The sum along of the shares times the sizes is that of a strip, less what flows out at its
+    ends: 8 width^2/(pi across)^4 (1 - tanh(z)/z), z = pi across length/(2 width).
+    """
+    length, width = at.p["length"], at.p["width"]
+
+    def size(p):  # type: ignore[no-untyped-def]
+        z = 0.5 * math.pi * across * p[length] / p[width]
+        total = 8.0 * p[width] ** 2 / (math.pi * across) ** 4 * (1.0 - math.tanh(z) / z)
+        for i in range(resolved):
+            along = 2 * i + 1
+            inverse = math.pi**2 * ((along / p[length]) ** 2 + (across / p[width]) ** 2)
+            total -= 64.0 / (math.pi**4 * along * along * across * across * inverse)
+        return total / rest
+
+    return size
+
+
+def size_of_rest(at: Places, modes: int, rest: float) -> Function:
+    """Return the size of all rows behind the first `modes`: the mean over them."""
+    length, width = at.p["length"], at.p["width"]
+    rows = range(1, 2 * modes, 2)
+    fourth = FOURTH - sum(across**-4.0 for across in rows)
+    fifth = FIFTH - sum(across**-5.0 for across in rows)
+    first = 2 * modes + 1
+
+    def size(p):  # type: ignore[no-untyped-def]
+        ratio = 0.5 * math.pi * p[length] / p[width]
+        # tanh is 1 beyond the first of these rows, to 1e-13 of the sum.
+        ends = (fifth - (1.0 - math.tanh(first * ratio)) / first**5) / ratio
+        return 8.0 * p[width] ** 2 / math.pi**4 * (fourth - ends) / rest
+
+    return size
+
+
+class Film(NamedTuple):
+    """One film, as functions of state and parameters."""
+
+    force: Function
+    rates: list[Function]
+    energy: Function
+    lost: Function
+    limit: Limit
+
+
+def film_of(at: Places, parts: list[Compartment], side: int, places: list[int]) -> Film:
+    """Return the film at the electrode on `side`, whose states stand at `places`."""
+    length, width, ambient = at.p["length"], at.p["width"], at.p["pressure"]
+    filling = summed([weighted(part.share, u) for part, u in zip(parts, places, strict=True)])
+    mobility = mobility_of(at)
+
+    def force(y, p):  # type: ignore[no-untyped-def]
+        gap = eq.electrode_gap(side * y[X2], p)
+        return -side * p[length] * p[width] * p[ambient] * filling(y, p) / gap
+
+    def of_part(part: Compartment, u: int) -> tuple[Function, Function, Function]:
+        share, size = part
+
+        def flowing_out(y, p):  # type: ignore[no-untyped-def]
+            return y[u] * mobility(eq.electrode_gap(side * y[X2], p), p) / size(p)
+
+        def rate(y, p):  # type: ignore[no-untyped-def]
+            # Where the gap of the electrode is frozen, that of the film is.
+            closing = side * y[V2] if side * y[X2] < 0.5 * (p[eq.DELTA] + p[eq.D]) else 0.0
+            return closing - flowing_out(y, p)
+
+        def potential(y, p):  # type: ignore[no-untyped-def]
+            ratio = y[u] / eq.electrode_gap(side * y[X2], p)
+            return share * p[length] * p[width] * p[ambient] * math.log1p(max(ratio, -EMPTY))
+
+        def energy(y, p):  # type: ignore[no-untyped-def]
+            # What an isothermal gas can do beside the ambient one.
+            gap = eq.electrode_gap(side * y[X2], p)
+            pushed = share * p[length] * p[width] * p[ambient] * y[u]
+            return (gap + y[u]) * potential(y, p) - pushed
+
+        def lost(y, p):  # type: ignore[no-untyped-def]
+            return potential(y, p) * flowing_out(y, p)
+
+        return rate, energy, lost
+
+    rates, energies, losses = zip(*map(of_part, parts, places), strict=True)
+
+    def excess(y, p):  # type: ignore[no-untyped-def]
+        return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
+
+    beside = Limit(EXCESS, excess, SMALL)
+    return Film(force, list(rates), summed(energies), summed(losses), beside)
+
+
+def weighted(share: float, place: int) -> Function:
+    """Return a state times its share."""
+
+    def part(y, p):  # type: ignore[no-untyped-def]
+        return share * y[place]
+
+    return part
+
+
+def mobility_of(at: Places) -> Function:
+    """Return ``mobility(gap, p)``, pressure gap^2/(12 mu_eff) [m^2/s]."""
+    ambient, viscosity = at.p["pressure"], at.p["viscosity"]
+    path = at.p["free_path_pressure"]
+
+    def mobility(gap, p):  # type: ignore[no-untyped-def]
+        # Differences by a path of 0 look below it.
+        knudsen = max(p[path], 0.0) / (p[ambient] * gap)
+        rarefied = 1.0 + 9.638 * knudsen**1.159
+        return p[ambient] * gap * gap * rarefied / (12.0 * p[viscosity])
+
+    return mobility

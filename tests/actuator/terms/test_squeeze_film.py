@@ -1,0 +1,292 @@
+"""The squeeze film: its circuit against Blech's series, runs against another integration."""
+
+import math
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mems_impact as mi
+from mems_impact.actuator.composing import compose
+from mems_impact.actuator.modes import X2
+
+pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
+
+INTERPRETED = mi.Options(engine="interpreted", rtol=1e-10, atol=1e-12)
+ZHAO = mi.load_actuator("zhao2004")
+FILM = mi.SqueezeFilm(length=1.0, width=0.5, pressure=2.0, viscosity=1.0, free_path_pressure=0.1)
+DEVICE = ZHAO.replace(c=0.01).adding(FILM)
+DRIVE = mi.Sine(amplitude=0.6, omega=0.5)
+KICKED = mi.State(v2=1.0)
+
+
+def blech(number, ratio, terms=200):
+    """Stiffness and damping x frequency by pressure area/gap: Blech's (18), (19), term by term."""
+    k = np.arange(1.0, 2.0 * terms, 2.0)
+    m, n = np.meshgrid(k, k)
+    q = m**2 + (ratio * n) ** 2
+    series = (m * n) ** 2 * (q**2 + number**2 / math.pi**4)
+    spring = 64.0 * number**2 / math.pi**8 * (1.0 / series).sum()
+    damper = 64.0 * number / math.pi**6 * (q / series).sum()
+    return spring + 1j * damper
+
+
+def response(film, number, x2=0.0, d=1.0):
+    """The same of the term: rates and force linear in its states, the gap standing still."""
+    system = ZHAO.replace(d=d).adding(film).under(DRIVE)
+    model = compose(system._kinds, 1)
+    p, n = np.array(system.numbers().parameters), len(system.states)
+    scratch = np.zeros(n)
+
+    def rates(y):
+        model.rates(0.0, 0.0, y, p, scratch)
+        return scratch[4:].copy()
+
+    y = np.zeros(n)
+    y[X2] = x2
+    each = np.eye(n)
+    slopes = np.array([rates(y + unit) for unit in each])
+    relaxing, by_speed = slopes[4:].T, slopes[3]
+    forces = np.array([model.force(y + unit, p) for unit in each[4:]])
+    gap, mu = d - x2, film.viscosity
+    mu /= 1.0 + 9.638 * (film.free_path_pressure / film.pressure / gap) ** 1.159
+    omega = number * film.pressure * gap**2 / (12.0 * mu * film.width**2)
+    states = np.linalg.solve(1j * omega * np.eye(n - 4) - relaxing, 1j * omega * by_speed)
+    return -forces @ states * gap / (film.pressure * film.length * film.width)
+
+
+@pytest.mark.parametrize(
+    ("modes", "ratio", "moderate", "always"),
+    [
+        (1, 1.0, 0.010, 0.10),
+        (1, 0.5, 0.026, 0.09),
+        (1, 0.1, 0.018, 0.06),
+        (2, 1.0, 0.001, 0.06),
+        (2, 0.5, 0.004, 0.046),
+        (2, 0.1, 0.015, 0.031),
+        (4, 1.0, 5e-5, 0.032),
+    ],
+)
+def test_force_is_that_of_blechs_series(modes, ratio, moderate, always):
+    """Squeeze numbers up to 30, where most devices are, and beyond."""
+    film = FILM.replace(width=ratio, modes=modes)
+    numbers = 10.0 ** np.arange(-2.0, 4.1, 0.5)
+    series = np.array([blech(number, ratio) for number in numbers])
+    apart = np.abs([response(film, number) for number in numbers] - series) / np.abs(series)
+    assert apart[numbers < 32.0].max() < moderate
+    assert apart.max() < always
+
+
+@pytest.mark.parametrize("x2", [0.0, 0.4, -0.4])
+def test_a_long_plate_at_low_frequency_is_damped_by_the_known_coefficient(x2):
+    """Damping mu L w^3/g^3, less the flow out at the ends: 1 - 0.630 w/L."""
+    film = FILM.replace(length=1.0, width=0.01, free_path_pressure=0.0)
+    number, gap = 1e-4, 1.0 - x2
+    omega = number * film.pressure * gap**2 / (12.0 * film.viscosity * film.width**2)
+    damping = response(film, number, x2).imag * film.pressure * 0.01 / gap / omega
+    closed = film.viscosity * film.width**3 / gap**3 * (1.0 - 0.630 * film.width)
+    assert damping == pytest.approx(closed, rel=1e-5)
+
+
+@pytest.mark.parametrize("modes", [1, 2, 3, 4])
+def test_at_high_frequency_it_is_an_isothermal_spring(modes):
+    found = response(FILM.replace(modes=modes), 1e9)
+    assert found.real == pytest.approx(1.0, abs=1e-6)
+
+
+def test_rarefied_gas_flows_out_as_fast_as_veijola_has_it():
+    """At Kn = 0.1 the effective viscosity is that of the gas by 1.66832."""
+    film = FILM.replace(free_path_pressure=0.2)
+    thinner = film.replace(free_path_pressure=0.0, viscosity=film.viscosity / 1.66832379)
+    systems = [ZHAO.adding(each).under(DRIVE) for each in (film, thinner)]
+    slopes = []
+    for system in systems:
+        model, slope = compose(system._kinds, 1), np.zeros(7)
+        y = np.array([0.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3])
+        model.rates(0.0, 0.0, y, np.array(system.numbers().parameters), slope)
+        slopes.append(slope[4:])
+    assert slopes[0] == pytest.approx(slopes[1], rel=1e-6)
+
+
+@pytest.mark.parametrize("sides", ["right", "both"])
+def test_no_energy_comes_of_it(sides):
+    """Of large changes of gap and pressure: what is pushed in is stored or lost, and losses are."""
+    system = ZHAO.adding(FILM.replace(sides=sides)).under(DRIVE)
+    model = compose(system._kinds, 1)
+    p, n = np.array(system.numbers().parameters), len(system.states)
+    (part,) = model.contributions
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        y = rng.uniform(-0.3, 0.6, n)
+        y[X2] = rng.uniform(-0.5, 0.5)
+        slope = np.zeros(n)
+        slope[X2] = y[3]
+        model.rates(0.0, 0.0, y, p, slope)
+        h = 1e-7
+        stored = (part.energy(y + h * slope, p) - part.energy(y - h * slope, p)) / (2.0 * h)
+        assert part.energy(y, p) > 0.0
+        assert part.lost(y, p) >= 0.0
+        assert stored + part.lost(y, p) == pytest.approx(-part.force(y, p) * y[3], abs=1e-7)
+
+
+def reference(y, t, device, film, drive):
+    """The equations of a block in a stuck frame, written out: one state u for each compartment."""
+    k, m2, c, alpha = device.k, device.m2, device.c, device.alpha
+    x, v, u = y[0], y[1], y[2:]
+    gap, ratio = device.d - x, film.width / film.length
+    z = math.pi / (2.0 * ratio)
+    shares = [64.0 / math.pi**4, 8.0 / math.pi**2 - 64.0 / math.pi**4, 1.0 - 8.0 / math.pi**2]
+    first = 64.0 / math.pi**6 / (1.0 + ratio**2)
+    row = 8.0 / math.pi**4 * (1.0 - math.tanh(z) / z)
+    odd = np.arange(3.0, 4001.0, 2.0)
+    others = (8.0 / (math.pi * odd) ** 4 * (1.0 - np.tanh(z * odd) / (z * odd))).sum()
+    sizes = np.array([first, row - first, others]) / shares * film.width**2
+    path = film.free_path_pressure / film.pressure
+    mu = film.viscosity / (1.0 + 9.638 * (path / gap) ** 1.159)
+    tau = 12.0 * mu * sizes / film.pressure / gap**2
+    push = film.pressure * film.length * film.width * (shares @ u) / gap
+    pull = alpha * (drive.amplitude * math.cos(drive.omega * t) / gap) ** 2
+    return [v, (pull - push - k * x - c * v) / m2, *(v - u / tau)]
+
+
+def test_a_run_meets_an_integration_of_the_same_equations():
+    run = mi.simulate(
+        DEVICE, DRIVE, periods=1.0, initial=mi.State(v2=0.9, x2=-0.2), options=INTERPRETED
+    )
+    struck = run.impacts.iloc[0]
+    film = run.events[["film_1", "film_2", "film_3"]].iloc[0]
+    there = solve_ivp(
+        lambda t, y: reference(y, t, DEVICE, FILM, DRIVE),
+        (0.0, float(struck["t"])),
+        [-0.2, 0.9, 0.0, 0.0, 0.0],
+        method="Radau",
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[:, -1]
+    assert there[0] == pytest.approx(0.5, abs=1e-8)
+    assert there[1] == pytest.approx(struck["v2 before"], abs=1e-8)
+    assert there[2:] == pytest.approx(film.tolist(), abs=1e-8)
+
+
+def test_without_gas_the_papers_model_comes_back():
+    thin = ZHAO.adding(FILM.replace(pressure=1e-9, free_path_pressure=0.0, viscosity=1e-10))
+    bare = mi.simulate(ZHAO, DRIVE, periods=2, initial=KICKED, options=INTERPRETED)
+    run = mi.simulate(thin, DRIVE, periods=2, initial=KICKED, options=INTERPRETED)
+    assert len(run.impacts) == len(bare.impacts) > 0
+    assert run.impacts["t"].to_numpy() == pytest.approx(bare.impacts["t"].to_numpy(), abs=1e-7)
+
+
+SI = """
+units = "SI"
+[parameters]
+m1 = 1.0485e-5
+m2 = 2.097e-6
+k = 4.765
+c = 1e-5
+d = 5.0e-6
+delta = 2.5e-6
+e = 0.8
+mu_s = 0.4
+mu_d = 0.27
+alpha = 8.854e-20
+g = 9.80665
+
+[squeeze_film]
+length = 4e-3
+width = 2e-3
+pressure = 2.0
+viscosity = 1.82e-5
+free_path_pressure = 6.7e-3
+sides = "both"
+modes = 2
+"""
+
+
+def test_a_device_in_si_and_its_dimensionless_form_are_one(tmp_path):
+    path = tmp_path / "device.toml"
+    path.write_text(SI)
+    device = mi.load_actuator(path)
+    film = device.term("squeeze_film")
+    assert (film.sides, film.modes, film.pressure) == ("both", 2, 2.0)
+    inner = device.to_dimensionless()
+    back = inner.to_si(device.scales).term("squeeze_film")
+    assert back.viscosity == pytest.approx(1.82e-5, rel=1e-14)
+    scales = device.scales
+    drive = mi.Sine(amplitude=100.0, omega=1200.0)
+    same = mi.Sine(amplitude=scales.into(100.0, "V"), omega=scales.into(1200.0, "rad/s"))
+    one = mi.simulate(device, drive, periods=0.5, options=INTERPRETED)
+    two = mi.simulate(inner, same, periods=0.5, options=INTERPRETED)
+    last, theirs = (run.samples(2).iloc[-1] for run in (one, two))
+    for name in ("x2", "film_1", "left_film_6"):
+        assert last[name] == pytest.approx(theirs[name] * 5e-6, rel=1e-9, abs=1e-20)
+    assert abs(theirs["film_1"]) > 1e-3
+
+
+def test_a_run_is_kept_with_its_film(tmp_path):
+    run = mi.simulate(DEVICE, DRIVE, periods=0.2, initial=KICKED, options=INTERPRETED)
+    run.save(tmp_path / "run")
+    loaded = mi.load(tmp_path / "run")
+    assert loaded.actuator == pickle.loads(pickle.dumps(run)).actuator == DEVICE
+    assert loaded.samples(4).equals(run.samples(4))
+
+
+@pytest.mark.filterwarnings("default::mems_impact.errors.ValidityWarning")
+def test_a_run_beyond_what_holds_says_so_once():
+    def told(speed, **changes):
+        device, start = ZHAO.adding(FILM.replace(**changes)), mi.State(v2=speed)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            mi.simulate(device, DRIVE, periods=0.2, initial=start, options=INTERPRETED)
+        return [str(each.message) for each in caught if each.category is mi.ValidityWarning]
+
+    assert told(0.1) == []
+    (pressed,) = told(1.0)
+    assert pressed.startswith("the excess of the squeeze film's mean pressure")
+    assert pressed.endswith("and the model holds up to 0.2")
+    (rarefied,) = told(0.1, viscosity=1e5, free_path_pressure=1700.0)
+    assert rarefied == (
+        "the Knudsen number of the squeeze film is 1.28e+03 at t = 1.25664, "
+        "and the model holds up to 880"
+    )
+
+
+@pytest.mark.parametrize("values", [{"width": 2.0}, {"modes": 5}, {"sides": "left"}])
+def test_what_is_refused(values):
+    with pytest.raises(mi.InvalidParameter):
+        FILM.replace(**values)
+
+
+@pytest.mark.slow
+def test_an_orbit_over_the_pressure():
+    """Multipliers meet differences of runs; more gas, and a slower impact."""
+    drive, options = mi.Sine(amplitude=0.3, omega=0.5), mi.Options(method="dop853", rtol=1e-11)
+    device = ZHAO.adding(FILM.replace(pressure=0.2, viscosity=0.5))
+    table = mi.sweep(device, drive, "squeeze_film.pressure", [0.2, 0.4], transient=50, periods=5)
+    assert (table["impacts per period"] == 1.0).all()
+    run = mi.simulate(device, drive, periods=100, options=options)
+    orbit = mi.find_orbit(run, periods=1)
+    system, start = orbit.system, orbit.state
+
+    def after(values):
+        state = mi.State(**values, time=start.time)
+        done = mi.simulate(system, periods=1, initial=state, options=options)
+        return done.final.as_dict()
+
+    values = start.as_dict()
+    names = [name for name in system.states if name not in ("x1", "v1")]
+    h = 1e-6
+    monodromy = np.array(
+        [
+            [
+                (after({**values, a: values[a] + h})[b] - after({**values, a: values[a] - h})[b])
+                for b in names
+            ]
+            for a in names
+        ]
+    ) / (2.0 * h)
+    sizes = np.sort(np.abs(np.linalg.eigvals(monodromy)))[::-1]
+    assert np.sort(np.abs(orbit.multipliers))[::-1][:2] == pytest.approx(sizes[:2], abs=1e-6)
+    branch = mi.continue_orbit(orbit, "squeeze_film.pressure", stop=0.4)
+    assert branch.table["squeeze_film.pressure"].iloc[-1] == pytest.approx(0.4)
