@@ -10,7 +10,9 @@ import numpy as np
 
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.energy import Energy
 from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.parameters import Actuator
@@ -93,5 +95,7 @@ register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for nam
 register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(Chart)
+register(Energy)
+register(Sums)
 register_object(Accumulator)
 register_object(BlowCounter)

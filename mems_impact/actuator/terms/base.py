@@ -258,6 +258,21 @@ class Term(Checked, ABC):
         """
         return ()
 
+    @classmethod
+    def electrode_energy(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+        """Return ``energy(v, x, y, p)``, the energy of the fields at an electrode, now complete.
+
+        None where what is stored comes from the drive, and goes back to it, without a loss. The
+        drive gives what the electrodes do to the block, what this energy grows by, and what is
+        lost.
+        """
+        return None
+
+    @classmethod
+    def electrode_lost(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+        """Return ``lost(v, x, y, p)``, the power that it turns into heat at an electrode, >= 0."""
+        return None
+
 
 def _shape(value: Any) -> Hashable:
     if isinstance(value, float):
