@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.blows import Blows, blows
     from mems_impact.actuator.design.chart import Chart
     from mems_impact.actuator.design.charting import operating_chart
+    from mems_impact.actuator.design.energy import Energy, energy
     from mems_impact.actuator.design.estimates import (
         Window,
         period_one_window,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive, load_drive
     from mems_impact.actuator.figures.chart import plot_chart
     from mems_impact.actuator.figures.drive import plot_drive
+    from mems_impact.actuator.figures.energy import plot_energy
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
@@ -93,6 +95,7 @@ __all__ = [
     "ChartInterrupted",
     "Curve",
     "Drive",
+    "Energy",
     "EngineFallbackWarning",
     "EngineUnavailable",
     "Equilibrium",
@@ -140,6 +143,7 @@ __all__ = [
     "continue_curve",
     "continue_equilibrium",
     "continue_orbit",
+    "energy",
     "find_equilibria",
     "find_orbit",
     "fit",
@@ -155,6 +159,7 @@ __all__ = [
     "plot_chart",
     "plot_curve",
     "plot_drive",
+    "plot_energy",
     "plot_orbit",
     "plot_run",
     "plot_sweep",
@@ -177,6 +182,7 @@ _HOMES = {
     "actuator.terms.base": ("Term",),
     **{f"actuator.terms.{name}": (term,) for name, term in TERMS.items()},
     "actuator.figures.drive": ("plot_drive",),
+    "actuator.figures.energy": ("plot_energy",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),
     "errors": (
@@ -216,6 +222,7 @@ _HOMES = {
     "plotting.orbit": ("plot_orbit",),
     "plotting.run": ("plot_run",),
     "actuator.design.blows": ("Blows", "blows"),
+    "actuator.design.energy": ("Energy", "energy"),
     "actuator.design.estimates": (
         "Window",
         "period_one_window",

@@ -103,6 +103,11 @@ class ActuatorOrbit(_OfActuator, Orbit):
         """Displacement of the frame over the orbit."""
         return self.gains["x1"]
 
+    @property
+    def log(self) -> Events:
+        """The events once round, in the units of the numerics."""
+        return self._log
+
     @cached_property
     def impacts(self) -> pd.DataFrame:
         """One row an impact, with the columns of `ActuatorRun.impacts`."""

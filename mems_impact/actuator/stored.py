@@ -10,8 +10,10 @@ import numpy as np
 
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.energy import Energy
 from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.parameters import Actuator
@@ -94,6 +96,8 @@ register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for nam
 register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(Chart)
+register(Energy)
+register(Sums)
 register_object(Accumulator)
 register_object(BlowCounter)
 register_object(Rests)

@@ -1,0 +1,51 @@
+"""Where the energy goes, as bars."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
+from mems_impact.tables.common import heading
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.design.energy import Energy
+
+__all__ = ["plot_energy"]
+
+COLORS = {"in": BLUE, "lost": ORANGE, "load": GREEN, "stored": GREY}
+WORDS = {"in": "given by the drive", "lost": "lost", "load": "work on loads", "stored": "stored"}
+
+
+def plot_energy(energy: Energy, ax: Any = None) -> Any:
+    """Draw the energy per forcing period of every account as a bar, its share beside it.
+
+    Parameters
+    ----------
+    energy : Energy
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+    """
+    table = energy.table
+    if ax is None:
+        ax = new_figure(6.4, 0.8 + 0.32 * len(table)).subplots()
+    places = range(len(table))
+    shown = set()
+    for place, row in zip(places, table.itertuples(), strict=True):
+        label = None if row.kind in shown else WORDS[row.kind]
+        shown.add(row.kind)
+        value = table["energy per period"].iloc[place]
+        bar = ax.barh(place, value, color=COLORS[row.kind], label=label)
+        ax.bar_label(bar, labels=[f"{100.0 * row.share:.3g} %"], padding=3, fontsize=8)
+    ax.set_yticks(list(places), [name.replace("_", " ") for name in table["account"]])
+    ax.invert_yaxis()
+    ax.axvline(0.0, color=GREY, linewidth=0.8)
+    ax.margins(x=0.15)
+    ax.set_xlabel(heading(table, "energy per period"))
+    ax.legend(frameon=False, loc="lower right")
+    tidy(ax)
+    return ax
