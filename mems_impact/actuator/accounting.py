@@ -14,7 +14,7 @@ from mems_impact.actuator import equations as eq
 from mems_impact.actuator.composed import composed_automaton, voltages
 from mems_impact.actuator.composing import Model, compose, filling, undriven
 from mems_impact.actuator.modes import V1, V2, X2, direction_of
-from mems_impact.actuator.terms.base import Function, Kind
+from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.unguarded import unguarded
 
@@ -50,7 +50,7 @@ class Accounts:
 
 
 @cache
-def accounts(kinds: tuple[Kind, ...], electrodes: int) -> Accounts:
+def accounts(kinds: tuple[TermKind, ...], electrodes: int) -> Accounts:
     """Return the stores and losses of an actuator with terms and one or two electrodes."""
     model = compose(kinds, electrodes)
     lost: dict[str, Function] = {}
@@ -75,7 +75,7 @@ def accounts(kinds: tuple[Kind, ...], electrodes: int) -> Accounts:
 
 
 def at_electrodes_of(
-    model: Model, number: int, kind: Kind
+    model: Model, number: int, kind: TermKind
 ) -> tuple[list[Function], list[Function]]:
     """Return the energies and the losses of a term at the electrodes."""
     energies, powers = [], []
@@ -93,7 +93,7 @@ def at_electrodes_of(
 
 @cache
 def accounted_automaton(
-    kinds: tuple[Kind, ...],
+    kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
     voltage_rate: Callable[..., float],
     left: Callable[..., float] | None = None,
