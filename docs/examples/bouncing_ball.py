@@ -72,7 +72,7 @@ ball = mi.System(
 # A run on a table that is too slow: the ball comes to rest, in ever shorter flights.
 
 slow = mi.simulate(ball.changed(A=0.3), periods=8)
-mi.plot_run(slow, first=0)[0].figure.savefig("bouncing_ball_run.png")
+mi.plot_run(slow, first=0).figure.savefig("bouncing_ball_run.png")
 
 # %%
 # The orbit with one impact a period, where shaking is faster.

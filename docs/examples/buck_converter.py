@@ -60,7 +60,7 @@ converter = mi.System(
 # A run and its orbit. A mode is shaded.
 
 run = mi.simulate(converter, periods=200)
-mi.plot_run(run)[0].figure.savefig("buck_converter_run.png")
+mi.plot_run(run).figure.savefig("buck_converter_run.png")
 orbit = mi.find_orbit(run)
 
 # %%

@@ -73,7 +73,7 @@ oscillator = mi.System(
 # A run and its orbit, with much friction.
 
 run = mi.simulate(oscillator.changed(f=0.93), periods=60)
-mi.plot_run(run, first=56)[0].figure.savefig("coulomb_oscillator_run.png")
+mi.plot_run(run, first=56).figure.savefig("coulomb_oscillator_run.png")
 sticking = mi.find_orbit(run)
 mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 

@@ -47,7 +47,7 @@ oscillator = mi.System(
 # A run, at an amplitude at which every fifth period has its impact.
 
 run = mi.simulate(oscillator, periods=200)
-mi.plot_run(run, first=190)[0].figure.savefig("impact_oscillator_run.png")
+mi.plot_run(run, first=190).figure.savefig("impact_oscillator_run.png")
 
 # %%
 # The orbit: its multipliers, and its impact.

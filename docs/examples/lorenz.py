@@ -35,7 +35,7 @@ convection = mi.System(
 # A run at the usual :math:`\rho = 28`.
 
 chaos = mi.simulate(convection.changed(rho=28.0), duration=30.0, initial={"x": 1.0, "z": 20.0})
-mi.plot_run(chaos, states=["x", "z"])[0].figure.savefig("lorenz_run.png")
+mi.plot_run(chaos, states=["x", "z"]).figure.savefig("lorenz_run.png")
 
 # %%
 # The cycle where it attracts, and its branch down to 28. (Steps are lengths in the units of the

@@ -76,7 +76,7 @@ block = mi.System(
 # A run: the block tips over a corner at once, and falls into step with the ground.
 
 run = mi.simulate(block, periods=60)
-mi.plot_run(run, first=0, last=8)[0].figure.savefig("rocking_block_run.png")
+mi.plot_run(run, first=0, last=8).figure.savefig("rocking_block_run.png")
 
 # %%
 # The symmetric orbit, and an unsymmetric one.

@@ -60,7 +60,7 @@ belt = mi.System(
 # A run and its cycle.
 
 run = mi.simulate(belt, duration=60)
-mi.plot_run(run)[0].figure.savefig("stick_slip_belt_run.png")
+mi.plot_run(run).figure.savefig("stick_slip_belt_run.png")
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)
 mi.plot_orbit(cycle).figure.savefig("stick_slip_belt_orbit.png")

@@ -66,7 +66,7 @@ belt = mi.System(
 # A run, and its cycle.
 
 run = mi.simulate(belt, duration=60.0)
-mi.plot_run(run)[0].figure.savefig("stribeck_belt_run.png")
+mi.plot_run(run).figure.savefig("stribeck_belt_run.png")
 squeal = mi.find_orbit(run)
 mi.plot_orbit(squeal).figure.savefig("stribeck_belt_orbit.png")
 

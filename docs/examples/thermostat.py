@@ -61,7 +61,7 @@ house = mi.System(
 # A run, on a morning after a cold night.
 
 run = mi.simulate(house, duration=6.0)
-mi.plot_run(run)[0].figure.savefig("thermostat_run.png")
+mi.plot_run(run).figure.savefig("thermostat_run.png")
 
 # %%
 # The cycle.

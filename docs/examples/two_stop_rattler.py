@@ -84,7 +84,7 @@ box = mi.System(
 # A run from the middle, with the ball thrown to the right.
 
 run = mi.simulate(box, periods=400)
-mi.plot_run(run, first=0, last=40, states=["x", "z"])[0].figure.savefig("two_stop_rattler_run.png")
+mi.plot_run(run, first=0, last=40, states=["x", "z"]).figure.savefig("two_stop_rattler_run.png")
 
 # %%
 # The orbit, as the box moves.

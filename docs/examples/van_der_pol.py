@@ -35,7 +35,7 @@ oscillator = mi.System(
 # A run, from near the equilibrium.
 
 run = mi.simulate(oscillator, duration=40.0)
-mi.plot_run(run)[0].figure.savefig("van_der_pol_run.png")
+mi.plot_run(run).figure.savefig("van_der_pol_run.png")
 
 # %%
 # The cycle.

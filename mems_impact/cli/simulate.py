@@ -106,7 +106,7 @@ def command(
         verification = run.verify() if verify else None
         if verification is not None:
             files.tables({"verification": verification.table})
-        files.draw(lambda: mi.plot_run(run)[0].figure)
+        files.draw(lambda: mi.plot_run(run).figure)
         _show(run)
         if verification is not None:
             click.echo(f"Two unrelated methods of integration:\n{verification}\n")

@@ -18,6 +18,7 @@ from mems_impact.errors import (
     StiffnessWarning,
 )
 from mems_impact.hybrid import loop, record
+from mems_impact.hybrid.clocks import AT_TIMES, is_clock
 from mems_impact.hybrid.opposed import LOOKED_AT, SLIDE, opposed
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
@@ -299,6 +300,8 @@ class _Run:
                 f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
                 "lead to a mode in which it does not watch: while its margin falls it fires again"
             )
+        if at_guard and instant > 1 and is_clock(self._margin_of(failure), self._local().tolist()):
+            remedy = AT_TIMES
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
@@ -314,6 +317,20 @@ class _Run:
             if found is not None:
                 reason, remedy = f"{reason}: {found.reason}", found.remedy
         return self._ended_by(reason, remedy)
+
+    def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:
+        """Return the margin of a guard, by the state, in the mode and at the time of now."""
+        clock, problem = self.clock, self.problem
+        margins, rates = np.zeros((2, len(problem.automaton.guards)))
+        p = np.array(problem.parameters, dtype=float)
+
+        def margin(y: Sequence[float]) -> float:
+            problem.automaton.margins(
+                int(clock["mode"]), float(clock["t"]), np.array(y), p, margins, rates
+            )
+            return float(margins[guard])
+
+        return margin
 
     def _searched(self) -> FunctionError | None:
         """Return what is wrong with flow or margins where the run has come to."""

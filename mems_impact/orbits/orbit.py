@@ -225,6 +225,8 @@ def defects(shooting: Shooting, point: Point) -> tuple[Defect, ...]:
         (at_start, at_end), (rising, _) = arc.margins, arc.rates
         own = segment.guard(m)
         for j, guard in enumerate(automaton.guards):
+            if guard.records:
+                continue  # its margin may be where it will
             worst = float(arc.minima[j])
             if j != own:
                 worst = min(worst, float(at_end[j]))

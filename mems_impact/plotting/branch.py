@@ -27,6 +27,7 @@ __all__ = ["plot_branch"]
 DOTS = "0.62"
 FACES = {"G": "white", "CF": BLUE, "PD": ORANGE, "NS": GREY}  # of orbits
 FACES |= {"BE": "white", "LP": BLUE, "H": ORANGE, "BP": GREY}  # of equilibria
+FACE = "0.85"  # of what is named after a guard
 
 
 class Diagram(Protocol):
@@ -51,7 +52,8 @@ def plot_branch(
     """Draw a state on the section over the parameter of one or more branches.
 
     Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones left out.
-    Special points are labelled: G, CF, PD, NS of orbits; LP, H, BP, BE of equilibria.
+    Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is touched; LP, H,
+    BP, BE of equilibria.
 
     Parameters
     ----------
@@ -163,7 +165,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
 
 
 def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
-    rows = table[table["label"].isin(FACES) & table["admissible"].astype(bool)]
+    rows = table[table["admissible"].astype(bool)]
     return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
 
 
@@ -177,7 +179,7 @@ def _points(ax: Any, marks: pd.DataFrame) -> None:
             continue
         near = [t for t in taken if _within(0.05, t, here)]
         ax.plot(
-            row.value, row.y, marker="o", markersize=5.5, color=FACES[row.label],
+            row.value, row.y, marker="o", markersize=5.5, color=FACES.get(row.label, FACE),
             markeredgecolor="black", markeredgewidth=0.8, linestyle="none", zorder=4,
         )  # fmt: skip
         # Labels of points near each other stand on different sides.

@@ -30,7 +30,7 @@ def plot_run(
     axes: Sequence[Any] | None = None,
     *,
     states: Sequence[str] | None = None,
-) -> tuple[Any, ...]:
+) -> Any:
     """Draw the states of a run over time, impacts marked and modes shaded.
 
     Where an impact makes a state jump, a dotted line joins the values before and after. The mode in
@@ -51,8 +51,8 @@ def plot_run(
 
     Returns
     -------
-    tuple of Axes
-        One a state; ``axes[0].figure.savefig(…)`` writes the figure.
+    Axes
+        The uppermost; ``ax.figure.savefig(…)`` writes the figure, ``ax.figure.axes`` are all.
 
     Raises
     ------
@@ -61,15 +61,13 @@ def plot_run(
 
     Examples
     --------
-    >>> axes = plot_run(run, states=["v"])
-    >>> axes[0].figure.savefig("run.png")
+    >>> plot_run(run, states=["v"]).figure.savefig("run.png")
     """
     if not isinstance(run, Run):
         allowed = "a Run, as mems_impact.simulate returns it"
         raise InvalidParameter("run", type(run).__name__, allowed)
     if run.figure and states is None:
-        drawn: tuple[Any, ...] = resolve_name(run.figure)(run, first, last, axes)
-        return drawn
+        return resolve_name(run.figure)(run, first, last, axes)[0]
     known = run.system.states
     chosen = known[:PANELS] if states is None else check_states("states", states, known)
     if axes is None:
@@ -103,7 +101,7 @@ def plot_run(
     axes[-1].set_xlabel(words)
     axes[-1].set_xlim(samples["t"].iloc[0] / unit, samples["t"].iloc[-1] / unit)
     _key(axes[0], colors if len(run.system.modes) > 1 else {}, corners)
-    return tuple(axes)
+    return axes[0]
 
 
 def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:

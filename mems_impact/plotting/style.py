@@ -102,11 +102,12 @@ def with_unit(words: str, table: pd.DataFrame, name: str) -> str:
 
 
 def parameter_label(table: pd.DataFrame, name: str) -> str:
-    """Return the label of an axis for a parameter: its name, its symbol, its unit."""
+    """Return the label of an axis for a parameter: its symbol, its unit.
+
+    And its name, where the symbol is not read off that.
+    """
     symbols = table.attrs.get("symbols", {})
-    sign = symbol(name, symbols)
-    # x2 is told by its symbol alone, omega needs the word as well.
-    told = sign == name or (name not in symbols and "\\" not in sign)
+    sign, told = symbol(name, symbols), name not in symbols
     return with_unit(sign if told else f"{name} {sign}", table, name)
 
 

@@ -50,6 +50,24 @@ def test_where_the_motion_settles_an_orbit_is_found_instead():
     assert orbit.state.x == pytest.approx(settled.x, abs=1e-6)
 
 
+def middle(mode, t, y, p):
+    return y.x
+
+
+def test_a_guard_that_only_records_forbids_nothing():
+    system = mi.System(
+        states=("x", "v"),
+        flow=flow,
+        period=2.0 * math.pi,
+        parameters={"A": 0.5},
+        guards=[mi.Guard("middle", middle)],
+    )
+    orbit = mi.find_orbit(system, transient=10, options=PLAIN)
+    assert orbit.admissible
+    assert orbit.events["event"].tolist() == ["middle"]
+    assert orbit.samples(100)["x"].min() < -0.4
+
+
 def repelled(mode, t, y, p):
     return y.v, 2.0 * y.x + math.cos(t)
 

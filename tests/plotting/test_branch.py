@@ -45,7 +45,8 @@ def test_lines_and_labels(tmp_path):
     ax = mi.plot_branch(diagram())
     (solid,), (_,) = lines(ax, "stable orbit"), lines(ax, "unstable orbit")
     assert list(solid.get_xdata()) == [0.3, 0.2, 0.1]
-    assert [text.get_text() for text in ax.texts] == ["CF", "G"]
+    # What is named after a guard has its name.
+    assert [text.get_text() for text in ax.texts] == ["CF", "G", "break-away"]
     assert "inadmissible" not in {line.get_label() for line in ax.lines}
     assert ax.get_xlabel() == "amplitude $f$"
     assert ax.get_ylabel() == "$v_2$ at $x_2 = 0$"
@@ -58,7 +59,7 @@ def test_branches_over_a_sweep_on_given_axes():
     assert mi.plot_branch([diagram(), diagram()], sweep, ax) is ax
     labels = [text.get_text() for text in ax.get_legend().get_texts()]
     assert labels == ["brute force", "stable orbit", "unstable orbit"]
-    assert len(ax.texts) == 2
+    assert len(ax.texts) == 3
 
 
 def test_another_quantity():
@@ -102,7 +103,7 @@ def test_a_branch_without_special_points(orbit):
 def test_curves_of_an_own_system(branch, tmp_path):
     curves = [mi.continue_curve(special, "omega", 0.82) for special in branch.special_points]
     ax = mi.plot_curve(curves)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"omega $\omega$", "$A$")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"$\omega$", "$A$")
     assert [text.get_text() for text in ax.get_legend().get_texts()] == [
         "period-doubling", "grazing"]  # fmt: skip
     (line,) = lines(ax, "grazing")

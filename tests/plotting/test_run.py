@@ -34,7 +34,7 @@ def legend(ax):
 
 
 def test_one_panel_a_state_over_the_last_periods(run, tmp_path):
-    x, v = mi.plot_run(run)
+    x, v = mi.plot_run(run).figure.axes
     assert [ax.get_ylabel() for ax in (x, v)] == ["$x$", "$v$"]
     assert v.get_xlabel() == "time / forcing period"
     assert v.get_xlim() == pytest.approx((94, 100))
@@ -44,7 +44,7 @@ def test_one_panel_a_state_over_the_last_periods(run, tmp_path):
 
 
 def test_impacts_are_dots_where_the_state_goes_on_and_lines_where_it_jumps(run):
-    x, v = mi.plot_run(run, 90, 95)
+    x, v = mi.plot_run(run, 90, 95).figure.axes
     hits = run.impacts[run.impacts["t"].between(*(n * 2 * np.pi / 0.8 for n in (90, 95)))]
     assert len(hits) == 5
     times = hits["t"].to_numpy() * 0.8 / (2 * np.pi)
@@ -56,7 +56,7 @@ def test_impacts_are_dots_where_the_state_goes_on_and_lines_where_it_jumps(run):
 
 
 def test_the_line_reaches_both_sides_of_a_jump_and_is_broken_there(run):
-    line = curve(mi.plot_run(run, 90, 95)[1]).get_xydata()
+    line = curve(mi.plot_run(run, 90, 95).figure.axes[1]).get_xydata()
     gaps = np.flatnonzero(np.isnan(line[:, 1]))
     hits = run.impacts.tail(10)
     assert len(gaps) == 5
@@ -67,7 +67,7 @@ def test_the_line_reaches_both_sides_of_a_jump_and_is_broken_there(run):
 
 
 def test_the_rarer_mode_is_shaded_and_named(resting, tmp_path):
-    x, v = mi.plot_run(resting, 10.5, 13.5)
+    x, v = mi.plot_run(resting, 10.5, 13.5).figure.axes
     assert legend(x) == ["impact", "held", "free"]
     for ax in (x, v):
         assert {to_hex(patch.get_facecolor()) for patch in ax.patches} == {GREEN}
@@ -82,27 +82,28 @@ def test_the_rarer_mode_is_shaded_and_named(resting, tmp_path):
 def test_a_window_that_begins_at_rest(resting):
     inside = float(resting.events[resting.events["mode after"] == "held"]["t"].iloc[8]) + 0.1
     first = inside / resting.system.forcing_period
-    x, _ = mi.plot_run(resting, first, first + 0.05)
+    x, _ = mi.plot_run(resting, first, first + 0.05).figure.axes
     # All of it is in one mode, which is then the one that is not shaded.
     assert len(x.patches) == 0
     assert set(curve(x).get_ydata()) == {1.0}
 
 
 def test_a_system_without_forcing_is_drawn_whole_over_time(falling, tmp_path):
-    x, v = mi.plot_run(falling)
+    x, v = mi.plot_run(falling).figure.axes
     assert [ax.get_ylabel() for ax in (x, v)] == ["$x$ [m]", "$v$ [m/s]"]
     assert v.get_xlabel() == "time [s]"
     assert v.get_xlim() == pytest.approx((0, 3))
     assert len(dots(x)) == len(falling.impacts) == 6
     x.figure.savefig(tmp_path / "run.png")
-    assert mi.plot_run(falling, 0.5, 1.5)[0].get_xlim() == pytest.approx((0.5, 1.5))
+    assert mi.plot_run(falling, 0.5, 1.5).figure.axes[0].get_xlim() == pytest.approx((0.5, 1.5))
 
 
 def test_chosen_states_on_given_axes(run):
-    (ax,) = mi.plot_run(run, states=["v"])
+    (ax,) = mi.plot_run(run, states=["v"]).figure.axes
     assert ax.get_ylabel() == "$v$"
     axes = Figure().subplots(2)
-    assert mi.plot_run(run, 1, 2, axes, states=("v", "x")) == tuple(axes)
+    assert mi.plot_run(run, 1, 2, axes, states=("v", "x")) is axes[0]
+    assert [ax.get_ylabel() for ax in axes] == ["$v$", "$x$"]
     with pytest.raises(mi.InvalidParameter, match="one of x, v"):
         mi.plot_run(run, states=["x2"])
     with pytest.raises(mi.InvalidParameter, match="one of x, v"):
@@ -117,8 +118,9 @@ def test_many_states_are_cut_to_six():
             dy[i] = -y[i]
 
     run = mi.simulate(mi.System(states=8, flow=flow, initial={"u0": 1.0}), duration=1.0)
-    assert [ax.get_ylabel() for ax in mi.plot_run(run)] == [f"$u_{i}$" for i in range(6)]
-    assert mi.plot_run(run, states=["u7"])[0].get_ylabel() == "$u_7$"
+    panels = mi.plot_run(run).figure.axes
+    assert [ax.get_ylabel() for ax in panels] == [f"$u_{i}$" for i in range(6)]
+    assert mi.plot_run(run, states=["u7"]).figure.axes[0].get_ylabel() == "$u_7$"
 
 
 def test_no_run_and_a_run_that_kept_nothing(run):
@@ -131,7 +133,7 @@ def test_no_run_and_a_run_that_kept_nothing(run):
 
 def test_panels_do_not_lie_over_each_other_without_impacts(tmp_path):
     # A line without points, unclipped, once pushed all panels out of the figure.
-    axes = mi.plot_run(mi.simulate(oscillator().changed(A=0.1), 3))
+    axes = mi.plot_run(mi.simulate(oscillator().changed(A=0.1), 3)).figure.axes
     axes[0].figure.savefig(tmp_path / "run.png")
     boxes = [ax.get_position() for ax in axes]
     assert all(above.y0 > below.y1 for above, below in pairwise(boxes))

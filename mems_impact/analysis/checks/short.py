@@ -15,6 +15,7 @@ from mems_impact.analysis.checks.rates import check_jacobian, rate_of
 from mems_impact.analysis.checks.times import Clock
 from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.blaming import Function
+from mems_impact.hybrid.clocks import AT_TIMES, is_clock
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD
 from mems_impact.hybrid.tried import Place, Tried, Undefined
 
@@ -267,6 +268,8 @@ class Short:
         problem = f"leaves its margin at zero and falling, at the rate {rate:.6g}"
         problem += ", so that it fires again in the same instant"
         remedy = "turn the rate round, or lead to a mode in which the guard does not watch"
+        if is_clock(lambda y: self.tried.margin(i, Place(at.mode, at.t, list(y))), at.y):
+            remedy = AT_TIMES
         return Function(kind, guard.transition, guard.name).error(problem, remedy)
 
 

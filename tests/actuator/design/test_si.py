@@ -122,6 +122,6 @@ def test_sweep(parameter, tmp_path):
 
 
 def test_plot_of_a_run(pair):
-    block, frame = mi.plot_run(pair[1])
+    block, frame = mi.plot_run(pair[1]).figure.axes
     assert "[m]" in block.get_ylabel()
     assert "[m]" in frame.get_ylabel()

@@ -15,7 +15,7 @@ def run():
 
 
 def test_run_shows_its_last_periods(run, tmp_path):
-    block, frame = mi.plot_run(run)
+    block, frame = mi.plot_run(run).figure.axes
     assert block.figure is frame.figure
     assert frame.get_xlim() == pytest.approx((34, 40))
     hits = next(line for line in block.lines if line.get_marker() == "o")
@@ -28,14 +28,14 @@ def test_run_shows_its_last_periods(run, tmp_path):
 
 def test_run_on_given_axes(run):
     axes = Figure().subplots(2)
-    block, frame = mi.plot_run(run, 10, 12, axes=axes)
+    block, frame = mi.plot_run(run, 10, 12, axes=axes).figure.axes
     assert block is axes[0]
     assert frame is axes[1]
     assert frame.get_xlim() == pytest.approx((10, 12))
 
 
 def test_run_without_impacts(tmp_path):
-    block, frame = mi.plot_run(mi.simulate(ZHAO, DRIVE.replace(amplitude=0.1), 3))
+    block, frame = mi.plot_run(mi.simulate(ZHAO, DRIVE.replace(amplitude=0.1), 3)).figure.axes
     assert len(block.patches) == 0
     block.figure.savefig(tmp_path / "run.png")
     assert block.get_position().y0 > frame.get_position().y1
@@ -47,7 +47,7 @@ def test_run_that_kept_nothing():
 
 
 def test_chosen_states_are_drawn_as_those_of_any_system(run):
-    axes = mi.plot_run(run, states=("v1", "v2"))
+    axes = mi.plot_run(run, states=("v1", "v2")).figure.axes
     assert [ax.get_ylabel() for ax in axes] == ["$v_1$", "$v_2$"]
     texts = [text.get_text() for text in axes[0].get_legend().get_texts()]
     assert texts == ["impact", "forward-free", "stuck-free"]
@@ -56,8 +56,8 @@ def test_chosen_states_are_drawn_as_those_of_any_system(run):
 def test_units_are_those_of_the_device():
     device = mi.load_actuator("mita2003")
     run = mi.simulate(device, mi.Sine(amplitude=100, omega=6.283), periods=2)
-    assert mi.plot_run(run)[1].get_ylabel() == "$x_1$, frame [m]"
-    (ax,) = mi.plot_run(run, states=["x2"])
+    assert mi.plot_run(run).figure.axes[1].get_ylabel() == "$x_1$, frame [m]"
+    (ax,) = mi.plot_run(run, states=["x2"]).figure.axes
     assert ax.get_ylabel() == "$x_2$ [m]"
     low, high = ax.get_ylim()
     assert -1.3 * device.delta < low < high < 1.3 * device.delta
