@@ -1,17 +1,19 @@
 """Which of two methods takes an arc, and when it hands over to the other.
 
 One text for both engines, over an engine that holds two: the explicit one-step method and CVODE's
-BDF. What decides is the stiffness of a step, its length times the spectral radius of the flow's
-Jacobian. An explicit method that is at the border of stability for many steps has one of about 6,
-and hands over. BDF hands back where its own steps have one below 1, since six times their length
-would then be stable: a step of the explicit method costs as much as some four of BDF. Between the
-two limits whichever method is at work goes on.
+BDF. The explicit one is
+under suspicion where its steps are too short for its order: a motion that is straight over many of
+them is far smoother than they are. Where the flow's Jacobian has a fast eigenvalue, that is the
+reason, and BDF takes over. (To wait for the border of stability would not do: at tight tolerances
+what errs in the stages keeps steps well below it.) BDF hands back where its own steps are
+short beside the inverse of the spectral radius, so that nothing but accuracy could limit others.
+Between the two limits whichever method is at work goes on.
 
 Of every mode is remembered how its last arc has ended, one whole number each:
 
 - 0: by the explicit method, with which the next arc begins;
 - k > 0: the same, BDF having been tried k times in vain, so that it is tried again only after
-  2**k times as many steps at the border;
+  2**k times as long under suspicion;
 - below 0: by BDF, with which the next arc begins, after -1 - k trials in vain.
 
 It changes at a hand-over only, which the event loop writes down, so that any arc of a run can be
@@ -26,15 +28,17 @@ from typing import Any
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.engines.onestep.stepper import IN_A_ROW
 
 EXPLICIT, IMPLICIT = 0, 1
 
-# Stiffness of an explicit step from which on BDF may take over (on the imaginary axis the border of
-# stability is nearer), and of a step of BDF below which the explicit method does.
-ENTER, LEAVE = 3.0, 1.0
-# BDF is looked at every so many steps, and only once its order has risen and they grow no more.
-LOOK, GROWN = 32, 2.0
+# Explicit steps are looked at by so many. Their motion is straight if its middle is off the chord
+# by less than that part of it, or by so many tolerances. BDF may take over if the spectral radius
+# times the time of all of them exceeds a limit, and nothing but the error keeps them short.
+WINDOW, STRAIGHT, NOTHING, ENTER = 16, 0.125, 50.0, 4.0
+LONG = 0.5  # part of the longest step allowed, from which on one is not short
+# So is BDF; it leaves where its steps times the spectral radius are below a limit.
+LOOK, LEAVE = 32, 0.25
+GROWN = 2.0  # steps that grow faster from look to look have not come to their length yet
 MOST_DOUBLED = 10  # times the patience of the explicit method
 
 # Steps of the power method: at the first look in an arc, and later, from where it has come to. The
@@ -42,7 +46,7 @@ MOST_DOUBLED = 10  # times the patience of the explicit method
 FIRST, LATER, NUDGE = 8, 2, 1e-7
 
 # Rows of numbers: one for each component of the state, in MEMORY one for each mode.
-STATE, SLOPE, AHEAD, CHANGED, DIRECTION, MEMORY, ROWS = range(7)
+STATE, SLOPE, AHEAD, CHANGED, DIRECTION, BEGIN, MIDDLE, MEMORY, ROWS = range(9)
 
 
 def explicit(engine: Any) -> Any:
@@ -81,21 +85,23 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     # A first look in vain, in an arc that begins with a hand-over, makes a trial one in vain.
     engine.trial = engine.handed
     engine.handed = 0
+    engine.taken = 0
     if known < 0:
         engine.now = IMPLICIT
         engine.begun += 1
-        engine.taken = 0
         engine.longest = 0.0
         engine.longest_before = 0.0
         contract.restart(implicit(engine), mode, t, y, stop)
         present(engine, implicit(engine))
     else:
         engine.now = EXPLICIT
-        one = explicit(engine)
-        one.patience = IN_A_ROW * 2 ** min(known, MOST_DOUBLED)
-        one.stiff = 0
-        contract.restart(one, mode, t, y, stop)
-        present(engine, one)
+        engine.suspected = 0
+        engine.patience = 2 ** min(known, MOST_DOUBLED)
+        engine.t_begin = t
+        for j in range(engine.n):
+            row(engine, BEGIN)[j] = y[j]
+        contract.restart(explicit(engine), mode, t, y, stop)
+        present(engine, explicit(engine))
 
 
 def step(engine: Any) -> int:
@@ -122,16 +128,46 @@ def hand_over(engine: Any) -> None:
 
 
 def explicit_step(engine: Any, one: Any) -> int:
-    """Take a step, and ask for BDF if the border of stability has limited many."""
+    """Take a step, and ask for BDF if steps have been too short for long, and the flow is stiff."""
     status = contract.step(one)
     present(engine, one)
-    if status == contract.STEPPED and one.stiff == 1:
-        one.stiff = 0
-        one.at_border = 0
+    if status != contract.STEPPED:
+        return status
+    engine.taken += 1
+    if engine.taken % WINDOW == WINDOW // 2:
+        engine.t_middle = contract.time(one)
+        contract.state(one, row(engine, MIDDLE))
+    elif engine.taken % WINDOW == 0:
+        t = contract.time(one)
         contract.state(one, row(engine, STATE))
-        if (one.t_end - one.t_start) * radius(engine, one.t_end) > ENTER:
-            engine.wanted = 1
+        length = (t - engine.t_middle) / (WINDOW // 2)
+        grown = t - engine.t_middle > GROWN * (engine.t_middle - engine.t_begin)
+        if grown or length > LONG * one.longest or not straight(engine, t):
+            engine.suspected = 0
+        else:
+            engine.suspected += 1
+            if engine.suspected >= engine.patience:
+                engine.suspected = 0
+                if WINDOW * length * radius(engine, t) > ENTER:
+                    engine.wanted = 1
+        engine.t_begin = t
+        for j in range(engine.n):
+            row(engine, BEGIN)[j] = row(engine, STATE)[j]
     return status
+
+
+def straight(engine: Any, t: float) -> bool:
+    """Return whether the motion from BEGIN over MIDDLE to STATE, at `t`, is nearly straight."""
+    begin, middle, y = row(engine, BEGIN), row(engine, MIDDLE), row(engine, STATE)
+    share = (engine.t_middle - engine.t_begin) / (t - engine.t_begin)
+    moved, bent = 0.0, 0.0
+    for j in range(engine.n):
+        scale = engine.atol + engine.rtol * abs(y[j])
+        chord = (y[j] - begin[j]) / scale
+        off = (middle[j] - begin[j]) / scale - share * chord
+        moved += chord * chord
+        bent += off * off
+    return bent < max(STRAIGHT * STRAIGHT * moved, NOTHING * NOTHING * engine.n)
 
 
 def implicit_step(engine: Any, one: Any) -> int:

@@ -23,8 +23,9 @@ from mems_impact.engines.options import Options
 from mems_impact.engines.snapshot import mark_overloaded, take
 
 _WORDS = ("explicit", "implicit", "rows", "width")
-_COUNTS = ("now", "wanted", "handed", "trial", "looks", "taken", "directed", "begun")
-_REALS = ("rtol", "atol", "longest", "longest_before")
+_COUNTS = ("now", "wanted", "handed", "trial", "looks", "taken", "directed", "begun",
+           "suspected", "patience")  # fmt: skip
+_REALS = ("rtol", "atol", "longest", "longest_before", "t_begin", "t_middle")
 HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_WORDS, *_COUNTS)),

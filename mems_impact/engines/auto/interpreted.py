@@ -35,8 +35,8 @@ class Engine(Functions):
         self.modes = equations.modes
         self.mode = self.wanted = self.handed = self.trial = 0
         self.now = EXPLICIT
-        self.looks = self.taken = self.directed = self.begun = 0
-        self.longest = self.longest_before = 0.0
+        self.looks = self.taken = self.directed = self.begun = self.suspected = self.patience = 0
+        self.longest = self.longest_before = self.t_begin = self.t_middle = 0.0
         self.last_instant = math.inf
 
     @property

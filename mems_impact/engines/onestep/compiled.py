@@ -37,7 +37,7 @@ from mems_impact.engines.snapshot import mark_overloaded, sources, take
 
 _FUNCTIONS = ("stages", "dense", "step", "interpolate")
 _WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
-_COUNTS = ("at_border", "off_border", "stiff", "patience")
+_COUNTS = ("at_border", "off_border", "stiff", "steps")
 _REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
 HANDLE = np.dtype(
     [
@@ -85,7 +85,6 @@ class Engine(HandleOwner):
         handle["direction"] = equations.crossing[2]
         handle["rtol"], handle["atol"] = options.rtol, options.atol
         handle["max_step"] = max_step
-        handle["patience"] = stepper.IN_A_ROW
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""

@@ -34,7 +34,7 @@ class Engine(Functions):
         self.h_next = self.longest = 0.0
         self.begun = self.rest = self.has_dense = 0
         self.at_border = self.off_border = self.stiff = 0
-        self.patience = stepper.IN_A_ROW
+        self.steps = 0
 
     def is_stiff(self) -> bool:
         """Return whether stability, not accuracy, has limited steps."""

@@ -45,8 +45,8 @@ RETREAT = 0.25  # a step into where the functions are not finite is cut to this
 ULP = 2.0**-52
 
 # Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
-# in a row, within an arc.
-BORDER, IN_A_ROW, FAR_FROM_IT = 6.1, 15, 6
+# in a row. It is made every so many steps, and at every step once it has been met.
+BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
 
 
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
@@ -64,8 +64,6 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.longest = min(engine.max_step, (stop - t) / LOOKS)
     engine.begun = 0
     engine.rest = 0
-    engine.at_border = 0
-    engine.off_border = 0
 
 
 def step(engine: Any) -> int:
@@ -168,6 +166,7 @@ def take_step(engine: Any) -> int:
         rejected = True
         if h < smallest:
             return failure
+    engine.steps += 1
     engine.t_start = t
     engine.t_end = ahead
     longer = h * min(GROW, SAFETY / max(eighth_root(error), 1e-3))
@@ -180,11 +179,13 @@ def take_step(engine: Any) -> int:
 
 
 def watch_stability(engine: Any, h: float) -> None:
-    """Count steps at the border of stability; say that it is stiff after many in a row."""
+    """Count steps at the border of stability; mark the run as stiff after many in a row."""
+    if engine.at_border == 0 and engine.steps % EVERY != 0:
+        return
     if stretched(engine, h) > BORDER:
         engine.off_border = 0
         engine.at_border += 1
-        if engine.at_border >= engine.patience:
+        if engine.at_border >= IN_A_ROW:
             engine.stiff = 1
     else:
         engine.off_border += 1
