@@ -197,9 +197,7 @@ def test_tests_in_turn():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "body", ["while True:\n        pass", "[].sort() or ''.join(iter(str, 1))"]
-)
+@pytest.mark.parametrize("body", ["while True:\n        pass", "max(iter(int, 1))"])
 def test_a_mutant_that_hangs_is_killed(project, tmp_path, body):
     trial = Copy.make(project, tmp_path / "copy")
     test = "from pathlib import Path\n\n\ndef test():\n    Path('began').touch()\n"
