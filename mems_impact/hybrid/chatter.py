@@ -125,9 +125,10 @@ def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[flo
     # Flights in different modes shrink by different ratios: what repeats is the way back to a mode.
     # One to which nothing leads back is given up for the mode of now.
     elsewhere = hit_begin[guard] > -math.inf and s.mode != hit_mode[guard]
-    hit_others[guard] = hit_others[guard] + 1.0 if elsewhere else 0.0
-    if elsewhere and hit_others[guard] < s.modes:
-        return math.inf, math.inf
+    if elsewhere:
+        hit_others[guard] += 1.0
+        if hit_others[guard] < s.modes:
+            return math.inf, math.inf
     hit_others[guard] = 0.0
     since = -math.inf if elsewhere else hit_begin[guard]
     earlier, before = hit_interval[guard], hit_speed[guard]

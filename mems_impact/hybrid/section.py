@@ -36,8 +36,8 @@ def pass_section(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
 
     `told` is the sign of one there that the engine tells, or 0: that one is not noted. Rates would
     cost a flow a step, so values alone are asked at first: a parabola follows from the paces of the
-    last two steps, and what keeps clear of the section even if it bends twice as much has not
-    crossed it. Overwrites STATE and SLOPE.
+    last two steps, and what keeps clear of the section even if it bends far more has not crossed
+    it, nor has what does not bend at all, crossed it twice. Overwrites STATE and SLOPE.
     """
     h = s.t - before
     if s.section < 0 or not h > 0.0:
@@ -52,12 +52,11 @@ def pass_section(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
     ):
         turned = 0.0
     bend = turned / (0.5 * (h + s.paced))
-    moves = apart != s.apart or bend != 0.0
     s.turning = max(abs(bend), 0.5 * s.turning)
     end = 0.0 if told != 0 else apart
     if s.side == 0:
         s.side = side_of(apart)
-    elif moves and not stays(
+    elif bend != 0.0 and not stays(
         s.side * s.apart,
         s.side * (pace - 0.5 * h * bend),
         s.side * end,

@@ -335,6 +335,15 @@ def test_what_is_rounding_depends_on_no_time(flow):
     )
 
 
+@pytest.mark.parametrize("count", [3, 9])
+def test_the_states_that_a_tuple_is_for_are_named_unless_they_are_many(count):
+    names = tuple(f"x{i}" for i in range(count))
+    with pytest.raises(FunctionError) as caught:
+        mi.System(states=names, flow=lambda mode, t, y, p: (0.0,))
+    shown = ", ".join(names[:8]) + (", …" if count > 8 else "")
+    assert f"return a tuple of {count}, for {shown}, on every path" in str(caught.value)
+
+
 # What the short run never comes to, a run does: a mode that is entered after a long while.
 
 EARLY, LATE = mi.modes("early", "late")

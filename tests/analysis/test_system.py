@@ -268,3 +268,19 @@ def test_orders_that_are_given_are_kept():
     half = mi.Guard("half way", lambda mode, t, y, p: y.x - 0.5, order=0)
     system = ball(guards=[half, floor])
     assert [guard.order for guard in system.automaton.guards] == [0, 1]
+
+
+@pytest.mark.parametrize(("t", "x", "v"), [(0.3, 0.2, 0.7), (2.0, -1.0, 0.4)])
+def test_a_rate_by_differences_is_the_derivative_along_the_flow(t, x, v):
+    """Of sin(x v) cos t, where x' = v and v' = -x."""
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -y.x),
+        period=2.0 * math.pi,
+        guards=[mi.Guard("g", lambda mode, t, y, p: 3.0 + math.sin(y.x * y.v) * math.cos(t))],
+    )
+    problem = system.problem(mi.Options())
+    margins, rates = np.zeros(1), np.zeros(1)
+    problem.automaton.margins(0, t, np.array([x, v]), problem.parameters, margins, rates)
+    along = math.cos(x * v) * (v * v - x * x) * math.cos(t) - math.sin(x * v) * math.sin(t)
+    assert rates[0] == pytest.approx(along, abs=1e-11)

@@ -1,11 +1,16 @@
 """Curves in two parameters, and where they meet, against DOP853 (`free_block`)."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from mems_impact.continuation.branch import follow
-from mems_impact.continuation.curve import follow_curve
+from mems_impact.continuation.curve import _Curve, follow_curve
 from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.family import Family
 from tests.continuation import free_block
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, find_orbit, oscillator, silent_orbit
@@ -103,6 +108,28 @@ def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths
 
 
 # The linear oscillator, where the curves are in closed form.
+
+
+def test_multipliers_of_plus_and_minus_one_in_closed_form():
+    """Along a curve of the oscillator off its stop: det(M - 1), det(M + 1) over the size of M."""
+    c, k, omega = 0.1, 9.0, 0.8
+    compiled = oscillator(amplitude=0.1, omega=omega, c=c, k=k)
+
+    def interpreted(values):
+        made = compiled.at(**values).problem()
+        return replace(made, options=replace(made.options, engine="interpreted", method="dop853"))
+
+    family = Family(interpreted, compiled.values)
+    orbit = find_orbit(family, at((0.1, 0.0)), transient=10)
+    shooting = orbit.equations(("amplitude", "omega"))
+    point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))
+    matrix = expm(np.array([[0.0, 1.0], [-k, -c]]) * 2.0 * np.pi / omega)
+    size = float(np.abs(matrix).max())
+    assert size > 1.0
+    curve = SimpleNamespace(shooting=shooting)
+    for test, multiplier in (("multiplier +1", 1.0), ("multiplier -1", -1.0)):
+        expected = np.linalg.det(matrix - multiplier * np.eye(2)) / size
+        assert _Curve._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.slow

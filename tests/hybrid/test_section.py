@@ -12,9 +12,10 @@ from mems_impact.hybrid.trajectory import Instant
 from mems_impact.hybrid.written import Definition, hidden_parameters, written
 
 
-def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, time_scale=20.0):
+def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=1.0):
     """Return where, and in which direction, a polynomial with these roots crosses zero on a run."""
-    slope = tuple(np.polynomial.Polynomial.fromroots(roots).deriv().coef[::-1].tolist())
+    slope = np.polynomial.Polynomial.fromroots(roots).deriv().coef[::-1] * unit
+    slope = tuple(slope.tolist())
 
     def flow(mode, t, y, p):
         rate = 0.0
@@ -27,11 +28,11 @@ def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, time_
         automaton=written(definition),
         parameters=np.zeros(hidden_parameters(definition)),
         period=1e3,
-        time_scale=time_scale,
+        time_scale=20.0,
         section=(0, 0.0, direction),
-        options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13),
+        options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13 * unit),
     )
-    start = Instant(0, 0.0, 0, np.array([math.prod(begin - root for root in roots), begin]))
+    start = Instant(0, 0.0, 0, np.array([unit * math.prod(begin - root for root in roots), begin]))
     log = run(problem, start, (end - begin) / 1e3).events.crossings(0)
     return log.after[:, 1], log.guard.tolist()
 
@@ -53,6 +54,12 @@ def test_every_root_of_a_polynomial_is_met(roots, method):
     assert residual == pytest.approx(len(roots) * [0.0], abs=1e-9)  # the error of the integration
     first = (-1) ** (len(roots) + 1)
     assert directions == [first * (-1) ** k for k in range(len(roots))]
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_the_size_of_what_crosses_does_not_matter(unit):
+    found, _ = crossings(PAIRS[1], unit=unit)
+    assert found == pytest.approx(PAIRS[1], abs=1e-6)
 
 
 @pytest.mark.parametrize("direction", [1, -1])

@@ -235,6 +235,30 @@ def test_arc_up_to_a_switch_sees_nothing_of_what_follows(engine):
     assert variational.arc(0, arc.end, at_switch, 2.0).slope_start[0] == LATE
 
 
+@pytest.mark.parametrize("room", [1e-2, 1e-4])
+def test_differences_in_time_stay_on_their_side_of_a_switch(room):
+    """A drive sin t, and 5 from the switch on, in the margin and in what the event does."""
+
+    def drive(t, p):
+        return math.sin(t) if t < p[0] else 5.0
+
+    def margins(mode, t, y, p, g, r):
+        g[0], r[0] = drive(t, p), 0.0
+
+    def transition(mode, code, t, y, p):
+        y[0] += drive(t, p)
+        return mode
+
+    driven = replace(SWITCHED, margins=margins, transition=transition)
+    made = problem(driven, (0.7,), period=2.0, engine="interpreted", **TIGHT)
+    event = Variational(made, np.zeros((1, 1))).event(0, 0, 0.7 - room, np.zeros(1), room)
+    # Differences of sixth order: rounding is all that is left of them at these steps.
+    accuracy = 1e-13 / min(room, 1e-3)
+    slope = math.cos(0.7 - room)
+    assert event.margin_by_time[0] == pytest.approx(slope, abs=accuracy)
+    assert event.jump_by_time[0] == pytest.approx(slope, abs=accuracy)
+
+
 def test_run_and_arc_agree():
     made = stop_problem(amplitude=0.2)
     arc = Variational(made, np.zeros((1, 7))).arc(0, np.array([0.1, 0.2]), 0.0, made.period)

@@ -1,14 +1,15 @@
 """Mutants are small, stand where they should, and are tried on a copy."""
 
 import ast
-from pathlib import Path
+import shutil
 
 import pytest
 
 from validation.mutation.__main__ import PROJECT, drawn
 from validation.mutation.equivalent import EQUIVALENT
-from validation.mutation.mutants import mutants
-from validation.mutation.trial import ROOMS, TESTS, Copy, files_for
+from validation.mutation.mutants import ROOMS, mutants
+from validation.mutation.trial import UNSEEN, WATCHED, Copy
+from validation.mutation.watched import Watched, where_seen
 
 
 def wrong(source, kind=None):
@@ -82,15 +83,25 @@ def test_the_draw_repeats():
     assert drawn(PROJECT, 3, 20) != drawn(PROJECT, 4, 20)
 
 
-def test_every_module_has_tests_that_exist():
-    for room in ROOMS:
-        for place in (PROJECT / "mems_impact" / room).glob("*.py"):
-            assert all(
-                (PROJECT / test).is_file() for test in files_for(f"mems_impact/{room}/{place.name}")
-            )
-    for module in TESTS:
+def test_the_tests_of_every_room_exist():
+    for place in (*WATCHED, *(name for names in UNSEEN.values() for name in names)):
+        assert (PROJECT / place).exists(), place
+    assert {room for room in UNSEEN if "/" not in room} == set(ROOMS)
+    for module in UNSEEN:
         place = PROJECT / "mems_impact" / module
         assert place.is_dir() or place.with_suffix(".py").is_file(), module
+
+
+def test_a_change_elsewhere_draws_no_other_mutants(tmp_path):
+    """Each has a place in the draw of its own: what is new comes in, the others stay in order."""
+    room = tmp_path / "mems_impact" / "hybrid"
+    room.mkdir(parents=True)
+    (room / "sums.py").write_text("".join(f"x{k} = a{k} + b{k}\n" for k in range(30)))
+    before = drawn(tmp_path, 1, 10)
+    assert len(before) == 10
+    (room / "new.py").write_text("".join(f"y{k} = a{k} * b{k}\n" for k in range(30)))
+    after = [mutant for mutant in drawn(tmp_path, 1, 60) if mutant.path.endswith("sums.py")]
+    assert after[:10] == before
 
 
 def test_what_is_said_to_be_equivalent_still_stands_in_the_sources():
@@ -101,42 +112,95 @@ def test_what_is_said_to_be_equivalent_still_stands_in_the_sources():
     assert set(EQUIVALENT) <= every
 
 
+SUMS = """LIMIT = 2
+
+
+def total(a, b):
+    return a + b
+
+
+def bounded(a):
+    return min(
+        a,
+        LIMIT,
+    )
+
+
+def spare(a, b=3):
+    return a * b
+"""
+TESTS = """from mems_impact.hybrid.sums import bounded, total
+
+
+def test_total():
+    assert total(1, 2) == 3
+
+
+def test_bounded():
+    assert bounded(5) == 2
+
+
+def test_nothing():
+    pass
+"""
+
+
 @pytest.fixture
-def copy(tmp_path, monkeypatch):
-    """A project of two lines and two tests."""
+def project(tmp_path):
+    """A project of a module and three tests."""
     project = tmp_path / "project"
     (project / "mems_impact" / "hybrid").mkdir(parents=True)
     for room in ("mems_impact", "mems_impact/hybrid"):
         (project / room / "__init__.py").touch()
-    module = project / "mems_impact" / "hybrid" / "sums.py"
-    module.write_text("def total(a, b):\n    return a + b\n\n\nSPARE = 2\n")
+    (project / "mems_impact" / "hybrid" / "sums.py").write_text(SUMS)
     (project / "tests").mkdir()
-    (project / "tests" / "test_sums.py").write_text(
-        "from mems_impact.hybrid.sums import total\n\n\n"
-        "def test_total():\n    assert total(1, 2) == 3\n"
-    )
-    monkeypatch.setitem(TESTS, "hybrid/sums", ["tests/test_sums.py"])
-    return Copy.make(project, tmp_path / "copy"), module
+    (project / "tests" / "test_sums.py").write_text(TESTS)
+    shutil.copytree(PROJECT / "validation" / "mutation", project / "validation" / "mutation")
+    return project
 
 
-def test_a_trial(copy: tuple[Copy, Path]):
-    """The swapped sum is noticed, the spare number is not; the source is as before after both."""
-    trial, module = copy
-    source = module.read_text()
-    of_sum, of_spare = mutants("mems_impact/hybrid/sums.py", source)
-    assert trial.passes(["tests/test_sums.py"], 60.0)
-    assert not trial.survives(of_sum, 60.0)
-    assert trial.survives(of_spare, 60.0)
-    copied = trial.root / of_sum.path
-    assert copied.read_text() == source
-    assert copied.stat().st_mtime_ns == module.stat().st_mtime_ns
+MODULE = "mems_impact/hybrid/sums.py"
+FILE = "tests/test_sums.py"
+
+
+def test_a_trial(project, tmp_path):
+    """Tests are watched; what they run is noticed, the spare product is not; nothing is left."""
+    trial = Copy.make(project, tmp_path / "copy")
+    into = tmp_path / "watched.json"
+    trial.watch(FILE, into)
+    watched = Watched.read([into])
+    assert list(watched.seconds) == [
+        f"{FILE}::test_{name}" for name in ("total", "bounded", "nothing")
+    ]
+    # The limit is no line of a function: who uses it counts, here within a longer statement.
+    for line, tests in ((1, {"bounded"}), (5, {"total"}), (11, {"bounded"}), (15, set())):
+        ran = watched.running(where_seen(trial.root, MODULE, line))
+        assert ran == {f"{FILE}::test_{name}" for name in tests}, line
+
+    of_limit, of_total, _, of_spare = mutants(MODULE, SUMS)
+    assert not trial.survives(of_limit, watched)
+    assert not trial.survives(of_total, watched)
+    assert trial.survives(of_spare, watched)
+    copied = trial.root / MODULE
+    assert copied.read_text() == SUMS
+    assert copied.stat().st_mtime_ns == (project / MODULE).stat().st_mtime_ns
+
+
+def test_tests_in_turn():
+    """Those that ran the line, then the rest of their files, then others; quick ones first."""
+    seconds = {"a::slow": 9.0, "a::quick": 0.1, "b::one": 0.3, "b::two": 0.2, "c::one": 0.1}
+    watched = Watched({**seconds, "d::never": 0.1, "b::longest": 50.0}, [], {})
+    ran = {"a::slow", "b::two"}
+    chosen = watched.in_turn(ran, ("c",), budget=20.0)
+    assert chosen == ["b::two", "a::slow", "a::quick", "b::one", "c::one"]
+    assert watched.in_turn(ran, (), budget=1.0) == ["b::two", "a::quick", "b::one"]
 
 
 @pytest.mark.slow
-def test_a_mutant_that_hangs_is_killed(copy: tuple[Copy, Path]):
-    trial, _ = copy
-    test = "from pathlib import Path\n\n\ndef test():\n"
-    test += "    Path('began').touch()\n    while True:\n        pass\n"
-    (trial.root / "tests" / "test_sums.py").write_text(test)
-    assert not trial.passes(["tests/test_sums.py"], 12.0)
+@pytest.mark.parametrize("body", ["while True:\n        pass", "max(iter(int, 1))"])
+def test_a_mutant_that_hangs_is_killed(project, tmp_path, body):
+    trial = Copy.make(project, tmp_path / "copy")
+    test = "from pathlib import Path\n\n\ndef test():\n    Path('began').touch()\n"
+    (trial.root / FILE).write_text(f"{test}    {body}\n")
+    assert not trial.passes([FILE], {FILE: 5.0})
     assert (trial.root / "began").exists()

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import mems_impact as mi
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.run import Problem, run
-from mems_impact.orbits.finding import find_orbit
-from mems_impact.orbits.orbit import check_closed
+from mems_impact.orbits.finding import find_cycle, find_orbit
+from mems_impact.orbits.orbit import check_closed, make_orbit
+from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 from tests.continuation import free_block
 from tests.orbits.families import (
@@ -219,6 +221,40 @@ def test_a_period_that_jumps_is_refused(share, allowed):
         return
     with pytest.raises(OrbitError, match="period jumps"):
         orbit.shooting.setting(np.array([1.0 / share]))
+
+
+def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():
+    """s' = 1 from 0 to 1, and again: the margin s - low has its smallest value where s begins."""
+    saw = mi.System(
+        states=("s", "y"),
+        flow=lambda mode, t, y, p: (1.0, -y.y),
+        parameters={"low": -0.5, "high": 2.0},
+        guards=[
+            mi.Guard(
+                "top", lambda mode, t, y, p: 1.0 - y.s, lambda m, t, y, p: (m, (0.0, y.y + 1))
+            ),
+            mi.Guard("low", lambda mode, t, y, p: y.s - p.low, lambda m, t, y, p: (m, (y.s, y.y))),
+            mi.Guard("high", lambda m, t, y, p: p.high - y.s, lambda m, t, y, p: (m, (y.s, y.y))),
+        ],
+        initial={"s": 0.3},
+    )
+    options = Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
+    start = saw.instant(None, saw.problem(options))
+    orbit = find_cycle(saw.family(options), start, transient=5.0)
+    np.testing.assert_allclose(orbit.multipliers, [math.exp(-1.0)], atol=1e-9)
+
+    def defects(**changes):
+        family, shooting = orbit.family.at(**changes), orbit.shooting
+        other = Shooting(family, orbit.segments, (), shooting.pinned, shooting.phase)
+        point = other.evaluate(orbit.point.unknowns, np.empty(0))
+        return [(each.guard, each.kind, each.value) for each in make_orbit(other, point).defects]
+
+    assert orbit.admissible
+    assert defects(low=1e-8) == []  # an event leaves a margin at zero, but for rounding
+    for low in (1e-5, 0.1):
+        assert defects(low=low) == [("low", "missed", pytest.approx(-low, abs=1e-12))]
+    assert defects(high=1.0 + 5e-10) == defects(high=1.0 - 5e-10) == []
+    assert defects(high=1.0 - 1e-8) == [("high", "missed", pytest.approx(-1e-8, abs=1e-11))]
 
 
 def test_two_transitions_in_one_instant_are_no_signature():

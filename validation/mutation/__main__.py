@@ -3,35 +3,42 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import queue
-import random
 import sys
 import tempfile
-import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
-from validation.mutation import trial
 from validation.mutation.equivalent import EQUIVALENT
-from validation.mutation.mutants import Mutant, mutants
-from validation.mutation.trial import Copy
+from validation.mutation.mutants import ROOMS, Mutant, mutants
+from validation.mutation.trial import WATCHED, Copy
+from validation.mutation.watched import Watched
 
 PROJECT = Path(__file__).resolve().parents[2]
+SCRATCH = Path(tempfile.gettempdir()) / "mems-impact-mutation"
 SHARE = 0.05  # of the mutants may survive
-PATIENCE = 2.0  # times the tests of the right source, and a minute, before a mutant hangs
 
 
 def drawn(project: Path, seed: int, count: int, only: str = "") -> list[Mutant]:
-    """Draw mutants of all modules alike; none of those that are known to change nothing."""
-    every: list[Mutant] = []
-    for room in trial.ROOMS:
+    """Draw mutants of all modules alike; none of those that are known to change nothing.
+
+    Each has a place in the draw of its own, so that a change elsewhere does not draw others.
+    """
+    every: list[tuple[bytes, Mutant]] = []
+    for room in ROOMS:
         for place in sorted((project / "mems_impact" / room).glob("*.py")):
             path = place.relative_to(project).as_posix()
             if only in path:
-                source = place.read_text(encoding="utf-8")
-                some = mutants(path, source)
-                every += [m for m in some if (path, *m.lines(source)) not in EQUIVALENT]
-    return random.Random(seed).sample(every, min(count, len(every)))
+                source, alike = place.read_text(encoding="utf-8"), Counter[tuple[str, str]]()
+                for mutant in mutants(path, source):
+                    lines = mutant.lines(source)
+                    if (path, *lines) not in EQUIVALENT:
+                        key = repr((seed, path, lines, alike[lines])).encode()
+                        every.append((hashlib.sha256(key).digest(), mutant))
+                        alike[lines] += 1
+    return [mutant for _, mutant in sorted(every, key=lambda one: one[0])[:count]]
 
 
 def main() -> int:
@@ -40,44 +47,32 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--mutants", type=int, default=100)
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--number", type=int, help="one of the drawn mutants alone")
+    parser.add_argument("--number", type=int, nargs="+", help="of the drawn mutants these alone")
     parser.add_argument("--only", default="", help="modules whose path holds this text")
     parser.add_argument("--list", action="store_true", help="show the mutants, run nothing")
+    parser.add_argument("--scratch", type=Path, default=SCRATCH, help="folder of what is kept")
     options = parser.parse_args()
     chosen = list(enumerate(drawn(PROJECT, options.seed, options.mutants, options.only)))
     if options.number is not None:
-        chosen = chosen[options.number : options.number + 1]
+        chosen = [chosen[number] for number in options.number]
     if options.list:
         for number, mutant in chosen:
             print(_told(number, mutant))
         return 0
-    with tempfile.TemporaryDirectory() as scratch:
-        return _try(chosen, max(1, options.workers), Path(scratch))
+    return _try(chosen, max(1, options.workers), options.scratch)
 
 
 def _try(chosen: list[tuple[int, Mutant]], workers: int, scratch: Path) -> int:
     copies: queue.Queue[Copy] = queue.Queue()
     for i in range(workers):
-        copies.put(Copy.make(PROJECT, scratch / str(i)))
+        copies.put(Copy.make(PROJECT, scratch / f"copy{i}"))
     with ThreadPoolExecutor(workers) as pool:
-        # The right source first: its tests must pass, and tell how long they may take.
-        files = {test for _, mutant in chosen for test in trial.files_for(mutant.path)}
-        taken = {}
-        for test in sorted(files):
-            began = time.monotonic()
-            jobs = [pool.submit(copy.passes, [test], 3600.0) for copy in list(copies.queue)]
-            if not all(job.result() for job in jobs):
-                print(f"a test of the right source fails: {test}", file=sys.stderr)
-                return 2
-            taken[test] = time.monotonic() - began
-
-        def limit(mutant: Mutant) -> float:
-            return PATIENCE * sum(taken[test] for test in trial.files_for(mutant.path)) + 60.0
+        watched = _watched(pool, copies, scratch)
 
         def one(mutant: Mutant) -> bool:
             copy = copies.get()
             try:
-                return copy.survives(mutant, limit(mutant))
+                return copy.survives(mutant, watched)
             finally:
                 copies.put(copy)
 
@@ -94,6 +89,41 @@ def _try(chosen: list[tuple[int, Mutant]], workers: int, scratch: Path) -> int:
     share = len(survivors) / max(1, len(chosen))
     print(f"{len(survivors)} of {len(chosen)} mutants survive: {100.0 * share:.1f} %")
     return int(share > SHARE)
+
+
+def _watched(pool: ThreadPoolExecutor, copies: queue.Queue[Copy], scratch: Path) -> Watched:
+    """Watch the tests of the right source, or read what was seen of the very same."""
+    folder = scratch / "watched"
+    folder.mkdir(parents=True, exist_ok=True)
+    every = {place for name in WATCHED for place in _sources(PROJECT / name)}
+    files = sorted(place for place in every if place.name.startswith("test_"))
+    shared = {place for name in ("mems_impact", "tests", "validation") for place in _sources(name)}
+    shared -= {*_sources("validation/mutation"), *(p for p in shared if p.name.startswith("test_"))}
+
+    def one(file: Path) -> Path:
+        digest = hashlib.sha256()
+        for place in sorted({*shared, file}):
+            digest.update(place.read_bytes())
+        name = file.relative_to(PROJECT).as_posix()
+        into = folder / f"{name.replace('/', '.')}-{digest.hexdigest()[:16]}.json"
+        if not into.exists():
+            copy = copies.get()
+            try:
+                copy.watch(name, into)
+            finally:
+                copies.put(copy)
+            print(f"watched {name}", file=sys.stderr)
+        return into
+
+    watched = Watched.read(list(pool.map(one, files)))
+    for test in watched.left_out:
+        print(f"left out, since it fails or takes too long: {test}", file=sys.stderr)
+    return watched
+
+
+def _sources(name: str | Path) -> list[Path]:
+    place = PROJECT / name
+    return sorted(place.rglob("*.py")) if place.is_dir() else [place]
 
 
 def _told(number: int, mutant: Mutant) -> str:

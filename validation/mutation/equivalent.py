@@ -3,4 +3,32 @@
 from __future__ import annotations
 
 # (path, what stood there, what stands there now): why no test can tell.
-EQUIVALENT: dict[tuple[str, str, str], str] = {}
+EQUIVALENT: dict[tuple[str, str, str], str] = {
+    (
+        "mems_impact/continuation/conditions.py",
+        "if self._second is None or self._second[0] is not point:",
+        "if self._second is None or self._second[1] is not point:",
+    ): "what is remembered is computed again, to the same",
+    (
+        "mems_impact/continuation/equilibria.py",
+        "if len(self.branch.points) <= NODES or not 0.0 < place <= length:",
+        "if (len(self.branch.points) < NODES) or not 0.0 < place <= length:",
+    ): "no branch has come round after so few steps",
+    (
+        "mems_impact/hybrid/compiled.py",
+        'p = typeof(named("Parameters", definition.parameters)'
+        "(*[0.0] * len(definition.parameters)))",
+        'p = typeof(named("Parameters", definition.parameters)'
+        "(*[1.0] * len(definition.parameters)))",
+    ): "only the type of the numbers is asked for",
+    (
+        "mems_impact/hybrid/guards.py",
+        "HAIR = 1e-300  # by which a margin that starts at zero is lifted",
+        "HAIR = 1e-297  # by which a margin that starts at zero is lifted",
+    ): "far below the rounding of any margin either way",
+    (
+        "mems_impact/orbits/setting.py",
+        "scales[j] = float(np.abs(p_rate).max()) or 1.0",
+        "scales[j] = float(np.abs(p_rate).max()) or 1000.0",
+    ): "it scales derivatives by a parameter that nothing depends on: zeros",
+}

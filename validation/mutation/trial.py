@@ -2,50 +2,41 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
-import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from validation.mutation.mutants import Mutant
+from validation.mutation.watched import Watched, where_seen
+from validation.mutation.watching import LIMITS, WATCH_INTO
 
 COPIED = ("mems_impact", "tests", "validation", "docs", "pyproject.toml", "README.md")
 
-HYBRID = ["closed_forms", "odd_automata", "events", "switches", "samples", "scan"]
-HYBRID += ["record", "hidden", "sequences", "agreement", "long_runs"]
-RUNS = [f"tests/hybrid/test_{name}.py" for name in HYBRID]
-RUNS += ["tests/campaign/test_stories.py", "tests/campaign/test_families.py"]
-ORBITS = ["audit", "linear_oscillator", "find_orbit", "stickslip"]
-ORBITS = [f"tests/orbits/test_{name}.py" for name in ORBITS]
-BRANCHES = ["linear_oscillator", "branches", "doubling", "neimark_sacker", "grazing_type"]
-BRANCHES = [f"tests/continuation/test_{name}.py" for name in BRANCHES]
-
-# Tests of a module, those that tell soonest first; of a room, where the module has none of its own.
-TESTS: dict[str, list[str]] = {
-    "hybrid": RUNS,
-    "hybrid/written": ["tests/analysis/test_system.py", *RUNS],
-    "hybrid/variational": ["tests/hybrid/test_variational.py", *ORBITS],
-    "hybrid/columns": ["tests/hybrid/test_variational.py", *ORBITS],
-    "hybrid/passage": ["tests/hybrid/test_variational.py", *ORBITS],
-    "orbits": [*ORBITS, *BRANCHES[:2]],
-    "continuation": BRANCHES,
-    "continuation/conditions": ["tests/continuation/test_conditions.py", *BRANCHES],
-    "continuation/curve": ["tests/continuation/test_curves.py", *BRANCHES],
-    "continuation/grazing": ["tests/continuation/test_grazing_type.py", *BRANCHES],
+# The tests that are watched; and of a room, or a module, those that may run it unseen, compiled.
+WATCHED = ("tests/hybrid", "tests/orbits", "tests/continuation", "tests/analysis", "tests/peers")
+WATCHED += ("tests/campaign/test_stories.py", "tests/campaign/test_families.py")
+UNSEEN = {
+    "hybrid": ("tests/hybrid/", "tests/campaign/"),
+    "hybrid/columns": ("tests/hybrid/test_variational.py", "tests/orbits/"),
+    "hybrid/passage": ("tests/hybrid/test_variational.py", "tests/orbits/"),
+    "orbits": ("tests/orbits/",),
+    "continuation": ("tests/continuation/",),
 }
-NONE_CHOSEN = 5  # pytest's exit status
+BUDGET = 60.0  # seconds that the tests of one mutant took of the right source
+PATIENCE, COMPILING = 3.0, 40.0  # times its seconds, and seconds on top, before a test hangs
+WHOLE = 3600.0  # seconds on the wall of one process, which may wait for ever
 
-ROOMS = ("hybrid", "orbits", "continuation")
 
-
-def files_for(path: str) -> list[str]:
-    """Return the test files for a module of the package."""
+def unseen(path: str) -> tuple[str, ...]:
+    """Return where the tests of a module stand that may run it compiled, unseen."""
     module = path.removeprefix("mems_impact/").removesuffix(".py")
-    return TESTS.get(module, TESTS[module.partition("/")[0]])
+    return UNSEEN.get(module, UNSEEN[module.partition("/")[0]])
 
 
 @dataclass(frozen=True)
@@ -56,44 +47,39 @@ class Copy:
 
     @classmethod
     def make(cls, project: Path, root: Path) -> Copy:
+        """Copy a project, over an older copy if there is one, whose compile cache is kept."""
         for name in COPIED:
-            source = project / name
+            source, place = project / name, root / name
             if source.is_dir():
+                shutil.rmtree(place, ignore_errors=True)
                 ignored = shutil.ignore_patterns("__pycache__", "*.nbi", "*.nbc")
-                shutil.copytree(source, root / name, ignore=ignored)
+                shutil.copytree(source, place, ignore=ignored)
             elif source.exists():
-                shutil.copy2(source, root / name)
+                shutil.copy2(source, place)
         return cls(root)
 
-    def passes(self, tests: list[str], limit: float, chosen: str = "") -> bool:
-        """Run tests up to the first failure; one that takes longer than `limit` seconds failed.
+    def watch(self, file: str, into: Path) -> None:
+        """Watch the tests of a file; nothing is written if there is none."""
+        self._run([file], {WATCH_INTO: str(into)})
 
-        `chosen` is pytest's ``-k``; that it chooses none is no failure.
-        """
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
-        status = self._run([*command, "-k", chosen, *tests], limit)
-        return status == 0 or (status == NONE_CHOSEN and chosen != "")
+    def passes(self, tests: list[str], limits: dict[str, float]) -> bool:
+        """Run tests up to the first failure; one that takes longer than its file's limit failed."""
+        place = self.root / "limits.json"
+        place.write_text(json.dumps(limits), encoding="utf-8")
+        return self._run(["-x", *tests], {LIMITS: str(place)}) == 0
 
-    def notices(self, tests: list[str], limit: float) -> bool:
-        """Return whether a test fails, those on the interpreted engine first.
-
-        They need no compiling, and of most mutants of the event loop they are the end.
-        """
-        began = time.monotonic()
-        if not self.passes(tests, limit, "interpreted"):
-            return True
-        return not self.passes(tests, limit - (time.monotonic() - began))
-
-    def _run(self, command: list[str], limit: float) -> int:
+    def _run(self, arguments: list[str], extra: dict[str, str]) -> int:
+        command = [sys.executable, "-m", "pytest", "-q", "-n", "0", "-p", "no:cacheprovider"]
         environment = {
             **os.environ,
+            **extra,
             "PYTHONPATH": str(self.root),
             "PYTHONDONTWRITEBYTECODE": "1",
             "NUMBA_CACHE_DIR": str(self.root / "compiled"),
             "MPLBACKEND": "Agg",
         }
         process = subprocess.Popen(
-            command,
+            [*command, "-p", "validation.mutation.watching", *arguments],
             cwd=self.root,
             env=environment,
             stdout=subprocess.DEVNULL,
@@ -101,21 +87,23 @@ class Copy:
             start_new_session=True,
         )
         try:
-            return process.wait(max(limit, 1.0))
+            return process.wait(WHOLE)
         except subprocess.TimeoutExpired:
             return -1
         finally:
-            if process.poll() is None:
+            with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)  # with the processes that a test started
-                process.wait()
+            process.wait()
 
-    def survives(self, mutant: Mutant, limit: float) -> bool:
+    def survives(self, mutant: Mutant, watched: Watched) -> bool:
         """Return whether no test notices the mutant."""
+        ran = watched.running(where_seen(self.root, mutant.path, mutant.line))
+        tests = watched.in_turn(ran, unseen(mutant.path), BUDGET)
         place = self.root / mutant.path
         source, times = place.read_text(encoding="utf-8"), place.stat()
         place.write_text(mutant.applied(source), encoding="utf-8")
         try:
-            return not self.notices(files_for(mutant.path), limit)
+            return self.passes(tests, watched.limits(PATIENCE, COMPILING))
         finally:
             place.write_text(source, encoding="utf-8")
             # With its old time, what was compiled of the right source is still good.

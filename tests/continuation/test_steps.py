@@ -1,0 +1,68 @@
+"""How far a step goes, which loss comes first, where a cycle is cut: each by numbers alone."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mems_impact.continuation import locating
+from mems_impact.continuation.corrector import Steps
+from mems_impact.continuation.ending import spent
+from mems_impact.continuation.monitors import (
+    BRANCH_POINT,
+    FOLD,
+    NEIMARK_SACKER,
+    Closest,
+    Monitor,
+    without_folds_at_crossings,
+)
+
+
+@pytest.mark.parametrize("unknown", [0.6, -0.6])
+@pytest.mark.parametrize(("rate", "bound"), [(0.8, 1.0), (-0.8, -1.0)])
+def test_a_step_beyond_a_bound_ends_a_little_beyond_it(unknown, rate, bound):
+    steps, point = Steps(), SimpleNamespace(values=np.array([0.2]))
+    along = np.array([0.0, unknown, rate])
+    length = steps.within(-1.0, 1.0, point, along, 5.0)
+    assert point.values[0] + length * rate == pytest.approx(bound + 1e-3 * (bound - 0.2))
+    assert steps.within(-1.0, 1.0, point, along, 0.5) == 0.5
+
+
+def test_order_of_losses_in_one_point(monkeypatch):
+    """The rate, an approach inside a segment, what has neither, an approach at its end."""
+
+    def rank(role, inside=False):
+        touch = Closest(value=0.0, segment=0, time=0.0, inside=inside)
+        monkeypatch.setattr(locating, "closest", lambda *_: touch)
+        orbit = SimpleNamespace(shooting=None, point=None)
+        return locating.rank(SimpleNamespace(monitor=Monitor("grazing", role), orbit=orbit))
+
+    ranks = [rank("rate"), rank("approach", inside=True), rank("length"), rank("approach")]
+    assert ranks == sorted(set(ranks))
+
+
+@pytest.mark.parametrize("angle", [1e-7, 0.3, 3.0])
+@pytest.mark.parametrize("size", [1.0, 1.1])
+def test_a_neimark_sacker_point_has_a_pair_on_the_circle(monkeypatch, angle, size):
+    pair = size * np.exp(1j * np.array([angle, -angle]))
+    orbit = SimpleNamespace(multipliers=np.append(pair, 1.0))
+    monkeypatch.setattr(locating, "make_orbit", lambda *_: orbit)
+    here = SimpleNamespace(values=np.array([0.7]))
+    found = locating.special_at(Monitor(NEIMARK_SACKER), None, here, np.ones(2))
+    assert (found is not None) == (size == 1.0)
+
+
+def test_folds_where_a_branch_crosses_are_left_out():
+    kinds = [(0.1, FOLD), (0.5, BRANCH_POINT), (0.5, FOLD), (0.5, NEIMARK_SACKER)]
+    found = [(place, SimpleNamespace(kind=kind)) for place, kind in kinds]
+    kept = [(place, each.kind) for place, each in without_folds_at_crossings(found)]
+    assert kept == [kinds[0], kinds[1], kinds[3]]
+
+
+def test_what_is_said_where_the_points_are_used_up():
+    steps = Steps(most=7)
+    assert "steps are down to a length of 1e-05: it turns" in spent(
+        steps, 1e-5, "it turns", "A", 0.1
+    )
+    for length, held in ((steps.largest, "it turns"), (1e-5, "")):
+        assert "moves A by a part of 0.1" in spent(steps, length, held, "A", 0.1)

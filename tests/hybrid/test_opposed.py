@@ -1,0 +1,58 @@
+"""Which two modes push against each other is read off the last events of a run."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.opposed import opposed
+from mems_impact.hybrid.trajectory import Events
+
+PERIOD = 2.0
+
+
+def said(
+    way=(0, 1, 0, 1, 0), guards=(0, 1, 0, 1), *, kind=loop.TRANSITION, spread=0.0, impact=False
+):
+    """Return what is said of a run whose last events lead along `way`."""
+    count = len(guards)
+    states = np.zeros((count, 1))
+    events = Events(
+        cycle=np.zeros(count, dtype=np.int64),
+        time=np.linspace(1.0, 1.0 + spread * PERIOD, count),
+        kind=np.full(count, kind),
+        guard=np.array(guards),
+        mode_before=np.array(way[:-1]),
+        mode_after=np.array(way[1:]),
+        before=states,
+        after=states,
+    )
+    automaton = SimpleNamespace(
+        modes=("left", "right", "third"),
+        guards=(Guard("one", order=0), Guard("two", order=1, impact=impact)),
+    )
+    return opposed(events, SimpleNamespace(automaton=automaton, period=PERIOD))
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-7])
+def test_events_that_alternate_in_no_time(spread):
+    text = "the modes 'left' and 'right' push against each other at 'one' and 'two'"
+    assert said(spread=spread).startswith(text)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"way": (0, 1, 2, 0, 1)},
+        {"way": (0, 0, 0, 0, 0)},
+        {"way": (0, 1, 0), "guards": (0, 1)},
+        {"spread": 1e-5},
+        {"impact": True},
+        {"kind": loop.SWITCH},
+    ],
+    ids=["three modes", "one mode", "too few", "time goes by", "an impact", "switches"],
+)
+def test_events_that_are_something_else(other):
+    assert said(**other) == ""
