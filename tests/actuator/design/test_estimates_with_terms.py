@@ -126,5 +126,5 @@ def test_steps_of_a_run_beside_the_formula():
 
 
 def test_no_formula_for_forces_with_a_past():
-    with pytest.raises(mi.InvalidParameter, match="no formula for the step .* states of terms"):
+    with pytest.raises(mi.InvalidParameter, match=r"no formula for the step .* states of terms"):
         mi.step_length(ZHAO.adding(Stretched()), 0.1)
