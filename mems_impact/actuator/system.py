@@ -422,9 +422,7 @@ class ActuatorSystem(System):
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Return an observable at an event, in the units of the numerics."""
-        before, after = (
-            _Named(self.states, y[i]) for y in (events.before, events.after)
-        )
+        before, after = (_Named(self.states, y[i]) for y in (events.before, events.after))
         mode, time = int(events.mode_before[i]), float(events.time[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
 
