@@ -7,9 +7,21 @@ from mems_impact.actuator.terms.base import Term as Term
 from mems_impact.actuator.terms.files import term_type
 
 if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works without
+    from mems_impact.actuator.terms.adhesion import Adhesion as Adhesion
+    from mems_impact.actuator.terms.compliant_stopper import CompliantStopper as CompliantStopper
     from mems_impact.actuator.terms.cubic_stiffness import CubicStiffness as CubicStiffness
     from mems_impact.actuator.terms.frame_load import FrameLoad as FrameLoad
     from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
+    from mems_impact.actuator.terms.power_law_restitution import (
+        PowerLawRestitution as PowerLawRestitution,
+    )
+    from mems_impact.actuator.terms.regularized_friction import (
+        RegularizedFriction as RegularizedFriction,
+    )
+    from mems_impact.actuator.terms.stribeck_friction import StribeckFriction as StribeckFriction
+    from mems_impact.actuator.terms.tabulated_restitution import (
+        TabulatedRestitution as TabulatedRestitution,
+    )
     from mems_impact.actuator.terms.tilt import Tilt as Tilt
 else:
 
