@@ -41,6 +41,7 @@ from mems_impact.hybrid.automaton import Automaton
 __all__ = ["composed_automaton"]
 
 STEP = 1e-3  # of the differences that give the rate of a load, in units of sqrt(m2/k)
+SMALL = 1e-6  # of those that give derivatives, within the depth of a contact
 
 
 def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
@@ -236,8 +237,7 @@ def composed_automaton(
         else:
             push = moved(mode, v, w, y, p)
             rate = slope_along(BREAK_AWAY, mode, t, y, p)
-            g[BREAK_AWAY] = static_limit(p) - abs(push)
-            r[BREAK_AWAY] = -rate if push > 0.0 else rate
+            g[BREAK_AWAY], r[BREAK_AWAY] = spare(static_limit(p), push, rate)
 
     def strike(side, resting, y, p):  # type: ignore[no-untyped-def]
         y[X2] = side * p[eq.DELTA]
@@ -273,9 +273,21 @@ def composed_automaton(
         margins=margins,
         transition=transition,
         cyclic=model.cyclic,
+        step=1e-3 if rigid else SMALL,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )
+
+
+def spare(limit: float, push: float, rate: float) -> tuple[float, float]:
+    """Return what static friction holds beyond a push, and the rate of that.
+
+    Like limit - abs(push) where the two are close, but without its corner: on a stopper that yields
+    the push goes a long way in no time.
+    """
+    if limit == 0.0:
+        return -abs(push), -rate if push > 0.0 else rate
+    return 0.5 * (limit - push * push / limit), -push * rate / limit
 
 
 def voltages(right: Function, left: Function | None, begin: int) -> Any:

@@ -16,8 +16,18 @@ if TYPE_CHECKING:  # for editors and mypy, which run nothing; a term works witho
     from mems_impact.actuator.terms.frame_load import FrameLoad as FrameLoad
     from mems_impact.actuator.terms.frame_spring import FrameSpring as FrameSpring
     from mems_impact.actuator.terms.fringing import Fringing as Fringing
+    from mems_impact.actuator.terms.power_law_restitution import (
+        PowerLawRestitution as PowerLawRestitution,
+    )
+    from mems_impact.actuator.terms.regularized_friction import (
+        RegularizedFriction as RegularizedFriction,
+    )
     from mems_impact.actuator.terms.series_resistance import SeriesResistance as SeriesResistance
     from mems_impact.actuator.terms.squeeze_film import SqueezeFilm as SqueezeFilm
+    from mems_impact.actuator.terms.stribeck_friction import StribeckFriction as StribeckFriction
+    from mems_impact.actuator.terms.tabulated_restitution import (
+        TabulatedRestitution as TabulatedRestitution,
+    )
     from mems_impact.actuator.terms.tilt import Tilt as Tilt
 else:
 

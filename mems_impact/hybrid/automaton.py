@@ -121,6 +121,9 @@ class Automaton:
     bounds : bool, optional
         Whether its functions, compiled, are kept from reading and writing beyond their arrays: a
         call that does fails with a `FunctionError`. It costs up to 3 %.
+    step : float, optional
+        Of the differences that give derivatives by states and parameters, along a direction of
+        length one: well below the sizes over which its functions bend.
     recipe : tuple of callable and tuple, optional
         A function and its arguments that make this automaton once more: how it is pickled, where
         its functions cannot be imported by their names.
@@ -138,6 +141,7 @@ class Automaton:
     transition: Callable[..., Any]
     jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
+    step: float = 1e-3
     bounds: bool = field(default=True, compare=False)
     recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
         default=None, compare=False, repr=False

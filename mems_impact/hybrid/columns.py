@@ -1,8 +1,9 @@
 """Perturbations carried along an arc, as columns of an extended flow.
 
 All derivatives of an automaton's functions are taken along directions, by central differences of
-sixth order with a step of 1e-3 along a direction of length one. For states and parameters of order
-one, truncation and rounding are both near 1e-13, so that no automaton has to bring a Jacobian.
+sixth order, with a step along a direction of length one that the automaton tells. With 1e-3, and
+for states and parameters of order one, truncation and rounding are both near 1e-13, so that no
+automaton has to bring a Jacobian.
 
 A *column* is a perturbation: one for each component of the initial state that is not cyclic, then
 one for each direction in the space of parameters.
@@ -14,8 +15,6 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-STEP = 1e-3  # of the differences, along a direction of length one
-
 
 def weight_of(s: int) -> float:
     """Return the weight of the value at `s` steps in a central difference of sixth order."""
@@ -25,7 +24,7 @@ def weight_of(s: int) -> float:
 
 @cache
 def extended_flow(
-    flow: Callable[..., Any], n: int, free: int, directions: int, count: int
+    flow: Callable[..., Any], n: int, free: int, directions: int, count: int, step: float
 ) -> Callable[..., Any]:
     """Return the flow of the state and its columns.
 
@@ -60,8 +59,8 @@ def extended_flow(
             if length > 0.0:
                 for s in range(-3, 4):
                     if s != 0:
-                        h = s * STEP / length
-                        weight = length * weight_of(s) / STEP
+                        h = s * step / length
+                        weight = length * weight_of(s) / step
                         for i in range(n):
                             shifted[i] = y[i] + h * y[column + i]
                         if c >= free:

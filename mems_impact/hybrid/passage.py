@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from mems_impact.engines import contract
-from mems_impact.hybrid.columns import STEP, weight_of
+from mems_impact.hybrid.columns import weight_of
 
 FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
 NO_EVENT = -1  # as the code of what ends a segment
@@ -23,6 +23,7 @@ def traverse(
     m: int,
     directions: int,
     max_steps: int,
+    width: float,
     segments: Any,
     times: Any,
     motions: Any,
@@ -46,6 +47,8 @@ def traverse(
         p and the directions in its space.
     n, m, directions, max_steps : int
         Components of the state, guards, directions, steps that an arc may take.
+    width : float
+        Step of the differences.
     segments : int array, shape (N, 3)
         Mode and code of what ends the segment (or NO_EVENT); gets the mode that this leads to.
     times : float array, shape (N, 4)
@@ -118,6 +121,7 @@ def traverse(
                 m,
                 count,
                 directions,
+                width,
                 times[i, 2],
                 by_margin[i],
                 by_jump[i],
@@ -222,6 +226,7 @@ def differentiate_event(
     m: int,
     count: int,
     directions: int,
+    width: float,
     room: float,
     margin: Any,
     jump: Any,
@@ -231,8 +236,8 @@ def differentiate_event(
 
     `margin` (2 m, 1 + n + 1 + directions) and `jump` (n, ...) get value and derivatives: column 0
     the value, then one for each component of the state, for time, for each direction of the
-    parameters. Differences in time stay within `room` of `t`. The engine's parameters
-    are moved and put back.
+    parameters. Differences are `width` wide, and in time stay within `room` of `t`. The engine's
+    parameters are moved and put back.
     """
     shifted, g, p = work[0], work[6], work[7]
     for i in range(count):
@@ -242,7 +247,7 @@ def differentiate_event(
             margin[i, c] = 0.0
         for i in range(n):
             jump[i, c] = 0.0
-        step = min(STEP, 0.3 * room) if c == n + 1 else STEP
+        step = min(width, 0.3 * room) if c == n + 1 else width
         for s in range(-3, 4):
             if (c == 0) == (s == 0):
                 h = s * step

@@ -101,9 +101,12 @@ class Variational:
             states=tuple(f"y{i}" for i in range(self._size)),
             modes=automaton.modes,
             guards=automaton.guards,
-            flow=extended_flow(automaton.flow, self.n, len(self.free), self.k, p.size),
+            flow=extended_flow(
+                automaton.flow, self.n, len(self.free), self.k, p.size, automaton.step
+            ),
             margins=automaton.margins,
             transition=automaton.transition,
+            step=automaton.step,
             bounds=automaton.bounds,
         )
         scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
@@ -181,6 +184,7 @@ class Variational:
                 m,
                 k,
                 self._problem.options.max_steps,
+                self._problem.automaton.step,
                 codes,
                 times,
                 moving,

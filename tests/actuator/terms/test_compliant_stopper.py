@@ -259,6 +259,10 @@ def test_an_orbit_over_the_stiffness():
         orbit.impacts["energy lost"].iloc[0], rel=1e-9
     )
     assert np.abs(orbit.multipliers) == pytest.approx(by_runs(soft, drive, orbit), abs=1e-5)
+    hertz = ZHAO.adding(CompliantStopper(stiffness=3e5, exponent=1.5, damping=1.2))
+    other = mi.find_orbit(mi.simulate(hertz, drive, periods=300, options=options))
+    assert len(other.impacts) == 1
+    assert np.abs(other.multipliers) == pytest.approx(by_runs(hertz, drive, other), abs=1e-5)
     branch = mi.continue_orbit(orbit, "compliant_stopper.stiffness", stop=2e5)
     assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
     values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}

@@ -1,0 +1,54 @@
+"""Restitution that falls with the speed of the impact, by a power law."""
+
+from __future__ import annotations
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["PowerLawRestitution"]
+
+
+class PowerLawRestitution(Term):
+    """Impacts that lose more the faster they are, since the bodies yield plastically.
+
+    Parameters
+    ----------
+    speed : float
+        About which yielding sets in [m/s], > 0: slower impacts have the device's `e`.
+    exponent : float, optional
+        Of the fall [-], >= 0; 1/4 by default, as where all of the contact is plastic.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    Notes
+    -----
+    e (1 + (v/speed)^2)^(-exponent/2) at the speed v of the block: e below, e (v/speed)^-exponent
+    above (Johnson, Contact Mechanics, 1985, Section 11.5; Goldsmith, Impact, 1960), and
+    smooth between, where it is at most a factor 2^(-exponent/2) below that corner.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> yielding = mi.load_actuator("zhao2004").adding(mi.PowerLawRestitution(speed=0.1))
+    """
+
+    speed: Positive
+    exponent: NonNegative = 0.25
+
+    units = {"speed": "m/s"}  # noqa: RUF012 - ClassVar above
+    instead = "restitution"
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the restitution."""
+        scale, exponent = at.p["speed"], at.p["exponent"]
+
+        def restitution(speed, p):  # type: ignore[no-untyped-def]
+            relative = speed / p[scale]
+            return p[eq.E] * (1.0 + relative * relative) ** (-0.5 * p[exponent])
+
+        return Contribution(restitution=restitution)

@@ -1,0 +1,57 @@
+"""Friction that falls from its static to its dynamic value with the speed."""
+
+from __future__ import annotations
+
+import math
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+
+__all__ = ["StribeckFriction"]
+
+
+class StribeckFriction(Term):
+    """Friction of the frame that depends on its speed; it sticks as under Coulomb's.
+
+    Parameters
+    ----------
+    speed : float
+        Over which friction falls from mu_s to mu_d [m/s], > 0.
+    viscous : float, optional
+        What the coefficient grows by per speed [s/m], >= 0; 0 by default.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range.
+
+    Notes
+    -----
+    mu_d + (mu_s - mu_d) exp(-(v1/speed)^2) + viscous abs(v1), times the normal force
+    (Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083, Eq. 5, with the
+    exponent 2). As the speed goes to nothing, the paper's friction comes back.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> smooth = mi.load_actuator("zhao2004").adding(mi.StribeckFriction(speed=0.05))
+    """
+
+    speed: Positive
+    viscous: NonNegative = 0.0
+
+    units = {"speed": "m/s", "viscous": "s/m"}  # noqa: RUF012 - ClassVar above
+    instead = "friction"
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the coefficient."""
+        scale, viscous = at.p["speed"], at.p["viscous"]
+
+        def friction(speed, p):  # type: ignore[no-untyped-def]
+            relative = speed / p[scale]
+            fallen = math.exp(-relative * relative)
+            return p[eq.MU_D] + (p[eq.MU_S] - p[eq.MU_D]) * fallen + p[viscous] * speed
+
+        return Contribution(friction=friction)

@@ -1,0 +1,94 @@
+"""Restitution by the speed of the impact, as measured."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from mems_impact.actuator.checked import Fraction, NonNegative
+from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["TabulatedRestitution"]
+
+TABLE = "a tuple of two numbers or more"
+
+
+class TabulatedRestitution(Term):
+    """Coefficients of restitution that were measured at some speeds, in place of the device's `e`.
+
+    Parameters
+    ----------
+    speeds : tuple of float
+        Of the block before the impact [m/s], >= 0, ascending; two or more.
+    values : tuple of float
+        The coefficient at each [-], 0 to 1.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is out of range, the speeds do not ascend, or there are not as many values.
+
+    Notes
+    -----
+    Between the speeds a cubic that is smooth, and monotone where the values are (Fritsch and
+    Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300); beyond them constant, to which it turns
+    smoothly.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> table = mi.TabulatedRestitution(speeds=(0.05, 0.2, 1.0), values=(0.85, 0.8, 0.6))
+    >>> measured = mi.load_actuator("zhao2004").adding(table)
+    """
+
+    speeds: Annotated[tuple[NonNegative, ...], Field(min_length=2, description=TABLE)]
+    values: Annotated[tuple[Fraction, ...], Field(min_length=2, description=TABLE)]
+
+    units = {"speeds": "m/s"}  # noqa: RUF012 - ClassVar above
+    instead = "restitution"
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Self:
+        if any(one >= two for one, two in pairwise(self.speeds)):
+            raise InvalidParameter("speeds", self.speeds, "in ascending order, each once")
+        if len(self.values) != len(self.speeds):
+            raise InvalidParameter("values", self.values, f"{len(self.speeds)} numbers, as speeds")
+        return self
+
+    @classmethod
+    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+        """Return the restitution."""
+        x, y = at.p["speeds"], at.p["values"]
+        last = cls.lengths(shape)["speeds"] - 1
+
+        def secant(i, p):  # type: ignore[no-untyped-def]
+            return (p[y + i + 1] - p[y + i]) / (p[x + i + 1] - p[x + i])
+
+        def slope(i, p):  # type: ignore[no-untyped-def]
+            # The weighted harmonic mean of the secants; 0 at an extremum, and at the ends.
+            if i == 0 or i == last:
+                return 0.0
+            before, after = secant(i - 1, p), secant(i, p)
+            if before * after <= 0.0:
+                return 0.0
+            short, long = p[x + i] - p[x + i - 1], p[x + i + 1] - p[x + i]
+            one, two = 2.0 * long + short, long + 2.0 * short
+            return (one + two) / (one / before + two / after)
+
+        def restitution(speed, p):  # type: ignore[no-untyped-def]
+            if speed <= p[x]:
+                return p[y]
+            for i in range(last):
+                if speed <= p[x + i + 1]:
+                    h = p[x + i + 1] - p[x + i]
+                    u = (speed - p[x + i]) / h
+                    w = 1.0 - u
+                    found = w * w * (1.0 + 2.0 * u) * p[y + i]
+                    found += u * u * (1.0 + 2.0 * w) * p[y + i + 1]
+                    return found + h * u * w * (w * slope(i, p) - u * slope(i + 1, p))
+            return p[y + last]
+
+        return Contribution(restitution=restitution)

@@ -1,0 +1,133 @@
+"""Restitution by the speed of the impact: by a power law, and from a table."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+
+import mems_impact as mi
+from mems_impact.actuator.system import kicked
+from mems_impact.actuator.term import PowerLawRestitution, TabulatedRestitution
+
+ZHAO = mi.load_actuator("zhao2004")
+SPEEDS, VALUES = (0.05, 0.2, 0.5, 1.0, 2.0), (0.9, 0.85, 0.6, 0.55, 0.3)
+TABLE = TabulatedRestitution(speeds=SPEEDS, values=VALUES)
+POWER = PowerLawRestitution(speed=0.3, exponent=0.25)
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+PLAIN = mi.Options(engine="interpreted", method="dop853")
+
+
+def measured(term, speed):
+    """The restitution of one impact of a block that starts at the stopper."""
+    device = ZHAO.adding(term)
+    start = mi.State(x2=0.5, v2=speed)
+    run = mi.simulate(device, DRIVE, duration=1e-3, initial=start, options=PLAIN)
+    hit = run.impacts.iloc[0]
+    assert hit["v2 before"] == speed
+    gained = (speed - hit["v2 after"]) * device.m2 / (device.m1 + device.m2)
+    assert hit["v1 after"] == pytest.approx(gained, rel=1e-12)  # momentum
+    return -hit["v2 after"] / speed
+
+
+def test_power_law():
+    for speed in (1e-4, 0.3, 30.0):
+        found = measured(POWER, speed)
+        assert found == pytest.approx(0.8 * (1.0 + (speed / 0.3) ** 2) ** -0.125, rel=1e-12)
+    assert found == pytest.approx(0.8 * (30.0 / 0.3) ** -0.25, rel=1e-4)
+    assert measured(PowerLawRestitution(speed=0.3, exponent=0.0), 1.0) == pytest.approx(0.8)
+
+
+def test_table():
+    for speed, value in zip(SPEEDS, VALUES, strict=True):
+        assert measured(TABLE, speed) == pytest.approx(value, rel=1e-13)
+    assert measured(TABLE, 0.01) == pytest.approx(VALUES[0], rel=1e-15)
+    assert measured(TABLE, 5.0) == pytest.approx(VALUES[-1], rel=1e-15)
+    inner = PchipInterpolator(SPEEDS, VALUES)
+    for speed in (0.21, 0.3, 0.45, 0.6, 0.99):  # away from the ends, where it turns to constant
+        assert measured(TABLE, speed) == pytest.approx(float(inner(speed)), rel=1e-12)
+    falls = [measured(TABLE, speed) for speed in np.linspace(0.04, 2.1, 60)]
+    assert (np.diff(falls) <= 1e-15).all()
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"speeds": (0.2, 0.1), "values": (0.5, 0.6)}, "ascending"),
+        ({"speeds": (0.1, 0.2), "values": (0.5, 0.6, 0.7)}, "2 numbers"),
+        ({"speeds": (0.1,), "values": (0.5,)}, "speeds"),
+        ({"speeds": (0.1, 0.2), "values": (0.5, 1.2)}, "values"),
+    ],
+)
+def test_tables_are_checked(values, named):
+    with pytest.raises(mi.InvalidParameter, match=named):
+        TabulatedRestitution(**values)
+
+
+def test_an_actuator_has_one_restitution():
+    with pytest.raises(mi.InvalidParameter, match="both tell the restitution"):
+        ZHAO.adding(TABLE, POWER)
+
+
+@pytest.mark.parametrize("term", [POWER, TABLE])
+def test_a_sequence_of_impacts_ends_in_rest(term):
+    # Pressed by 0.45 V: the last bounces are slow, and have the restitution of slow impacts.
+    held = mi.Pulse(amplitude=0.45, period=26.0, width=16.0)
+    run = mi.simulate(ZHAO.adding(term), held, 0.5, initial=mi.State(x2=0.4), options=PLAIN)
+    slow = 0.8 if term is POWER else 0.9
+    speeds = run.impacts["v2 before"].to_numpy()
+    ratios = -run.impacts["v2 after"].to_numpy() / speeds
+    assert speeds[-1] < 1e-3
+    assert ratios[-1] == pytest.approx(slow, rel=1e-5)
+    assert "chatter ends" in set(run.events["event"])
+    assert run.events["mode after"].iloc[-1] == "stuck-right"
+
+
+def test_files_units_and_pickles(tmp_path):
+    mita = mi.load_actuator("mita2003")
+    lines = ['units = "SI"', "[parameters]"]
+    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
+    lines += ["[tabulated_restitution]", "speeds = [0.001, 0.01]", "values = [0.9, 0.5]"]
+    file = tmp_path / "device.toml"
+    file.write_text("\n".join(lines))
+    device = mi.load_actuator(file)
+    table = TabulatedRestitution(speeds=(0.001, 0.01), values=(0.9, 0.5))
+    assert device == mita.adding(table)
+    assert pickle.loads(pickle.dumps(device)) == device
+    unit = mita.scales.unit("m/s")
+    inner = device.to_dimensionless().term("tabulated_restitution")
+    assert inner.speeds == pytest.approx((0.001 / unit, 0.01 / unit), rel=1e-15)
+    drive = mi.Sine(amplitude=100.0, omega=2.0 * math.pi)
+    start = mi.State(x2=mita.delta, v2=0.01)
+    run = mi.simulate(device, drive, duration=1e-6, initial=start, options=PLAIN)
+    hit = run.impacts.iloc[0]
+    assert -hit["v2 after"] / hit["v2 before"] == pytest.approx(0.5, rel=1e-12)
+    run.save(tmp_path / "run.mems")
+    assert mi.load(tmp_path / "run.mems").impacts.equals(run.impacts)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("term", [POWER, TABLE])
+def test_multipliers_see_the_slope(term):
+    device, name = ZHAO.adding(term), "e" if term is TABLE else "power_law_restitution.speed"
+    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=kicked(ZHAO)))
+    assert len(orbit.impacts) == 1
+    precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    start, columns, h = orbit.state, [], 1e-6
+    for which in ("x2", "v2"):
+        ends = []
+        for sign in (1.0, -1.0):
+            values = {"x2": start.x2, "v2": start.v2}
+            values[which] += sign * h
+            initial = mi.State(**values)
+            run = mi.simulate(device, DRIVE, periods=1, initial=initial, options=precise)
+            ends.append([run.final.x2, run.final.v2])
+        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
+    expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
+    assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
+    if term is POWER:
+        branch = mi.continue_orbit(orbit, name, stop=0.4)
+        other = ZHAO.adding(PowerLawRestitution(speed=0.4, exponent=0.25))
+        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=kicked(ZHAO)))
+        assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
