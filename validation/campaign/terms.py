@@ -1,0 +1,302 @@
+"""Random devices with random terms, under sines on one or both sides, from random starts.
+
+The package composes equations of what each term contributes; the reference has all of them written
+out in one piece. Each motion is accounted for besides: what the forces of the package's terms do
+along it is what they store and lose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.integrate import DOP853
+
+import mems_impact as mi
+from mems_impact import Options
+from mems_impact.actuator.composing import Model, compose
+from mems_impact.actuator.modes import direction_of
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms.files import term_of
+from validation.campaign import comparing
+from validation.campaign.comparing import ONE, Row, Unit, Verdict
+from validation.campaign.integrating import FLIGHT, Floats, Follower, Undecided
+from validation.judges import with_terms
+from validation.judges.with_terms import Device
+
+COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
+COMBINATIONS = 8  # of terms, compiled
+KICK = 0.35  # share of cases that have a term
+BALANCED = 1e-8  # energy that may be missing, by what was turned over
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+Values = dict[str, Any]
+Rng = np.random.Generator
+
+
+def decades(rng: Rng, low: float, high: float) -> float:
+    return float(10.0 ** rng.uniform(low, high))
+
+
+def _film(rng: Rng, p: Values) -> Values:
+    length = rng.uniform(0.3, 1.5)
+    width = length * rng.uniform(0.2, 1.0)
+    pressure = decades(rng, -1.5, 0.5)
+    knudsen = float(rng.choice([0.0, decades(rng, -3.0, 0.3)]))
+    slowest = 1.0 / (math.pi**2 * (1.0 / length**2 + 1.0 / width**2))
+    thinned = 1.0 + 9.638 * knudsen**1.159
+    viscosity = pressure * p["d"] ** 2 * thinned / (12.0 * slowest * decades(rng, -0.7, 0.9))
+    return {
+        "length": length,
+        "width": width,
+        "pressure": pressure,
+        "viscosity": viscosity,
+        "free_path_pressure": knudsen * pressure * p["d"],
+        "sides": str(rng.choice(["right", "both"])),
+        "modes": int(rng.choice([1, 2], p=[0.8, 0.2])),
+    }
+
+
+def _stopper(rng: Rng, p: Values) -> Values:
+    return {
+        "stiffness": p["k"] * decades(rng, 2.0, 4.0),
+        "exponent": float(rng.choice([1.0, 1.5, rng.uniform(1.0, 2.0)])),
+        "damping": rng.uniform(0.0, 1.0),
+        "depth": 0.1 * p["delta"],
+    }
+
+
+def _resistance(rng: Rng, p: Values) -> Values:
+    own = 2.0 * p["alpha"] / p["d"]
+    parasitic = float(rng.choice([0.0, rng.uniform(0.0, 2.0)])) * own
+    return {"resistance": decades(rng, -1.3, 1.0) / own, "parasitic": parasitic}
+
+
+def _fringing(rng: Rng, p: Values) -> Values:
+    least = 2.0 * (p["d"] + p["delta"])
+    found = {"width": least * rng.uniform(1.01, 4.0)}
+    if rng.random() < 0.5:
+        found["length"] = least * rng.uniform(1.01, 4.0)
+    return found
+
+
+DRAW: dict[str, Callable[[Rng, Values], Values]] = {
+    "tilt": lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)},
+    "cubic_stiffness": lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)},
+    "frame_load": lambda rng, p: {
+        "force": p["mu_s"] * (p["m1"] + p["m2"]) * p["g"] * rng.uniform(-0.8, 0.8)
+    },
+    "frame_spring": lambda rng, p: {"k1": decades(rng, -2.0, 0.5)},
+    "squeeze_film": _film,
+    "series_resistance": _resistance,
+    "fringing": _fringing,
+    "dielectric_charging": lambda rng, p: {
+        "share": rng.uniform(-0.5, 0.9),
+        "time": decades(rng, 0.0, 2.0),
+    },
+    "adhesion": lambda rng, p: {"force": p["k"] * p["delta"] * decades(rng, -2.0, -0.1)},
+    "compliant_stopper": _stopper,
+}
+"""Values of each term: dimensionless, for a device whose k, m2 and d are of order one."""
+
+
+def unjudged() -> list[str]:
+    """Return the terms that no case can have, since nothing here knows them."""
+    return [name for name in TERMS if name not in DRAW or name not in with_terms.KNOWN]
+
+
+class Drawn:
+    """One case."""
+
+    def __init__(self, seed: int, number: int) -> None:
+        rng = np.random.default_rng([seed, 7, number])
+        self.compiled = number % COMPILED == COMPILED - 1
+        kinds = rng
+        if self.compiled:  # of few shapes, each of which has to be compiled
+            kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
+        known = [name for name in TERMS if name not in unjudged()]
+        chosen = [name for name in known if kinds.random() < KICK] or [str(kinds.choice(known))]
+        two_sided = bool(kinds.random() < 0.3)
+        self.device = _device(rng)
+        self.terms = {name: DRAW[name](rng, self.device) for name in chosen}
+        if self.compiled and "squeeze_film" in chosen:
+            self.terms["squeeze_film"] |= {"sides": "both", "modes": 1}
+        if self.compiled:
+            self.terms.get("fringing", {}).pop("length", None)
+        omega = rng.uniform(0.3, 3.0)
+        self.right = _wave(rng, self.device, omega)
+        self.left = _wave(rng, self.device, omega) if two_sided else None
+        self.start = _start(rng, self.device)
+        self.end = float(rng.uniform(6.0, 20.0))
+
+    @property
+    def system(self) -> ActuatorSystem:
+        """The case as the package has it."""
+        terms = tuple(term_of(name, values) for name, values in self.terms.items())
+        drive: Any = mi.Sine(**self.right)
+        if self.left is not None:
+            drive = mi.TwoSided(right=drive, left=mi.Sine(**self.left))
+        return mi.Actuator(**self.device, terms=terms).under(drive)
+
+
+def _device(rng: Rng) -> Values:
+    p = {"m1": decades(rng, -0.3, 1.0), "m2": 1.0, "k": rng.uniform(0.5, 2.0)}
+    p |= {"c": float(rng.choice([0.0, rng.uniform(0.0, 0.2)], p=[0.2, 0.8])), "d": 1.0}
+    p |= {"delta": rng.uniform(0.2, 0.8), "alpha": decades(rng, -0.5, 0.5), "g": 9.81}
+    p["e"] = float(rng.choice([rng.uniform(0.2, 0.9), 0.0], p=[0.8, 0.2]))
+    p["mu_s"] = decades(rng, -3.3, -0.3)
+    p["mu_d"] = p["mu_s"] * rng.uniform(0.3, 0.95)
+    return p
+
+
+def _wave(rng: Rng, p: Values, omega: float) -> Values:
+    hold = math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
+    return {
+        "amplitude": hold * rng.uniform(0.2, 1.8),
+        "omega": omega,
+        "bias": float(rng.choice([0.0, hold * rng.uniform(-0.8, 0.8)])),
+        "phase": float(rng.choice([0.0, rng.uniform(0.0, 6.28)])),
+    }
+
+
+def _start(rng: Rng, p: Values) -> list[float]:
+    speed = p["delta"] * math.sqrt(p["k"] / p["m2"])
+    v1 = float(rng.choice([0.0, 0.5 * speed * rng.normal()]))
+    if rng.random() < 0.2:
+        return [0.0, v1, p["delta"] * float(rng.choice([-1.0, 1.0])), 0.0]
+    return [0.0, v1, p["delta"] * rng.uniform(-0.9, 0.9), 1.5 * speed * rng.normal()]
+
+
+class _Judged(Device):
+    """The device, as far as the package's equations are meant to go."""
+
+    def margins(self, mode: int, t: Any, y: Floats) -> tuple[Floats, Floats]:
+        p = self.p
+        if np.abs(y[..., 2]).max() > 0.5 * (p[with_terms.DELTA] + p[with_terms.D]):
+            raise Undecided  # the force of an electrode is not followed to where it is infinite
+        return super().margins(mode, t, y)
+
+
+class _Follower(Follower):
+    """One motion, which is given up where a sequence of impacts ends."""
+
+    def __init__(self, system: Device, y: Floats, rtol: float) -> None:
+        super().__init__(system, system.settled(0.0, y), 0.0, y, rtol)
+        self.arcs: list[tuple[int, float, Floats, float]] = []
+
+    def _arc(self, end: float) -> bool:
+        began = self.mode, self.t, self.y
+        found = super()._arc(end)
+        self.arcs.append((*began, self.rows[-1].t if found else end))
+        return found
+
+    def _rests(self, guard: int, last: int) -> bool:
+        rate = self.system.margins(self.mode, self.t, self.y)[1][guard]
+        h = 1e-6
+        y = self.y + h * self.system.flow(self.mode, self.t, self.y)
+        pressure = (rate - self.system.margins(self.mode, self.t + h, y)[1][guard]) / h
+        if 0.0 < 2.0 * rate <= FLIGHT * pressure:
+            raise Undecided
+        return False
+
+
+def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
+    """Try one case."""
+    drawn = Drawn(seed, number)
+    system = drawn.system
+    judge = _Judged(drawn.device, drawn.terms, drawn.right, drawn.left)
+    places = [judge.states.index(name) for name in system.states]
+    start = np.zeros(len(judge.states))
+    start[:4] = drawn.start
+    aside = np.zeros(len(judge.states))
+    rng = np.random.default_rng([seed, 8, number])
+    aside[places] = rng.normal(size=len(places))
+    aside[0] = 0.0
+    aside[1] *= start[1] != 0.0
+    if start[3] == 0.0:
+        aside[2:4] = 0.0
+    first: list[_Follower] = []
+
+    def follow(shift: float) -> tuple[list[Row], float]:
+        y = start + shift * aside / max(float(np.linalg.norm(aside)), 1.0)
+        one = _Follower(judge, y, 1e-12 if shift == 0.0 else 1e-9)
+        first.append(one)
+        rows, quiet = one.follow(drawn.end)
+        return [_placed(row, places) for row in rows], quiet
+
+    found = comparing.truth(follow, drawn.end)
+    engine = "compiled" if drawn.compiled else "interpreted"
+    problem = system.problem(Options(**unit.options, engine=engine))
+    values = dict(zip(judge.states, drawn.start, strict=False))
+    instant = system.instant(mi.State(**values), problem)
+    mine = comparing.answer(problem, instant, found.quiet, np.ones(len(places)), 1.0)
+    story = comparing.compare(found, mine)
+    if not story:
+        account = partial(imbalance, system, judge, places, problem.parameters)
+        for arc in first[0].arcs:
+            for what, missing in zip(("energy", "momentum"), account(*arc), strict=True):
+                if missing > BALANCED and arc[3] <= found.quiet:
+                    story = f"{what} off by {missing:.1e} from t = {arc[1]:.6g} to {arc[3]:.6g}"
+    return Verdict("terms", number, len(found.rows), found.share, story)
+
+
+def _placed(row: Row, places: list[int]) -> Row:
+    return Row(row.t, row.guard, row.mode, row.y[places], row.fall, row.rest, row.blur)
+
+
+def imbalance(
+    system: ActuatorSystem,
+    judge: Device,
+    places: list[int],
+    p: Floats,
+    mode: int,
+    t: float,
+    y: Floats,
+    end: float,
+) -> Floats:
+    """Return energy and momentum missing after an arc of the reference, by what was turned over."""
+    sides = 1 if system.drive.left_voltage is None else 2
+    model = compose(system._kinds, sides)
+    if end - t < 1e-9:
+        return np.zeros(2)
+    solver = DOP853(partial(judge.flow, mode), t, y, end, rtol=1e-12, atol=1e-14, max_step=0.5)
+    before = stored(model, y[places], p)
+    done, turned = np.zeros(2), np.ones(2)
+    sums = [True, direction_of(mode) != 0]  # a frame that is held takes momentum from the ground
+    while solver.status == "running":
+        solver.step()
+        dense, half = solver.dense_output(), 0.5 * (solver.t - solver.t_old)
+        for node, weight in zip(NODES, WEIGHTS, strict=True):
+            now = solver.t_old + half * (1.0 + node)
+            parts = powers(system, model, mode, now, dense(now)[places], p)
+            done += half * weight * parts.sum(axis=1)
+            turned += half * weight * np.abs(parts).sum(axis=1)
+    missing: Floats = np.abs(stored(model, solver.y[places], p) - before - done) / turned * sums
+    return missing
+
+
+def stored(model: Model, y: Floats, p: Floats) -> Floats:
+    """Return the energy of bodies, spring and terms, and the momentum of the bodies."""
+    m1, m2, k = p[:3]
+    moving = 0.5 * m1 * y[1] ** 2 + 0.5 * m2 * (y[1] + y[3]) ** 2 + 0.5 * k * y[2] ** 2
+    energy = moving + sum(part.energy(y, p) for part in model.contributions if part.energy)
+    return np.array([energy, m1 * y[1] + m2 * (y[1] + y[3])])
+
+
+def powers(
+    system: ActuatorSystem, model: Model, mode: int, t: float, y: Floats, p: Floats
+) -> Floats:
+    """Return the powers that come in and are lost, and the forces from outside and of friction."""
+    drive, q = system.drive, p[model.layout.drive :]
+    right = drive.voltage(t, q)
+    left = drive.left_voltage(t, q) if drive.left_voltage is not None else 0.0
+    way = direction_of(mode)
+    pulled = model.pull(right, left, y, p) * y[3]
+    friction = model.sliding_friction(way, y[1], p) if way != 0 else 0.0
+    lost = p[3] * y[3] ** 2 + friction * y[1]
+    lost += sum(part.lost(y, p) for part in model.contributions if part.lost)
+    return np.array([[pulled, -lost], [model.on_frame(y, p) + model.on_block(y, p), -friction]])

@@ -1,0 +1,346 @@
+"""The actuator with every term there is, written out in one piece: a judge of how they compose.
+
+Written from the paper's equations, docs/equations.md and the sources of the terms, and from nothing
+of `mems_impact`. All terms are always there, and do nothing where their numbers are zero; so no
+equation is ever put together. What happens when is `Device`, in the form that the reference of
+`validation.campaign.integrating` follows.
+
+States: x1, v1, x2, v2, the gas of the right film and of the left one, charge and offset of the
+right electrode and of the left one, what yielding stoppers have lost.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Values = Mapping[str, Any]
+
+RIGHT, LEFT, RELEASE, SLIP_END, BREAK_AWAY = range(5)
+NAMES = (
+    *("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g"),
+    *("right.bias", "right.amplitude", "right.omega", "right.phase"),
+    *("left.bias", "left.amplitude", "left.omega", "left.phase", "left"),
+    *("angle", "k3", "load", "k1", "adhesion", "fringe width", "fringe length"),
+    *("resistance", "parasitic", "trapped", "trapping"),
+    *("stopper", "exponent", "stopper damping", "stopper depth"),
+    *("films", "ambient", "face", "viscosity", "path"),
+)
+PLACE = {name: place for place, name in enumerate(NAMES)}
+M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
+RB, RA, RW, RF, LB, LA, LW, LF, TWO = range(11, 20)
+ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(20, 27)
+OHM, PARASITIC, TRAPPED, TRAPPING = range(27, 31)
+STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(31, 40)
+STEP = 3e-4  # of differences along the flow
+LAST = 1000  # terms of sums that have no end
+
+
+@njit(cache=True)
+def _edges(gap, size):  # type: ignore[no-untyped-def]
+    """Palmer's factor for a pair of edges, and its slope by the gap."""
+    if size == 0.0:
+        return 1.0, 0.0
+    inner = math.log(2.0 * math.pi * size / gap)
+    return 1.0 + gap * (1.0 + inner) / (math.pi * size), inner / (math.pi * size)
+
+
+@njit(cache=True)
+def _electrode(p, volts, gap, charge, offset):  # type: ignore[no-untyped-def]
+    """Attraction, current and rate of the offset."""
+    one, one_slope = _edges(gap, p[FW])
+    two, two_slope = _edges(gap, p[FL])
+    capacitance = 2.0 * p[ALPHA] * one * two / gap
+    growth = 2.0 * p[ALPHA] * (one * two / gap - one_slope * two - one * two_slope) / gap
+    node, current, trapping = volts, 0.0, 0.0
+    if p[OHM] > 0.0:
+        node = (charge + capacitance * offset) / (capacitance + p[PARASITIC])
+        current = (volts - node) / p[OHM]
+    if p[TRAPPING] > 0.0:
+        trapping = (p[TRAPPED] * node - offset) / p[TRAPPING]
+    return 0.5 * growth * (node - offset) ** 2, current, trapping
+
+
+@njit(cache=True)
+def _film(p, shares, sizes, gap, closing, gas, slope):  # type: ignore[no-untyped-def]
+    """Force that parts the plates; the rates of the gas are written into `slope`."""
+    pressure = 0.0
+    thinned = 1.0 + 9.638 * (p[PATH] / p[AMBIENT] / gap) ** 1.159
+    for i in range(shares.size):
+        pressure += p[AMBIENT] * shares[i] * gas[i] / gap
+        time = 12.0 * p[VISCOSITY] * sizes[i] / (p[AMBIENT] * gap**2 * thinned)
+        slope[i] = closing - gas[i] / time
+    return p[FACE] * pressure
+
+
+@njit(cache=True)
+def _forces(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def]
+    """All forces: of the block on the frame, from outside on each, the limit of friction.
+
+    Rates of the states of terms are written into `slope`.
+    """
+    n, contact = shares.size, mode // 3
+    base = 4 + 2 * n
+    x, v = y[2], y[3]
+    if contact != 0 and p[STOPPER] == 0.0:
+        x, v = (p[DELTA] if contact == 1 else -p[DELTA]), 0.0
+    volts = p[RB] + p[RA] * math.cos(p[RW] * t + p[RF])
+    pull, slope[base], slope[base + 1] = _electrode(p, volts, p[D] - x, y[base], y[base + 1])
+    if p[TWO] > 0.0:
+        volts = p[LB] + p[LA] * math.cos(p[LW] * t + p[LF])
+        back, slope[base + 2], slope[base + 3] = _electrode(
+            p, volts, p[D] + x, y[base + 2], y[base + 3]
+        )
+        pull -= back
+    on_frame = p[K] * x + p[C] * v - pull + p[K3] * x**3
+    if p[FILMS] > 0.0:
+        on_frame += _film(p, shares, sizes, p[D] - x, v, y[4 : 4 + n], slope[4 : 4 + n])
+    if p[FILMS] > 1.0:
+        on_frame -= _film(p, shares, sizes, p[D] + x, -v, y[4 + n : base], slope[4 + n : base])
+    if contact != 0 and p[STOPPER] > 0.0:
+        side = 1.0 if contact == 1 else -1.0
+        depth = side * x - p[DELTA]
+        spring = p[STOPPER] * p[DEEP] * (max(depth, 0.0) / p[DEEP]) ** p[EXPONENT]
+        push = spring * max(1.0 + 1.5 * p[LOSSY] * side * v, 0.0)
+        slope[base + 4] = (push - spring) * side * v
+        on_frame += side * (push - p[STICKY])
+    weight = p[G] * math.sin(p[ANGLE])
+    frame = -p[M1] * weight - p[LOAD] - p[K1] * y[0]
+    normal = (p[M1] + p[M2]) * p[G] * math.cos(p[ANGLE])
+    return on_frame, frame, -p[M2] * weight, normal
+
+
+@njit(cache=True)
+def _flow(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def]
+    slope[:] = 0.0
+    on_frame, frame, block, normal = _forces(p, shares, sizes, mode, t, y, slope)
+    friction, contact = mode % 3, mode // 3
+    way = 1.0 if friction == 1 else (-1.0 if friction == 2 else 0.0)
+    drag = way * p[MU_D] * normal
+    held = contact != 0 and p[STOPPER] == 0.0
+    a1 = 0.0
+    if friction != 0:
+        slope[0] = y[1]
+        pushed, mass = (block, p[M1] + p[M2]) if held else (on_frame, p[M1])
+        a1 = (frame + pushed - drag) / mass
+    slope[1] = a1
+    if not held:
+        slope[2] = y[3]
+        slope[3] = (block - on_frame) / p[M2] - a1
+
+
+@njit(cache=True)
+def _values(p, shares, sizes, mode, t, y, slope, out):  # type: ignore[no-untyped-def]
+    """All margins of a mode; infinite where there is none."""
+    out[:] = math.inf
+    friction, contact = mode % 3, mode // 3
+    rigid = p[STOPPER] == 0.0
+    on_frame, frame, block, normal = _forces(p, shares, sizes, mode, t, y, slope)
+    side = 1.0 if contact == 1 else -1.0
+    way = 1.0 if friction == 1 else (-1.0 if friction == 2 else 0.0)
+    if contact == 0:
+        out[RIGHT] = p[DELTA] - y[2]
+        out[LEFT] = p[DELTA] + y[2]
+    elif rigid:
+        shared = 0.0
+        if friction != 0:
+            shared = (frame + block - way * p[MU_D] * normal) / (p[M1] + p[M2])
+        out[RELEASE] = side * (block - on_frame - p[M2] * shared) + p[STICKY]
+    else:
+        out[RELEASE] = side * y[2] - p[DELTA]
+    if friction != 0:
+        out[SLIP_END] = way * y[1]
+    else:
+        push = frame + (block if contact != 0 and rigid else on_frame)
+        out[BREAK_AWAY] = p[MU_S] * normal - abs(push)
+
+
+@njit(cache=True)
+def _margins(p, shares, sizes, mode, times, states, values, rates):  # type: ignore[no-untyped-def]
+    slope, spare = np.empty(states.shape[1]), np.empty(states.shape[1])
+    out = np.empty(5)
+    for row in range(times.size):
+        t, y = times[row], states[row]
+        _values(p, shares, sizes, mode, t, y, spare, values[row])
+        _flow(p, shares, sizes, mode, t, y, slope)
+        rates[row] = 0.0
+        for point in range(4):
+            size = 1.0 if point < 2 else 2.0
+            sign = 1.0 if point % 2 == 0 else -1.0
+            h = sign * size * STEP
+            _values(p, shares, sizes, mode, t + h, y + h * slope, spare, out)
+            for i in range(5):
+                if values[row, i] < math.inf:
+                    rates[row, i] += sign * (8.0 if size == 1.0 else -1.0) * out[i] / 12.0 / STEP
+
+
+class Device:
+    """An actuator with terms under sines.
+
+    Parameters
+    ----------
+    device : mapping
+        The paper's parameters by name.
+    terms : mapping of str to mapping
+        The numbers of each term.
+    right : mapping
+        Bias, amplitude, omega and phase of the voltage.
+    left : mapping, optional
+        That of the left electrode.
+    """
+
+    order = np.arange(5.0)
+    stopped = -1  # there is no such mode
+
+    def __init__(
+        self, device: Values, terms: Mapping[str, Values], right: Values, left: Values | None
+    ) -> None:
+        unknown = set(terms) - set(KNOWN)
+        if unknown:
+            raise NotImplementedError(f"no equations of {', '.join(sorted(unknown))}")
+        p = np.zeros(len(NAMES))
+        for name, value in device.items():
+            p[PLACE[name]] = value
+        for side, wave in (("right", right), ("left", left or {})):
+            for name, value in wave.items():
+                p[PLACE[f"{side}.{name}"]] = value
+        p[TWO] = float(left is not None)
+        self.shares = self.sizes = np.zeros(0)
+        for name, values in terms.items():
+            if name == "squeeze_film":
+                self.shares, self.sizes = compartments(**values)
+                p[FACE] = values["length"] * values["width"]
+                p[FILMS] = 2.0 if values["sides"] == "both" else 1.0
+            for field, place in KNOWN[name].items():
+                if values.get(field) is not None:
+                    p[PLACE[place]] = values[field]
+        self.p = p
+        self.impact = np.array([p[STOPPER] == 0.0] * 2 + [False] * 3)
+        n = len(self.shares)
+        films = [f"{side}film_{i + 1}" for side in ("", "left_") for i in range(n)]
+        electrodes = [f"{side}{name}" for side in ("", "left_") for name in ("charge", "offset")]
+        self.states = ("x1", "v1", "x2", "v2", *films, *electrodes, "contact_loss")
+
+    def flow(self, mode: int, t: float, y: Floats) -> Floats:
+        """Return the time derivative of the state."""
+        slope = np.empty(y.size)
+        _flow(self.p, self.shares, self.sizes, mode, t, y, slope)
+        return slope
+
+    def margins(self, mode: int, t: Any, y: Floats) -> tuple[Floats, Floats]:
+        """Return margins and rates of one state or many."""
+        states = np.ascontiguousarray(y.reshape(-1, len(self.states)))
+        values, rates = np.empty((2, len(states), 5))
+        times = np.ravel(np.asarray(t, dtype=float))
+        _margins(self.p, self.shares, self.sizes, mode, times, states, values, rates)
+        return (values[0], rates[0]) if y.ndim == 1 else (values, rates)
+
+    def fire(self, mode: int, guard: int, t: float, y: Floats) -> tuple[int, Floats]:
+        """Return mode and state after a transition."""
+        p, y = self.p, y.copy()
+        if guard in (RIGHT, LEFT):
+            y[2] = p[DELTA] if guard == RIGHT else -p[DELTA]
+            if p[STOPPER] > 0.0:
+                return self._sliding(1 if guard == RIGHT else 2, t, y), y
+            y[1] += (1.0 + p[E]) * p[M2] * y[3] / (p[M1] + p[M2])
+            y[3] *= -p[E]
+            return self.settled(t, y), y
+        if guard == RELEASE:
+            y[2] = p[DELTA] if mode // 3 == 1 else -p[DELTA]
+            return self._sliding(0, t, y), y
+        y[1] = 0.0
+        if guard == SLIP_END:
+            return self._sliding(mode // 3, t, y), y
+        return 3 * (mode // 3) + (1 if self._push(mode, t, y) > 0.0 else 2), y
+
+    def settled(self, t: float, y: Floats) -> int:
+        """Return the mode of a state."""
+        p, side = self.p, 1 if y[2] > 0.0 else 2
+        beyond = abs(y[2]) - p[DELTA]
+        if p[STOPPER] > 0.0:
+            into = y[3] * y[2] > 0.0
+            return self._sliding(side if beyond > 0.0 or (beyond == 0.0 and into) else 0, t, y)
+        if y[3] == 0.0 and beyond >= 0.0:
+            mode = self._sliding(side, t, y)
+            if self.margins(mode, t, y)[0][RELEASE] > 0.0:
+                return mode
+        return self._sliding(0, t, y)
+
+    def _sliding(self, contact: int, t: float, y: Floats) -> int:
+        """Return the mode of this contact in which the frame moves, or is held."""
+        if y[1] != 0.0:
+            return 3 * contact + (1 if y[1] > 0.0 else 2)
+        if self.margins(3 * contact, t, y)[0][BREAK_AWAY] >= 0.0:
+            return 3 * contact
+        return 3 * contact + (1 if self._push(3 * contact, t, y) > 0.0 else 2)
+
+    def _push(self, mode: int, t: float, y: Floats) -> float:
+        """Return what would set the frame in motion."""
+        spare = np.empty(y.size)
+        inner, frame, block, _ = _forces(self.p, self.shares, self.sizes, mode, t, y, spare)
+        return float(frame + (block if mode // 3 and self.p[STOPPER] == 0.0 else inner))
+
+    def contact(self, mode: int, guard: int, t: float, y: Floats) -> Floats:
+        """Return the state after an impact without rebound."""
+        raise NotImplementedError
+
+    def restitution(self, guard: int) -> float:
+        """Return the restitution of an impact."""
+        return float(self.p[E])
+
+
+KNOWN: dict[str, dict[str, str]] = {
+    "tilt": {"angle": "angle"},
+    "cubic_stiffness": {"k3": "k3"},
+    "frame_load": {"force": "load"},
+    "frame_spring": {"k1": "k1"},
+    "squeeze_film": {
+        "pressure": "ambient",
+        "viscosity": "viscosity",
+        "free_path_pressure": "path",
+    },
+    "series_resistance": {"resistance": "resistance", "parasitic": "parasitic"},
+    "fringing": {"width": "fringe width", "length": "fringe length"},
+    "dielectric_charging": {"share": "trapped", "time": "trapping"},
+    "adhesion": {"force": "adhesion"},
+    "compliant_stopper": {
+        "stiffness": "stopper",
+        "exponent": "exponent",
+        "damping": "stopper damping",
+        "depth": "stopper depth",
+    },
+}
+"""Terms whose equations stand above, and where their fields go."""
+
+
+def compartments(length: float, width: float, modes: int, **_: Any) -> tuple[Floats, Floats]:
+    """Return shares and sizes of the parts of a film, by the sums of Blech's series themselves."""
+    odd = np.arange(1.0, 40.0 * LAST, 2.0)
+
+    def part(k: Floats | float, l: Floats | float) -> tuple[Any, Any]:  # noqa: E741
+        share = 64.0 / (math.pi**4 * (k * l) ** 2)
+        return share, share / (math.pi**2 * ((k / length) ** 2 + (l / width) ** 2))
+
+    total, shares, weights = np.zeros(2), [], []
+    for row in range(modes):
+        all_of_row = np.array([each.sum() for each in part(odd, 2.0 * row + 1.0)])
+        all_of_row[0] = 8.0 / (math.pi * (2.0 * row + 1.0)) ** 2
+        total += all_of_row
+        for along in range(modes - row):
+            one = np.array(part(2.0 * along + 1.0, 2.0 * row + 1.0))
+            all_of_row = all_of_row - one
+            shares.append(one[0])
+            weights.append(one[1])
+        shares.append(all_of_row[0])
+        weights.append(all_of_row[1])
+    k, l = np.meshgrid(odd[:LAST], odd[modes:LAST], indexing="ij")  # noqa: E741
+    shares.append(1.0 - total[0])
+    weights.append(part(k, l)[1].sum())
+    found = np.array(shares)
+    return found, np.array(weights) / found
