@@ -8,8 +8,12 @@ import numpy as np
 
 from mems_impact.continuation.equilibria import frequency
 from mems_impact.continuation.switching import beside
-from mems_impact.errors import OrbitError
+from mems_impact.errors import OrbitError, RunError
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.hybrid.variational import free_components
 from mems_impact.orbits.equilibrium import StationaryState
+from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.phase import Phase
 from mems_impact.orbits.shooting import Shooting
@@ -49,13 +53,25 @@ def born(equilibrium: StationaryState, parameter: str) -> tuple[PeriodicOrbit, f
     period = 2.0 * math.pi / rate
     phase = Phase(tuple(across.tolist()), float(across @ center), period)
     segments = (Segment(equilibrium.mode, 0, BOUNDARY),)
-    shooting = Shooting(equilibrium.family, segments, (parameter,), phase=phase)
+    size = max(1.0, float(np.abs(center).max()))
+    family = _suited(equilibrium, center + size * AMPLITUDES[-1] * along, period)
+    shooting = Shooting(family, segments, (parameter,), phase=phase)
     # Around the equilibrium, once in the period of its rotation, and at its parameter: what changes
     # first with the amplitude is the state alone.
     middle = np.array([*center, period / phase.unit, value])
     away = np.array([*along, 0.0, 0.0])
-    size = max(1.0, float(np.abs(center).max()))
     return beside(shooting, middle, away, [size * amplitude for amplitude in AMPLITUDES])
+
+
+def _suited(equilibrium: StationaryState, beside: Floats, period: float) -> Family:
+    """Return the family, integrated by the method that suits one turn from beside the point."""
+    family, y = equilibrium.family, np.array(equilibrium.state)
+    problem = family.problem().counted_in(period)
+    y[list(free_components(problem.automaton))] = beside
+    try:
+        return family.suited(run(problem, Instant(0, 0.0, equilibrium.mode, y), 1.0).stiff)
+    except RunError:
+        return family.suited(False)
 
 
 def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -225,7 +225,8 @@ def test_a_run_of_another_automaton_does_not_agree():
 
 
 @pytest.mark.parametrize(
-    ("method", "other"), [("adams", "dop853"), ("bdf", "dop853"), ("dop853", "adams")]
+    ("method", "other"),
+    [("adams", "dop853"), ("bdf", "dop853"), ("dop853", "adams"), ("auto", "adams")],
 )
 def test_the_other_method_is_more_precise(method, other):
     options = other_family(mi.Options(method=method, rtol=1e-9, atol=1e-10))

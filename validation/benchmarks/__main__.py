@@ -20,6 +20,7 @@ from validation.benchmarks import (
     orbits,
     report,
     startup,
+    stiffness,
     threads,
 )
 from validation.benchmarks.timing import Row, machine
@@ -35,6 +36,7 @@ TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "sweep": figure4.figure4,
     "chart": figure7.figure7,
     "startup": startup.startup,
+    "stiffness": stiffness.stiffness,
 }
 
 

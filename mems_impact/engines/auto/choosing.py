@@ -37,7 +37,7 @@ EXPLICIT, IMPLICIT = 0, 1
 WINDOW, STRAIGHT, NOTHING, ENTER = 16, 0.125, 50.0, 4.0
 LONG = 0.5  # part of the longest step allowed, from which on one is not short
 # So is BDF; it leaves where its steps times the spectral radius are below a limit.
-LOOK, LEAVE = 32, 0.25
+LOOK, LEAVE = 32, 0.4
 GROWN = 2.0  # steps that grow faster from look to look have not come to their length yet
 MOST_DOUBLED = 10  # times the patience of the explicit method
 
