@@ -37,7 +37,7 @@ def pass_section(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
     `told` is the sign of one there that the engine tells, or 0: that one is not noted. Rates would
     cost a flow a step, so values alone are asked at first: a parabola follows from the paces of the
     last two steps, and what keeps clear of the section even if it bends far more has not crossed
-    it, nor has what does not bend at all, crossed it twice. Overwrites STATE and SLOPE.
+    it. What does not bend cannot have done so twice. Overwrites STATE and SLOPE.
     """
     h = s.t - before
     if s.section < 0 or not h > 0.0:
@@ -47,9 +47,7 @@ def pass_section(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
     # The pace of a step is the rate in its middle; where an arc begins it is the rate there.
     turned = pace - s.pace
     # The first steps of an arc may be so short that rounding alone makes their paces.
-    if abs(turned) * (min(h, s.paced) if s.paced > 0.0 else h) <= ROUNDINGS * EPS * (
-        abs(s.level) + abs(apart)
-    ):
+    if abs(turned) * h <= ROUNDINGS * EPS * (abs(s.level) + abs(apart)):
         turned = 0.0
     bend = turned / (0.5 * (h + s.paced))
     s.turning = max(abs(bend), 0.5 * s.turning)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from mems_impact.engines.options import Options
+from mems_impact.hybrid import section
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant
 from mems_impact.hybrid.written import Definition, hidden_parameters, written
+from tests.hybrid.systems import STOP, simulate, stop
 
 
 def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=1.0):
@@ -83,3 +85,16 @@ def test_a_start_on_the_section_is_no_crossing(roots):
 def test_a_state_that_stays_on_the_section_crosses_nothing():
     found, _ = crossings((0.5, 0.5), begin=0.5, end=0.5 + 1e-9)
     assert found.size == 0
+
+
+@pytest.mark.parametrize("method", ["adams", "dop853", "bdf"])
+def test_an_oscillator_with_impacts_costs_no_search(monkeypatch, method):
+    """Nor do first steps so short that rounding alone makes their differences."""
+    searched = []
+    monkeypatch.setattr(section, "walk", lambda *arguments: searched.append(arguments))
+    p = stop(c=0.1, amplitude=0.5, omega=1.0)
+    options = {"engine": "interpreted", "method": method, "section": (0, 0.5, 0)}
+    run = simulate(STOP, p, (0.0, 0.0), 4, **options).events
+    assert run.impacts(STOP).sum() > 2
+    assert len(run.crossings(0)) > 4
+    assert searched == []

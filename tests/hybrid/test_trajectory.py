@@ -6,9 +6,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Events
+from tests.hybrid.systems import STOP, at, simulate, stop
 
 
 def nothing(*_):
@@ -61,3 +64,26 @@ def test_what_begins_an_arc(log):
 @pytest.mark.parametrize(("direction", "rows"), [(0, [4, 5]), (1, [4]), (-1, [5])])
 def test_crossings_by_direction(log, direction, rows):
     assert log.crossings(direction).cycle.tolist() == rows
+
+
+def swinging(periods=40, **settings):
+    """A run far from its stop."""
+    options = {"engine": "interpreted", "method": "dop853", **settings}
+    return simulate(STOP, stop(c=0.1), (0.1, 0.0), periods, **options)
+
+
+@pytest.mark.parametrize("period", [0.5, 2.0])
+def test_an_arc_without_event_is_cut_after_sixteen_periods(period):
+    assert swinging(period=period).arcs == 3
+
+
+@pytest.mark.parametrize(("first", "expected"), [(2.0, 2), (2.0 - 1e-10, 2), (2.0 + 1e-10, 3)])
+def test_samples_begin_at_the_very_time_that_is_asked_for(first, expected):
+    assert swinging(4).samples(1, first=first).cycle[0] == expected
+
+
+@pytest.mark.parametrize("cycle", [0.5, 2**54, -(2**54)])
+def test_a_run_starts_at_a_whole_number_of_periods(cycle):
+    made = swinging(1).problem
+    with pytest.raises(InvalidParameter, match=r"start\.cycle"):
+        run(made, at((0.1, 0.0), cycle=cycle), 1)

@@ -5,8 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import mems_impact as mi
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant
-from mems_impact.orbits.returning import _section
+from mems_impact.orbits import cycles, finding, returning
+from mems_impact.orbits.returning import _section, first_return
 
 
 @pytest.mark.parametrize(
@@ -25,3 +29,70 @@ def test_the_section_cuts_what_changes_fastest_against_its_extent(extent, chosen
     free = [0, 2]
     place = free[chosen]
     assert _section(problem, start, np.array(extent), free) == (place, start.y[place], 0)
+
+
+@pytest.mark.parametrize(("count", "period"), [(3, 0), (4, 1), (5, 1), (6, 0), (7, 2), (9, 2)])
+def test_three_returns_are_seen_before_a_motion_counts_as_settled(count, period):
+    """Of a motion with one or two states in turn: three times so many, and where it began."""
+    states = np.zeros((count, 1)) if count in (3, 4, 5) else np.arange(count)[:, None] % 2.0
+    modes = np.zeros(count, dtype=np.int64)
+    assert first_return(states, modes, np.ones(1), from_last=True) == period
+
+
+DRIFT = mi.System(states=("x", "y"), flow=lambda mode, t, y, p: (1.0, -y.y), initial={"y": 1.0})
+PLAIN = mi.Options(engine="interpreted", method="dop853")
+
+
+def test_the_time_within_which_nothing_came_back_is_that_of_all_its_runs(monkeypatch):
+    problem, lengths = DRIFT.problem(PLAIN), []
+
+    def counted(problem, start, periods, **more):
+        lengths.append(periods * problem.period)
+        return run(problem, start, periods, **more)
+
+    monkeypatch.setattr(returning, "run", counted)
+    monkeypatch.setattr(returning, "STEPS", 30)
+    with pytest.raises(OrbitError) as caught:
+        returning.own_period(problem, DRIFT.instant(None, problem))
+    assert f"within {sum(lengths):.4g} of time" in str(caught.value)
+
+
+@pytest.mark.parametrize(("module", "transient"), [(finding, 0.5), (cycles, 0.5), (cycles, 3.0)])
+def test_a_transient_is_run_first(monkeypatch, module, transient):
+    """However short it is; by the call that comes first."""
+
+    class Asked(Exception):
+        pass
+
+    def asked(problem, start, periods, **more):
+        raise Asked(periods * problem.period)
+
+    monkeypatch.setattr(module, "run", asked)
+    family, start = DRIFT.family(PLAIN), DRIFT.instant(None, DRIFT.problem(PLAIN))
+    find = finding.find_orbit if module is finding else finding.find_cycle
+    with pytest.raises(Asked) as caught:
+        find(family, start, transient=transient)
+    assert caught.value.args == (pytest.approx(transient),)  # the problem's period is 1
+
+
+@pytest.mark.parametrize(
+    ("slope", "reach", "period", "moves"),
+    [(1e-6, 0.0, 1e3, True), (1e-12, 0.0, 1e6, False), (1e-12, 1.0, 1e6, True)],
+)
+def test_a_cycle_that_is_all_but_a_point_is_refused(slope, reach, period, moves):
+    """By how far it gets at its speed where it begins, and by how far it does get."""
+
+    def point(slope):
+        arc = SimpleNamespace(slope_start=np.array([slope, 0.0]), end=np.array([reach, 0.0]))
+        return SimpleNamespace(arcs=(arc,), period=period, unknowns=None)
+
+    shooting = SimpleNamespace(
+        phase=SimpleNamespace(normal=(1.0, 0.0)),
+        free=[0, 1],
+        unpack=lambda unknowns: (np.zeros((1, 2)), None),
+    )
+    if moves:
+        cycles.check_moving(shooting, point(slope), point(slope))
+    else:
+        with pytest.raises(OrbitError, match="shrinks to an equilibrium"):
+            cycles.check_moving(shooting, point(slope), point(slope))
