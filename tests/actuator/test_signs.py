@@ -180,7 +180,7 @@ def test_orbits_sweeps_and_speeds_with_the_period_of_the_voltage():
     assert orbit.step == pytest.approx(2.0 * paper.step, rel=1e-8)
     squares = np.sort(np.abs(paper.multipliers)) ** 2
     np.testing.assert_allclose(np.sort(np.abs(orbit.multipliers)), squares, atol=1e-7)
-    branches = [mi.continue_orbit(each, "amplitude", stop=0.2) for each in (paper, orbit)]
+    branches = [mi.continue_orbit(each, "amplitude", stop=0.16) for each in (paper, orbit)]
     ends = [branch.special_points[0].value for branch in branches]
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)
     tables = [

@@ -120,4 +120,4 @@ def test_branch_over_the_share_ends_where_the_paper_is():
     table = mi.sweep(
         device, drive, "dielectric_charging.share", [0.0, 0.1], transient=50, periods=5
     )
-    assert table["dielectric_charging.share"].tolist() == [0.0, 0.1]
+    assert set(table["dielectric_charging.share"]) == {0.0, 0.1}
