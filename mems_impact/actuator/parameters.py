@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from importlib.resources import files
 from os import PathLike, fspath
 from pathlib import Path
@@ -16,7 +17,7 @@ from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positiv
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
-from mems_impact.actuator.terms.files import term_of
+from mems_impact.actuator.terms.files import term_of, term_with
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, UnitsWarning, shown
 from mems_impact.units import DIMENSIONLESS, Scales
@@ -162,6 +163,37 @@ class Actuator(Checked):
                 raise InvalidParameter("term", name, f"one of {', '.join(known) or 'none'}")
         kept = (term for term in self.terms if names and term.name() not in names)
         return self.replace(terms=tuple(kept))
+
+    def setting(self, values: Mapping[str, float]) -> Self:
+        """Return the device with some numbers changed, those of terms among them.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            By name; those of a term by ``tilt.angle``. A term that the device does not have is
+            added.
+
+        Raises
+        ------
+        InvalidParameter
+            If a value is not allowed, a name is unknown, or a term that is added needs more.
+
+        Examples
+        --------
+        >>> import mems_impact as mi
+        >>> uphill = mi.load_actuator("zhao2004").setting({"e": 0.7, "tilt.angle": 0.05})
+        """
+        own: dict[str, Any] = {}
+        of_terms: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            owner, dot, number = name.partition(".")
+            if dot:
+                of_terms.setdefault(owner, {})[number] = value
+            else:
+                own[name] = value
+        device = self.replace(**own) if own else self
+        terms = [term_with(name, self.term(name), given) for name, given in of_terms.items()]
+        return device.adding(*terms) if terms else device
 
     def term(self, name: str) -> Term | None:
         """Return the term of that name; None if the device has none."""

@@ -37,6 +37,7 @@ COMMANDS = (
     "pull-in",
     "simulate",
     "sweep",
+    "terms",
     "validate",
 )
 

@@ -54,7 +54,8 @@ device_options = combined(
         multiple=True,
         metavar="NAME=NUMBER",
         callback=_assignments,
-        help="Change a parameter of the device, such as e=0.7. May be repeated.",
+        help="Change a parameter of the device, such as e=0.7, or of a term, such as "
+        "tilt.angle=0.1, which is added if need be. May be repeated.",
     ),
 )
 
@@ -72,7 +73,7 @@ parameter_option = click.option(
     "--parameter",
     required=True,
     metavar="NAME",
-    help="What to vary: a parameter of drive or device.",
+    help="What to vary: a parameter of drive or device, or of a term, such as tilt.angle.",
 )
 
 
@@ -213,7 +214,7 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
     from mems_impact.actuator.parameters import load_actuator
 
     actuator = load_actuator(device)
-    return actuator.replace(**changes) if changes else actuator
+    return actuator.setting(changes)
 
 
 def state_from(initial: dict[str, float]) -> State:

@@ -93,6 +93,8 @@ def command(
     from mems_impact.cli.output import Output
 
     show_warnings_briefly()
+    if "." in parameter:  # of a term, which the device may not have yet
+        changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
     drive = drive_from({parameter: start})
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)

@@ -10,7 +10,7 @@ from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["table_of", "term_of", "term_type"]
+__all__ = ["table_of", "term_of", "term_type", "term_with"]
 
 
 def term_type(name: str) -> type[Term]:
@@ -30,6 +30,16 @@ def term_of(name: str, table: Mapping[str, Any]) -> Term:
         return term_type(name)(**values)
     except InvalidParameter as error:
         raise error.located(owner=name) from None
+
+
+def term_with(name: str, term: Term | None, values: Mapping[str, float]) -> Term:
+    """Return a term with some numbers changed, or the one that they tell if there is none yet."""
+    if term is None:
+        return term_of(name, values)
+    try:
+        return term.replace(**values)
+    except InvalidParameter as error:
+        raise error.within(name) from None
 
 
 def table_of(term: Term) -> dict[str, Any]:

@@ -50,8 +50,10 @@ class StribeckFriction(Term):
         scale, viscous = at.p["speed"], at.p["viscous"]
 
         def friction(speed, p):  # type: ignore[no-untyped-def]
-            relative = speed / p[scale]
-            fallen = math.exp(-relative * relative)
+            square = (speed / p[scale]) ** 2
+            # Beyond rest the same to the fifth order, but not back at mu_d: else a step would pass
+            # rest, and a rise of friction that is narrower than itself, without seeing it.
+            fallen = math.exp(-square) if speed > 0.0 else 1.0 - square / (1.0 + 0.5 * square)
             return p[eq.MU_D] + (p[eq.MU_S] - p[eq.MU_D]) * fallen + p[viscous] * speed
 
         return Contribution(friction=friction)

@@ -1,0 +1,26 @@
+"""`mems-impact terms`: what a model may have beyond the paper's."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command(short_help="List the terms that a model may have.")
+def command() -> None:
+    """List the terms that the model of a device may have beyond the paper's, and their parameters.
+
+    A file of a device has a table for each, such as [tilt] with the line angle = 0.1; --set
+    tilt.angle=0.1 adds it to any device. In brackets the unit of a device in SI, and what a
+    parameter is if it is not given.
+    """
+    from mems_impact.actuator.terms import TERMS
+    from mems_impact.actuator.terms.files import term_type
+
+    for name in TERMS:
+        term = term_type(name)
+        said = (term.__doc__ or "").partition("\n")[0].rstrip(".")
+        click.echo(f"{name}: {said}")
+        for key, field in term.model_fields.items():
+            notes = [unit] if (unit := term.units.get(key)) else []
+            notes += [] if field.is_required() else [f"{field.default!r} by default"]
+            click.echo(f"  {name}.{key}" + (f" [{', '.join(notes)}]" if notes else ""))

@@ -1,0 +1,92 @@
+import math
+import pickle
+
+import pytest
+
+import mems_impact as mi
+from mems_impact.actuator.term import Adhesion, CompliantStopper
+
+ZHAO = mi.load_actuator("zhao2004")
+SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
+FALLING = mi.Pulse(amplitude=0.45, period=60.0, width=10.0, fall=45.0)
+PLAIN = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
+
+
+def volts_at_release(device, start=0.5, time=8.0):
+    run = mi.simulate(device, FALLING, duration=15.0, initial=mi.State(x2=start, time=time),
+                      options=PLAIN)  # fmt: skip
+    release = run.events.query("event == 'release'").iloc[0]
+    return FALLING.value(release["t"])
+
+
+@pytest.mark.parametrize("force", [0.0, 0.1, 0.3])
+def test_release_voltage(force):
+    # alpha v^2/(d - delta)^2 + force = k delta
+    exact = 0.5 * math.sqrt(0.5 - force)
+    assert volts_at_release(ZHAO.adding(Adhesion(force=force))) == pytest.approx(exact, rel=1e-9)
+
+
+def test_a_stopper_that_yields_lets_go_at_the_same_voltage():
+    hard = CompliantStopper(stiffness=1e4, damping=5.0)
+    device = ZHAO.replace(c=1.0).adding(hard, Adhesion(force=0.2))
+    deep = (float(FALLING.value(26.0)) ** 2 / 0.25 + 0.2 - 0.5) / 1e4
+    found = volts_at_release(device, 0.5 + deep, 26.0)
+    assert found == pytest.approx(0.5 * math.sqrt(0.5 - 0.2), rel=1e-3)
+
+
+def test_a_block_that_sticks_never_leaves():
+    for force, leaves in ((0.49, True), (0.51, False)):
+        device = ZHAO.adding(Adhesion(force=force))
+        for side in (1.0, -1.0):
+            start = mi.State(x2=0.5 * side)
+            run = mi.simulate(device, SILENT, duration=50.0, initial=start, options=PLAIN)
+            assert (abs(run.final.x2) < 0.5) is leaves
+
+
+def test_an_impact_is_what_it_was():
+    start, hits = mi.State(x2=0.5, v2=1.0), []
+    for device in (ZHAO, ZHAO.adding(Adhesion(force=0.3))):
+        run = mi.simulate(device, SILENT, duration=1.0, initial=start, options=PLAIN)
+        hits.append([run.final.x1, run.final.x2, run.final.v2])
+    assert hits[0] == pytest.approx(hits[1], abs=1e-12)
+
+
+def test_no_work_over_a_contact():
+    # The block comes and goes at the face; damping aside, its energy is what it was.
+    smooth = ZHAO.replace(c=0.0, mu_s=1e6).adding(CompliantStopper(stiffness=1e3, exponent=1.5))
+    run = mi.simulate(smooth.adding(Adhesion(force=0.3)), SILENT, duration=3.0,
+                      initial=mi.State(v2=1.0), options=PLAIN)  # fmt: skip
+    assert len(run.impacts) == 2
+    final = run.final
+    assert 0.5 * (final.v2**2 + final.x2**2) == pytest.approx(0.5, rel=1e-9)
+    assert run.impacts["energy lost"].max() == 0.0
+
+
+def test_files_and_units(tmp_path):
+    mita = mi.load_actuator("mita2003")
+    device = mita.adding(Adhesion(force=5e-6))
+    assert pickle.loads(pickle.dumps(device)) == device
+    inner = device.to_dimensionless().term("adhesion").force
+    assert inner == pytest.approx(5e-6 / (mita.k * mita.d), rel=1e-14)
+    lines = ['units = "SI"', "[parameters]"]
+    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
+    (tmp_path / "device.toml").write_text("\n".join([*lines, "[adhesion]", "force = 5e-6"]))
+    assert mi.load_actuator(tmp_path / "device.toml") == device
+    run = mi.simulate(device, mi.Sine(amplitude=1.0, omega=100.0), duration=1e-3, options=PLAIN)
+    run.save(tmp_path / "run.mems")
+    assert mi.load(tmp_path / "run.mems").system.actuator == device
+
+
+def test_a_sweep_over_the_force():
+    held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
+    table = mi.sweep(ZHAO, held, "alpha", [1.0], transient=0, periods=1, options=PLAIN)
+    assert len(mi.sweep_summary(table)) > 0
+    device = ZHAO.adding(Adhesion(force=0.0))
+    rests = []
+    for force in (0.0, 0.2):
+        run = mi.simulate(device.setting({"adhesion.force": force}), held, periods=1,
+                          initial=mi.State(x2=0.5), options=PLAIN, window=(0, 1))  # fmt: skip
+        rests.append(run.statistics["share resting"])
+    # 0.3 V hold it with 0.36 + 0.2 > 0.5, and do not without.
+    assert rests[0] == pytest.approx(1.0 / 3.0, abs=0.01)
+    assert rests[1] == 1.0

@@ -1,0 +1,170 @@
+"""Friction by speed: Stribeck's, and the one that is smoothed about rest."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+import mems_impact as mi
+from mems_impact.actuator.term import RegularizedFriction, StribeckFriction
+
+ZHAO = mi.load_actuator("zhao2004")
+SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+PRECISE = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13)
+STRIBECK = StribeckFriction(speed=0.1, viscous=0.3)
+
+
+def test_slip_after_an_impact():
+    # Nothing but friction acts on the frame: m1 v dv/dx = -mu(v) N.
+    device = ZHAO.replace(k=1e-9, c=0.0).adding(STRIBECK)
+    start = mi.State(x2=0.5, v2=1.0)
+    run = mi.simulate(device, SILENT, duration=0.2, initial=start, options=PRECISE)
+    hit, end = run.impacts.iloc[0], run.events.query("event == 'slip end'").iloc[0]
+
+    def coefficient(v):
+        return 0.27 + (0.4 - 0.27) * math.exp(-((v / 0.1) ** 2)) + 0.3 * v
+
+    weight, first = 6.0 * 9.81, hit["v1 after"]
+    assert first == pytest.approx(1.8 / 6.0, rel=1e-9)
+    length = quad(lambda v: 5.0 * v / (coefficient(v) * weight), 0.0, first, epsabs=1e-14)[0]
+    lasts = quad(lambda v: 5.0 / (coefficient(v) * weight), 0.0, first, epsabs=1e-14)[0]
+    assert hit["step"] == pytest.approx(length, rel=1e-8)
+    assert end["t"] - hit["t"] == pytest.approx(lasts, rel=1e-8)
+
+
+def test_coulombs_friction_comes_back():
+    start = mi.State(x2=0.5, v2=1.0)
+    paper = mi.simulate(ZHAO, SILENT, duration=0.2, initial=start, options=PRECISE)
+    away = []
+    for speed in (1e-2, 1e-3):
+        device = ZHAO.adding(StribeckFriction(speed=speed))
+        run = mi.simulate(device, SILENT, duration=0.2, initial=start, options=PRECISE)
+        away.append(abs(run.final.x1 - paper.final.x1))
+    assert away[1] == pytest.approx(away[0] / 100.0, rel=0.1)  # slow slip is short: speed^2
+
+
+def test_stick_and_slip_against_another_integrator():
+    # So little friction that the load of a block that does not strike moves the frame.
+    device = ZHAO.replace(mu_s=5e-3, mu_d=3e-3, c=0.02).adding(STRIBECK)
+    weak, start = mi.Sine(amplitude=0.15, omega=0.5), mi.State(v2=0.35)
+    run = mi.simulate(device, weak, periods=2, initial=start, options=PRECISE)
+    assert run.impacts.empty
+    assert list(run.events["event"]).count("break-away") > 2
+    final, breaks = integrated(device, weak, 0.35, 2.0 * weak.period)
+    assert list(run.events["event"]).count("break-away") == breaks
+    found = [run.final.x1, run.final.v1, run.final.x2, run.final.v2]
+    assert found == pytest.approx(final, abs=1e-8)
+
+
+def integrated(p, drive, speed, duration):
+    """The same equations by SciPy; a stretch ends where the frame sticks or slips."""
+    term, weight = p.terms[0], (p.m1 + p.m2) * p.g
+
+    def load(t, y):
+        volts = drive.amplitude * math.cos(drive.omega * t)
+        return p.k * y[2] + p.c * y[3] - p.alpha * volts**2 / (p.d - y[2]) ** 2
+
+    def flow(t, y, sign):
+        v = sign * y[1]
+        mu = p.mu_d + (p.mu_s - p.mu_d) * math.exp(-((v / term.speed) ** 2)) + term.viscous * v
+        own = load(t, y)
+        a1 = (own - sign * mu * weight) / p.m1 if sign else 0.0
+        return [y[1], a1, y[3], -own / p.m2 - a1]
+
+    def turn(t, y, sign):
+        return sign * y[1] if sign else p.mu_s * weight - abs(load(t, y))
+
+    turn.terminal, turn.direction = True, -1.0
+    t, y, sign, breaks = 0.0, np.array([0.0, 0.0, 0.0, speed]), 0, 0
+    sign = 0 if abs(load(t, y)) <= p.mu_s * weight else int(math.copysign(1, load(t, y)))
+    while t < duration:
+        part = solve_ivp(flow, (t, duration), y, "DOP853", args=(sign,), rtol=1e-11, atol=1e-13,
+                         events=turn, max_step=0.05)  # fmt: skip
+        t, y = part.t[-1], part.y[:, -1].copy()
+        if t < duration:
+            own, broken = load(t, y), sign == 0
+            y[1] = 0.0
+            held = not broken and abs(own) <= p.mu_s * weight
+            sign = 0 if held else int(math.copysign(1, own))
+            breaks += broken
+    return y, breaks
+
+
+def test_creep_of_regularised_friction():
+    device = ZHAO.replace(c=1.0).adding(RegularizedFriction(width=1e-2), mi.FrameLoad(force=5.0))
+    stiff = mi.Options(engine="interpreted", method="bdf", rtol=1e-9, atol=1e-12)
+    run = mi.simulate(device, SILENT, duration=40.0, options=stiff)
+    held = 0.27 * 6.0 * 9.81
+    assert run.final.v1 == pytest.approx(-1e-2 * math.atanh(5.0 / held), rel=1e-5)
+    assert run.statistics["share slipping"] == pytest.approx(1.0)
+    exact = ZHAO.replace(c=1.0).adding(mi.FrameLoad(force=5.0))
+    assert mi.simulate(exact, SILENT, duration=40.0, options=PRECISE).final.x1 == 0.0
+
+
+def test_regularised_friction_comes_near_to_coulombs():
+    # Static and dynamic friction alike, since it knows the latter alone.
+    start, plain = mi.State(x2=0.5, v2=1.0), ZHAO.replace(mu_s=0.27)
+    exact = mi.simulate(plain, SILENT, duration=0.15, initial=start, options=PRECISE)
+    away = []
+    for width in (1e-2, 1e-3):
+        device = plain.adding(RegularizedFriction(width=width))
+        run = mi.simulate(device, SILENT, duration=0.15, initial=start, options=PRECISE)
+        assert not {"slip end", "break-away"} & set(run.events["event"]) or width == 1e-2
+        away.append(abs(run.final.x1 - exact.final.x1))
+    assert away[1] < 0.2 * away[0]
+
+
+def test_files_units_and_pickles(tmp_path):
+    mita = mi.load_actuator("mita2003")
+    lines = ['units = "SI"', "[parameters]"]
+    lines += [f"{name} = {value!r}" for name, value in dict(mita).items() if name != "units"]
+    lines += ["[stribeck_friction]", "speed = 1e-3", "viscous = 2.0"]
+    (tmp_path / "device.toml").write_text("\n".join(lines))
+    device = mi.load_actuator(tmp_path / "device.toml")
+    assert device == mita.adding(StribeckFriction(speed=1e-3, viscous=2.0))
+    assert pickle.loads(pickle.dumps(device)) == device
+    with pytest.raises(mi.InvalidParameter, match="both tell the friction"):
+        device.adding(RegularizedFriction(width=1e-3))
+    scales, start = mita.scales, 0.01
+    inner = device.to_dimensionless()
+    runs = [
+        mi.simulate(
+            each, drive, duration=time, initial=mi.State(x2=each.delta, v2=v), options=PRECISE
+        )
+        for each, drive, time, v in (
+            (device, mi.Sine(amplitude=1e-6, omega=10.0), 2e-3, start),
+            (inner, SILENT, 2e-3 / scales.unit("s"), start / scales.unit("m/s")),
+        )
+    ]
+    steps = [run.impacts["step"].iloc[0] for run in runs]
+    assert steps[0] == pytest.approx(steps[1] * scales.unit("m"), rel=1e-8)
+    runs[0].save(tmp_path / "run.mems")
+    assert mi.load(tmp_path / "run.mems").events.equals(runs[0].events)
+
+
+@pytest.mark.slow
+def test_an_orbit_over_the_speed():
+    device = ZHAO.adding(StribeckFriction(speed=0.02))
+    options = mi.Options(method="dop853")
+    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, options=options))
+    other = ZHAO.adding(StribeckFriction(speed=0.05))
+    same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, options=options))
+    branch = mi.continue_orbit(orbit, "stribeck_friction.speed", stop=0.05)
+    assert orbit.step > same.step > 0.0
+    assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-8)
+    precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    columns, h = [], 1e-5
+    for which in ("x2", "v2"):
+        ends = []
+        for sign in (1.0, -1.0):
+            values = {"x2": orbit.state.x2, "v2": orbit.state.v2}
+            values[which] += sign * h
+            start = mi.State(**values)
+            final = mi.simulate(device, DRIVE, periods=1, initial=start, options=precise).final
+            ends.append([final.x2, final.v2])
+        columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
+    expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
+    assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
