@@ -30,7 +30,7 @@ from validation.judges.with_terms import Device
 
 COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
 COMBINATIONS = 8  # of terms, compiled
-KICK = 0.35  # share of cases that have a term
+LIKELY = 0.35  # how likely a case has each term
 BALANCED = 1e-8  # energy that may be missing, by what was turned over
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -119,7 +119,7 @@ class Drawn:
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
         known = [name for name in TERMS if name not in unjudged()]
-        chosen = [name for name in known if kinds.random() < KICK] or [str(kinds.choice(known))]
+        chosen = [name for name in known if kinds.random() < LIKELY] or [str(kinds.choice(known))]
         two_sided = bool(kinds.random() < 0.3)
         self.device = _device(rng)
         self.terms = {name: DRAW[name](rng, self.device) for name in chosen}
@@ -130,7 +130,7 @@ class Drawn:
         omega = rng.uniform(0.3, 3.0)
         self.right = _wave(rng, self.device, omega)
         self.left = _wave(rng, self.device, omega) if two_sided else None
-        self.start = _start(rng, self.device)
+        self.start = _start(rng, self.device, self.right, self.left)
         self.end = float(rng.uniform(6.0, 20.0))
 
     @property
@@ -153,8 +153,13 @@ def _device(rng: Rng) -> Values:
     return p
 
 
+def _holding(p: Values) -> float:
+    """Return the voltage that holds a block on a stopper, but for terms."""
+    return math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
+
+
 def _wave(rng: Rng, p: Values, omega: float) -> Values:
-    hold = math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
+    hold = _holding(p)
     return {
         "amplitude": hold * rng.uniform(0.2, 1.8),
         "omega": omega,
@@ -163,11 +168,14 @@ def _wave(rng: Rng, p: Values, omega: float) -> Values:
     }
 
 
-def _start(rng: Rng, p: Values) -> list[float]:
+def _start(rng: Rng, p: Values, right: Values, left: Values | None) -> list[float]:
+    """Return a start on the way, or, where the voltage holds the block there, on a stopper."""
     speed = p["delta"] * math.sqrt(p["k"] / p["m2"])
     v1 = float(rng.choice([0.0, 0.5 * speed * rng.normal()]))
-    if rng.random() < 0.2:
-        return [0.0, v1, p["delta"] * float(rng.choice([-1.0, 1.0])), 0.0]
+    side, wave = (1.0, right) if left is None or rng.random() < 0.5 else (-1.0, left)
+    voltage = wave["bias"] + wave["amplitude"] * math.cos(wave["phase"])
+    if abs(voltage) > 1.2 * _holding(p) and rng.random() < 0.6:
+        return [0.0, v1, side * p["delta"], 0.0]
     return [0.0, v1, p["delta"] * rng.uniform(-0.9, 0.9), 1.5 * speed * rng.normal()]
 
 
