@@ -50,12 +50,15 @@ def test_without_terms_it_meets_the_judge_of_the_papers_equations():
 def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
     """Of its numbers, the first one that the judge has, a thousandth off."""
     number = next(i for i in range(500) if i % 25 != 24 and name in terms.Drawn(SEED, i).terms)
-    place = with_terms.PLACE[next(iter(with_terms.KNOWN[name].values()))]
+    places = [with_terms.PLACE[place] for place in with_terms.KNOWN[name].values()]
 
     class Other(terms._Judged):
         def __init__(self, *given):
             super().__init__(*given)
-            self.p[place] *= 1.001
+            if places:
+                self.p[places[0]] *= 1.001
+            else:
+                self.table.c *= 1.001
 
     stories = []
     for i in range(number, number + 200):
