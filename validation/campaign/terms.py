@@ -21,7 +21,7 @@ from mems_impact.actuator.composing import Model, compose
 from mems_impact.actuator.modes import direction_of
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms import TERMS
-from mems_impact.actuator.terms.files import term_of
+from mems_impact.actuator.terms.files import term_of, term_type
 from validation.campaign import comparing
 from validation.campaign.comparing import ONE, Row, Unit, Verdict
 from validation.campaign.integrating import FLIGHT, Floats, Follower, Undecided
@@ -30,7 +30,7 @@ from validation.judges.with_terms import Device
 
 COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
 COMBINATIONS = 8  # of terms, compiled
-KICK = 0.35  # share of cases that have a term
+LIKELY = 0.35  # how likely a case has each term
 BALANCED = 1e-8  # energy that may be missing, by what was turned over
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -84,6 +84,13 @@ def _fringing(rng: Rng, p: Values) -> Values:
     return found
 
 
+def _table(rng: Rng, p: Values) -> Values:
+    count = int(rng.integers(2, 6))
+    speeds = p["delta"] * (0.02 + np.cumsum(rng.uniform(0.05, 0.6, count)))
+    values = rng.uniform(0.1, 0.95, count)
+    return {"speeds": tuple(speeds.tolist()), "values": tuple(values.tolist())}
+
+
 DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     "tilt": lambda rng, p: {"angle": rng.uniform(-0.3, 0.3)},
     "cubic_stiffness": lambda rng, p: {"k3": rng.uniform(-0.5, 2.0)},
@@ -100,6 +107,18 @@ DRAW: dict[str, Callable[[Rng, Values], Values]] = {
     },
     "adhesion": lambda rng, p: {"force": p["k"] * p["delta"] * decades(rng, -2.0, -0.1)},
     "compliant_stopper": _stopper,
+    "power_law_restitution": lambda rng, p: {
+        "speed": p["delta"] * decades(rng, -1.5, 0.5),
+        "exponent": rng.uniform(0.0, 1.0),
+    },
+    "tabulated_restitution": _table,
+    "stribeck_friction": lambda rng, p: {
+        "speed": decades(rng, -2.0, 0.0),
+        "viscous": float(rng.choice([0.0, decades(rng, -3.0, -1.0)])),
+    },
+    "regularized_friction": lambda rng, p: {
+        "width": p["mu_d"] * (1.0 + p["m2"] / p["m1"]) * p["g"] / decades(rng, 0.5, 2.0)
+    },
 }
 """Values of each term: dimensionless, for a device whose k, m2 and d are of order one."""
 
@@ -119,7 +138,8 @@ class Drawn:
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
         known = [name for name in TERMS if name not in unjudged()]
-        chosen = [name for name in known if kinds.random() < KICK] or [str(kinds.choice(known))]
+        chosen = _one_of_each([name for name in known if kinds.random() < LIKELY], kinds)
+        chosen = chosen or [str(kinds.choice(known))]
         two_sided = bool(kinds.random() < 0.3)
         self.device = _device(rng)
         self.terms = {name: DRAW[name](rng, self.device) for name in chosen}
@@ -127,10 +147,14 @@ class Drawn:
             self.terms["squeeze_film"] |= {"sides": "both", "modes": 1}
         if self.compiled:
             self.terms.get("fringing", {}).pop("length", None)
+            table = self.terms.get("tabulated_restitution", {})
+            table |= {name: each[:2] for name, each in table.items()}
         omega = rng.uniform(0.3, 3.0)
         self.right = _wave(rng, self.device, omega)
         self.left = _wave(rng, self.device, omega) if two_sided else None
-        self.start = _start(rng, self.device)
+        self.start = _start(rng, self.device, self.right, self.left)
+        if "compliant_stopper" in chosen and self.start[3] == 0.0:
+            self.start[2] *= 1.002  # rest begins in touch
         self.end = float(rng.uniform(6.0, 20.0))
 
     @property
@@ -143,6 +167,13 @@ class Drawn:
         return mi.Actuator(**self.device, terms=terms).under(drive)
 
 
+def _one_of_each(names: list[str], rng: Rng) -> list[str]:
+    """Return the names but those that would take the place of the same rule."""
+    mixed = [names[i] for i in rng.permutation(len(names))]
+    taken = {term_type(name).instead or name: name for name in mixed}
+    return [name for name in names if name in taken.values()]
+
+
 def _device(rng: Rng) -> Values:
     p = {"m1": decades(rng, -0.3, 1.0), "m2": 1.0, "k": rng.uniform(0.5, 2.0)}
     p |= {"c": float(rng.choice([0.0, rng.uniform(0.0, 0.2)], p=[0.2, 0.8])), "d": 1.0}
@@ -153,8 +184,13 @@ def _device(rng: Rng) -> Values:
     return p
 
 
+def _holding(p: Values) -> float:
+    """Return the voltage that holds a block on a stopper, but for terms."""
+    return math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
+
+
 def _wave(rng: Rng, p: Values, omega: float) -> Values:
-    hold = math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
+    hold = _holding(p)
     return {
         "amplitude": hold * rng.uniform(0.2, 1.8),
         "omega": omega,
@@ -163,11 +199,14 @@ def _wave(rng: Rng, p: Values, omega: float) -> Values:
     }
 
 
-def _start(rng: Rng, p: Values) -> list[float]:
+def _start(rng: Rng, p: Values, right: Values, left: Values | None) -> list[float]:
+    """Return a start on the way, or, where the voltage holds the block there, on a stopper."""
     speed = p["delta"] * math.sqrt(p["k"] / p["m2"])
     v1 = float(rng.choice([0.0, 0.5 * speed * rng.normal()]))
-    if rng.random() < 0.2:
-        return [0.0, v1, p["delta"] * float(rng.choice([-1.0, 1.0])), 0.0]
+    side, wave = (1.0, right) if left is None or rng.random() < 0.5 else (-1.0, left)
+    voltage = wave["bias"] + wave["amplitude"] * math.cos(wave["phase"])
+    if abs(voltage) > 1.2 * _holding(p) and rng.random() < 0.6:
+        return [0.0, v1, side * p["delta"], 0.0]
     return [0.0, v1, p["delta"] * rng.uniform(-0.9, 0.9), 1.5 * speed * rng.normal()]
 
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 Floats = NDArray[np.float64]
 Values = Mapping[str, Any]
@@ -31,6 +32,7 @@ NAMES = (
     *("resistance", "parasitic", "trapped", "trapping"),
     *("stopper", "exponent", "stopper damping", "stopper depth"),
     *("films", "ambient", "face", "viscosity", "path"),
+    *("yielding", "yielding exponent", "stribeck", "viscous", "creeping"),
 )
 PLACE = {name: place for place, name in enumerate(NAMES)}
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
@@ -38,6 +40,7 @@ RB, RA, RW, RF, LB, LA, LW, LF, TWO = range(11, 20)
 ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(20, 27)
 OHM, PARASITIC, TRAPPED, TRAPPING = range(27, 31)
 STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(31, 40)
+YIELDING, FALL, STRIBECK, VISCOUS, CREEPING = range(40, 45)
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
 
@@ -77,6 +80,18 @@ def _film(p, shares, sizes, gap, closing, gas, slope):  # type: ignore[no-untype
         time = 12.0 * p[VISCOSITY] * sizes[i] / (p[AMBIENT] * gap**2 * thinned)
         slope[i] = closing - gas[i] / time
     return p[FACE] * pressure
+
+
+@njit(cache=True)
+def _drag(p, speed):  # type: ignore[no-untyped-def]
+    """The coefficient of friction of a frame that slips, with its sign."""
+    if p[CREEPING] > 0.0:
+        return p[MU_D] * math.tanh(speed / p[CREEPING])
+    size = p[MU_D]
+    if p[STRIBECK] > 0.0:
+        size += (p[MU_S] - p[MU_D]) * math.exp(-((speed / p[STRIBECK]) ** 2))
+        size += p[VISCOUS] * abs(speed)
+    return size
 
 
 @njit(cache=True)
@@ -122,7 +137,7 @@ def _flow(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def]
     on_frame, frame, block, normal = _forces(p, shares, sizes, mode, t, y, slope)
     friction, contact = mode % 3, mode // 3
     way = 1.0 if friction == 1 else (-1.0 if friction == 2 else 0.0)
-    drag = way * p[MU_D] * normal
+    drag = way * _drag(p, way * y[1]) * normal
     held = contact != 0 and p[STOPPER] == 0.0
     a1 = 0.0
     if friction != 0:
@@ -150,7 +165,7 @@ def _values(p, shares, sizes, mode, t, y, slope, out):  # type: ignore[no-untype
     elif rigid:
         shared = 0.0
         if friction != 0:
-            shared = (frame + block - way * p[MU_D] * normal) / (p[M1] + p[M2])
+            shared = (frame + block - way * _drag(p, way * y[1]) * normal) / (p[M1] + p[M2])
         out[RELEASE] = side * (block - on_frame - p[M2] * shared) + p[STICKY]
     else:
         out[RELEASE] = side * y[2] - p[DELTA]
@@ -212,11 +227,14 @@ class Device:
                 p[PLACE[f"{side}.{name}"]] = value
         p[TWO] = float(left is not None)
         self.shares = self.sizes = np.zeros(0)
+        self.table: CubicHermiteSpline | None = None
         for name, values in terms.items():
             if name == "squeeze_film":
                 self.shares, self.sizes = compartments(**values)
                 p[FACE] = values["length"] * values["width"]
                 p[FILMS] = 2.0 if values["sides"] == "both" else 1.0
+            if name == "tabulated_restitution":
+                self.table = table(**values)
             for field, place in KNOWN[name].items():
                 if values.get(field) is not None:
                     p[PLACE[place]] = values[field]
@@ -248,8 +266,9 @@ class Device:
             y[2] = p[DELTA] if guard == RIGHT else -p[DELTA]
             if p[STOPPER] > 0.0:
                 return self._sliding(1 if guard == RIGHT else 2, t, y), y
-            y[1] += (1.0 + p[E]) * p[M2] * y[3] / (p[M1] + p[M2])
-            y[3] *= -p[E]
+            e = self.restitution(guard, abs(float(y[3])))
+            y[1] += (1.0 + e) * p[M2] * y[3] / (p[M1] + p[M2])
+            y[3] *= -e
             return self.settled(t, y), y
         if guard == RELEASE:
             y[2] = p[DELTA] if mode // 3 == 1 else -p[DELTA]
@@ -276,7 +295,8 @@ class Device:
         """Return the mode of this contact in which the frame moves, or is held."""
         if y[1] != 0.0:
             return 3 * contact + (1 if y[1] > 0.0 else 2)
-        if self.margins(3 * contact, t, y)[0][BREAK_AWAY] >= 0.0:
+        sticks = self.p[CREEPING] == 0.0
+        if sticks and self.margins(3 * contact, t, y)[0][BREAK_AWAY] >= 0.0:
             return 3 * contact
         return 3 * contact + (1 if self._push(3 * contact, t, y) > 0.0 else 2)
 
@@ -290,9 +310,14 @@ class Device:
         """Return the state after an impact without rebound."""
         raise NotImplementedError
 
-    def restitution(self, guard: int) -> float:
+    def restitution(self, guard: int, speed: float = 0.0) -> float:
         """Return the restitution of an impact."""
-        return float(self.p[E])
+        if self.table is not None:
+            first, last = self.table.x[[0, -1]]
+            return float(self.table(min(max(speed, first), last)))
+        p = self.p
+        fallen = 1.0 + (speed / p[YIELDING]) ** 2 if p[YIELDING] > 0.0 else 1.0
+        return float(p[E] / fallen ** (0.5 * p[FALL]))
 
 
 KNOWN: dict[str, dict[str, str]] = {
@@ -309,6 +334,10 @@ KNOWN: dict[str, dict[str, str]] = {
     "fringing": {"width": "fringe width", "length": "fringe length"},
     "dielectric_charging": {"share": "trapped", "time": "trapping"},
     "adhesion": {"force": "adhesion"},
+    "power_law_restitution": {"speed": "yielding", "exponent": "yielding exponent"},
+    "tabulated_restitution": {},
+    "stribeck_friction": {"speed": "stribeck", "viscous": "viscous"},
+    "regularized_friction": {"width": "creeping"},
     "compliant_stopper": {
         "stiffness": "stopper",
         "exponent": "exponent",
@@ -317,6 +346,13 @@ KNOWN: dict[str, dict[str, str]] = {
     },
 }
 """Terms whose equations stand above, and where their fields go."""
+
+
+def table(speeds: tuple[float, ...], values: tuple[float, ...]) -> CubicHermiteSpline:
+    """Return a monotone cubic through a table, which ends with the slope 0."""
+    slopes = PchipInterpolator(speeds, values).derivative()(speeds)
+    slopes[[0, -1]] = 0.0
+    return CubicHermiteSpline(speeds, values, slopes)
 
 
 def compartments(length: float, width: float, modes: int, **_: Any) -> tuple[Floats, Floats]:

@@ -1,0 +1,73 @@
+"""The family of terms: its judge knows all of them, meets another judge, and can say no."""
+
+import numpy as np
+import pytest
+
+from mems_impact.actuator.terms import TERMS
+from validation.campaign import terms
+from validation.campaign.comparing import END
+from validation.judges import dop853_free, with_terms
+
+SEED = 3
+
+
+def test_every_term_is_tried():
+    assert terms.unjudged() == []
+
+
+def test_without_terms_it_meets_the_judge_of_the_papers_equations():
+    device = {
+        "m1": 5.0,
+        "m2": 1.0,
+        "k": 1.0,
+        "c": 0.04,
+        "d": 1.0,
+        "delta": 0.5,
+        "e": 0.8,
+        "mu_s": 0.0012,
+        "mu_d": 0.0009,
+        "alpha": 1.0,
+        "g": 9.81,
+    }
+    right = {"bias": 0.05, "amplitude": 0.3, "omega": 0.5, "phase": 0.0}
+    judge = with_terms.Device(device, {}, right, None)
+    start = np.zeros(len(judge.states))
+    start[3] = 0.9
+    mine = terms._Follower(judge, start, 1e-12).follow(30.0)[0]
+    theirs, last = dop853_free.Judge(device, (0.3, 0.5, 0.05)).run((0.0, 0.0, 0.0, 0.9), 30.0)
+    kinds = {with_terms.RIGHT: 0, with_terms.LEFT: 1, with_terms.SLIP_END: 2}
+    assert [kinds.get(row.guard, 3) for row in mine[:-1]] == [kind for kind, _, _ in theirs]
+    assert len(theirs) > 8
+    for row, (_, t, y) in zip(mine, theirs, strict=False):
+        assert row.t == pytest.approx(t, abs=1e-9)
+        assert row.y[:4] == pytest.approx(y, abs=1e-9)
+    assert mine[-1].guard == END
+    assert mine[-1].y[:4] == pytest.approx(last, abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TERMS)
+def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
+    """Of its numbers, the first one that the judge has, a thousandth off."""
+    number = next(i for i in range(500) if i % 25 != 24 and name in terms.Drawn(SEED, i).terms)
+    places = [with_terms.PLACE[place] for place in with_terms.KNOWN[name].values()]
+
+    class Other(terms._Judged):
+        def __init__(self, *given):
+            super().__init__(*given)
+            if places:
+                self.p[places[0]] *= 1.001
+            else:
+                self.table.c *= 1.001
+
+    stories = []
+    for i in range(number, number + 200):
+        if i % 25 == 24 or name not in terms.Drawn(SEED, i).terms:
+            continue
+        assert terms.check(SEED, i).story == ""
+        with monkeypatch.context() as patch:
+            patch.setattr(terms, "_Judged", Other)
+            stories.append(terms.check(SEED, i).story)
+        if stories[-1] or len(stories) == 8:
+            break
+    assert stories[-1] != ""
