@@ -11,6 +11,7 @@ import numpy as np
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
 from mems_impact.actuator.design.energy import Energy
+from mems_impact.actuator.design.load import LoadCurve
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
@@ -96,6 +97,7 @@ register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(Chart)
 register(Energy)
+register(LoadCurve)
 register(Sums)
 register_object(Accumulator)
 register_object(BlowCounter)
