@@ -24,12 +24,14 @@ if TYPE_CHECKING:
         step_lengths,
     )
     from mems_impact.actuator.design.fit import Fit, fit
+    from mems_impact.actuator.design.load import LoadCurve, load_curve
     from mems_impact.actuator.design.targets import Target
     from mems_impact.actuator.drive import *  # noqa: F403
     from mems_impact.actuator.drive import Drive, load_drive
     from mems_impact.actuator.figures.chart import plot_chart
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.figures.energy import plot_energy
+    from mems_impact.actuator.figures.load import plot_load
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
@@ -113,6 +115,7 @@ __all__ = [
     "Interrupted",
     "InvalidFile",
     "InvalidParameter",
+    "LoadCurve",
     "MemsImpactError",
     "Observable",
     "Options",
@@ -151,6 +154,7 @@ __all__ = [
     "kicked",
     "load",
     "load_actuator",
+    "load_curve",
     "load_drive",
     "modes",
     "operating_chart",
@@ -160,6 +164,7 @@ __all__ = [
     "plot_curve",
     "plot_drive",
     "plot_energy",
+    "plot_load",
     "plot_orbit",
     "plot_run",
     "plot_sweep",
@@ -183,6 +188,7 @@ _HOMES = {
     **{f"actuator.terms.{name}": (term,) for name, term in TERMS.items()},
     "actuator.figures.drive": ("plot_drive",),
     "actuator.figures.energy": ("plot_energy",),
+    "actuator.figures.load": ("plot_load",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "engines.options": ("Options",),
     "errors": (
@@ -223,6 +229,7 @@ _HOMES = {
     "plotting.run": ("plot_run",),
     "actuator.design.blows": ("Blows", "blows"),
     "actuator.design.energy": ("Energy", "energy"),
+    "actuator.design.load": ("LoadCurve", "load_curve"),
     "actuator.design.estimates": (
         "Window",
         "period_one_window",

@@ -13,15 +13,16 @@ from functools import cache
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.composed import composed_automaton, voltages
 from mems_impact.actuator.composing import Model, compose, filling, undriven
-from mems_impact.actuator.modes import V1, V2, X2, direction_of
+from mems_impact.actuator.modes import V1, V2, X1, X2, direction_of
 from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.unguarded import unguarded
 
 __all__ = ["SUMMED", "Accounts", "accounted_automaton", "accounts"]
 
-SUMMED = ("electrodes", "friction", "damping")
-"""What is summed up of every device: work of the electrodes on the block, and two losses."""
+SUMMED = ("electrodes", "slip", "friction", "damping")
+"""What is summed up of every device: work of the electrodes on the block, the path on which the
+frame slips, and two losses."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,9 @@ def accounted_automaton(
         v, w = volts(t, p)
         direction, speed = direction_of(mode), dy[X2]  # which is 0 where the block rests
         dy[first] = pull(v, w, y, p) * speed
-        dy[first + 1] = sliding_friction(direction, y[V1], p) * y[V1] if direction != 0 else 0.0
-        dy[first + 2] = p[eq.C] * speed * speed
+        dy[first + 1] = abs(dy[X1])
+        dy[first + 2] = sliding_friction(direction, y[V1], p) * y[V1] if direction != 0 else 0.0
+        dy[first + 3] = p[eq.C] * speed * speed
         fill(v, w, y, p, dy)
 
     states = (*plain.states, *(f"sum of {name}" for name in (*SUMMED, *lost)))

@@ -11,6 +11,7 @@ import numpy as np
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
 from mems_impact.actuator.design.energy import Energy
+from mems_impact.actuator.design.load import LoadCurve
 from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
@@ -97,6 +98,7 @@ register_run(ActuatorRun)
 register(ActuatorOrbit)
 register(Chart)
 register(Energy)
+register(LoadCurve)
 register(Sums)
 register_object(Accumulator)
 register_object(BlowCounter)

@@ -24,6 +24,7 @@ __all__ = [
     "fit_parameters",
     "fit_residuals",
     "impacts",
+    "load",
     "speed",
     "step_lengths",
 ]
@@ -35,6 +36,8 @@ COLUMN_UNITS = {
     **dict.fromkeys(["energy lost", "energy lost per period"], "J"),
     **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
     "voltage": "V",
+    "load": "N",
+    "power": "W",
 }
 """The SI unit of every column, and of every statistic, that is not a pure number."""
 
@@ -161,6 +164,7 @@ SWEEP_COLUMNS = (
     "displacement per period",
     "displacement per impact",
     "mean speed",
+    "closest approach",
 )
 """What a sweep says of every value: statistics, as a run has them."""
 
@@ -252,6 +256,26 @@ def speed(
         "displacement per impact": each(impacts_per_period),
         "displacement per blow": each(blows_per_period),
         "mean speed": displacement_per_period / period,
+    }
+    return table({}, labels, given=columns)
+
+
+def load(
+    force: Floats,
+    displacement_per_period: Floats,
+    speed: Floats,
+    does: Sequence[str],
+    by: Sequence[str],
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a load: displacement and mean speed against it; in device units."""
+    columns = {
+        "load": force,
+        "displacement per period": displacement_per_period,
+        "mean speed": speed,
+        "power": force * speed,
+        "does": list(does),
+        "by": list(by),
     }
     return table({}, labels, given=columns)
 

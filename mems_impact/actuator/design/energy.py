@@ -80,6 +80,11 @@ class Energy(Value):
         return self.given - self.lost - self.done - self.stored
 
     @property
+    def slip_path(self) -> float:
+        """How far the frame has slipped, to and fro."""
+        return float(self.system.scales.out(self.sums.slip[self.end] - self.sums.slip[0], "m"))
+
+    @property
     def efficiency(self) -> float:
         """Work against forces from outside by what the drive gave; NaN if that is nothing."""
         return self.done / self.given if self.given > 0.0 else math.nan
@@ -262,6 +267,7 @@ def _with_next_blow(sums: Sums, length: float) -> Sums:
         sums,
         place=np.append(sums.place, sums.place[row] + length),
         work=np.append(sums.work, sums.work[row] + sums.work[-1] - sums.work[0]),
+        slip=np.append(sums.slip, sums.slip[row] + sums.slip[-1] - sums.slip[0]),
         sums=np.vstack([sums.sums, sums.sums[row] + sums.sums[-1] - sums.sums[0]]),
         marks={**sums.marks, "blow": np.append(begins, sums.place.size)},
     )

@@ -39,6 +39,8 @@ class Sums:
         Where, in forcing periods, ascending; twice where an impact is.
     work : float array, shape (k,)
         Of the electrodes on the block since the beginning.
+    slip : float array, shape (k,)
+        The path on which the frame has slipped since the beginning, to and fro.
     sums : float array, shape (k, columns)
         What was lost since the beginning, and what is stored.
     marks : mapping of str to int array
@@ -48,6 +50,7 @@ class Sums:
     columns: tuple[str, ...]
     place: Floats
     work: Floats
+    slip: Floats
     sums: Floats
     marks: Mapping[str, NDArray[np.int64]]
 
@@ -86,22 +89,24 @@ class Rows:
         self.stored = tuple(own.stored.values())
         first = problem.parameters.size - drive.parameters().size
         self.volts = voltages(drive.voltage, drive.left_voltage, first)
-        losses = (*SUMMED[1:], *own.lost, IMPACTS)
+        losses = (*SUMMED[2:], *own.lost, IMPACTS)
         self.columns = tuple(
             [f"lost {name}" for name in losses] + [f"stored {name}" for name in own.stored]
         )
         self.place: list[float] = []
         self.work: list[float] = []
+        self.slip: list[float] = []
         self.sums: list[list[float]] = []
-        self.summed = np.zeros(1 + len(losses))  # work of the electrodes first
+        self.summed = np.zeros(2 + len(losses))  # work of the electrodes and path first
 
     def note(self, now: Instant) -> int:
         """Note what was summed up, and what is stored now; return the number of the row."""
         p = self.problem.parameters
         v, w = self.volts(now.time, p)
-        work, *lost = self.summed.tolist()
+        work, slip, *lost = self.summed.tolist()
         self.place.append(now.cycle + now.time / self.problem.period)
         self.work.append(work)
+        self.slip.append(slip)
         self.sums.append([*lost, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
         return len(self.place) - 1
 
@@ -171,6 +176,7 @@ def summed(
         columns=rows.columns,
         place=np.array(rows.place),
         work=np.array(rows.work),
+        slip=np.array(rows.slip),
         sums=np.array(rows.sums),
         marks={name: np.array(each, dtype=np.int64) for name, each in marks.items()},
     )

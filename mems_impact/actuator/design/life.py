@@ -1,0 +1,127 @@
+"""How long the foot of a device lasts, by Archard's law of wear."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.composing import compose
+from mems_impact.actuator.design.energy import energy
+from mems_impact.actuator.design.summing import accounted_problem
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.state import is_number
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Life", "life", "normal_force"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Life:
+    """What wears a device, and for how long it lasts, in the units of the device.
+
+    Attributes
+    ----------
+    normal_force : float
+        With which the frame presses on the ground [N].
+    slip_per_period, slip_per_blow : float
+        Path on which the frame slips, to and fro [m].
+    volume_per_blow : float
+        Volume that is worn off [m^3].
+    blows : float
+        Blows (see `mems_impact.Blows`) until the depth is reached; infinite without slip.
+    time : float
+        How long that takes [s].
+    distance : float
+        How far the device has walked then [m].
+    """
+
+    normal_force: float
+    slip_per_period: float
+    slip_per_blow: float
+    volume_per_blow: float
+    blows: float
+    time: float
+    distance: float
+
+
+def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth: float) -> Life:
+    """Return for how many blows a device lasts whose frame wears where it slips.
+
+    Parameters
+    ----------
+    motion : ActuatorRun or ActuatorOrbit
+        What it does all its life; of a run, over its window.
+    wear : float
+        Specific wear rate [m^3/(N m)], Archard's K over the hardness, > 0: for polysilicon on
+        polysilicon some 1e-15 to 1e-12.
+    area : float
+        Area on which the frame stands [m^2], > 0.
+    depth : float
+        What may be worn off [m], > 0.
+
+    Returns
+    -------
+    Life
+
+    Raises
+    ------
+    InvalidParameter
+        If a number is out of range, or `motion` is neither run nor orbit.
+
+    Notes
+    -----
+    The volume is the wear rate times normal force times path (J. F. Archard, "Contact and rubbing
+    of flat surfaces", J. Appl. Phys. 24, 981 (1953)). The coefficients of friction stay what they
+    are meanwhile, and the normal force is that of the weight.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows
+    """
+    for field, value in (("wear", wear), ("area", area), ("depth", depth)):
+        if not (is_number(value) and value > 0.0):
+            raise InvalidParameter(field, value, "a finite number > 0")
+    found = energy(motion)
+    force = normal_force(found.system)
+    slip = found.slip_path / found.periods
+    blows = _blows_per_period(motion)
+    volume = wear * force * slip  # per period
+    periods = area * depth / volume if volume > 0.0 else math.inf
+    period = float(found.system.forcing_period)
+    walked = _walked(motion)
+    return Life(
+        normal_force=force,
+        slip_per_period=slip,
+        slip_per_blow=slip / blows if blows > 0.0 else math.nan,
+        volume_per_blow=volume / blows if blows > 0.0 else math.nan,
+        blows=periods * blows if blows > 0.0 else math.inf,
+        time=periods * period,
+        distance=periods * walked if walked != 0.0 else 0.0,
+    )
+
+
+def normal_force(system: ActuatorSystem) -> float:
+    """Return the force with which the frame presses on the ground."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters.copy()
+    p[eq.MU_S] = 1.0  # static friction is then the force itself
+    return float(system.scales.out(model.static_limit(p), "N"))
+
+
+def _blows_per_period(motion: ActuatorRun | ActuatorOrbit) -> float:
+    if isinstance(motion, ActuatorOrbit):
+        return len(motion.blows) / motion.periods
+    return motion.measured.blows_per_period
+
+
+def _walked(motion: ActuatorRun | ActuatorOrbit) -> float:
+    """Return the displacement per period."""
+    if isinstance(motion, ActuatorOrbit):
+        return motion.step / motion.periods
+    return float(motion.statistics["displacement per period"])

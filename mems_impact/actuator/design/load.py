@@ -1,0 +1,248 @@
+"""How fast a device walks against a load, and up to which load."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mems_impact.actuator import tables
+from mems_impact.actuator.composing import compose
+from mems_impact.actuator.design.summing import accounted_problem
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.modes import BREAK_AWAY, direction_of
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorOrbit
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.frame_load import FrameLoad
+from mems_impact.analysis.finding import ORBIT_OPTIONS, find_orbit
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.values import Value
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+__all__ = ["LoadCurve", "load_curve"]
+
+LOAD = "frame_load.force"
+WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
+ALWAYS = 0.99  # a frame that slips for this share of the time is not going to stop
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadCurve(Value):
+    """Mean speed over an opposing force, in the units of the device.
+
+    Attributes
+    ----------
+    system : ActuatorSystem
+        Without load.
+    table : DataFrame
+        One row a load, ascending: load, displacement per period, mean speed, power (load times
+        speed), what the device does ("walks", "walks back", "stands", "runs away": then it has no
+        mean speed), and whether that is an "orbit" or read off a "run".
+    sliding_load : float
+        Up to here every slip ends by itself: the friction on a frame that slips [N]. Beyond, a
+        device that once slips back runs away.
+    holding_load : float
+        Up to here static friction holds a device without voltage [N].
+    walking_load : float
+        Up to here it walks, on the orbit that was followed: there the frame breaks away backwards
+        while it should be at rest [N]; NaN if that lies beyond the loads, or no orbit was followed.
+    stall_load : float
+        Where the speed is zero, between two rows [N]; NaN if it is nowhere: a device that friction
+        holds between its blows still walks at the load that tears it off.
+    """
+
+    system: ActuatorSystem = field(repr=False)
+    table: pd.DataFrame = field(repr=False)
+    sliding_load: float
+    holding_load: float
+    walking_load: float
+    stall_load: float
+
+    def summary(self) -> dict[str, Any]:
+        """Return the loads that matter."""
+        names = ("sliding_load", "holding_load", "walking_load", "stall_load")
+        return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
+
+
+class _Row(NamedTuple):
+    displacement: float
+    does: str
+    by: str
+
+
+def load_curve(
+    actuator: Actuator,
+    drive: Drive,
+    loads: ArrayLike,
+    *,
+    transient: int = 100,
+    periods: int = 40,
+    initial: State | None = None,
+    options: Options = Options(),  # noqa: B008 - immutable
+) -> LoadCurve:
+    """Return mean speed and step over a force against which the device walks.
+
+    From the smallest load up, each from where the one before has led: along the periodic orbit
+    where there is a stable one, and by runs elsewhere.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        A `FrameLoad` of its own is left out.
+    drive : Drive
+    loads : array_like of float
+        Forces [N], against the way to the right.
+    transient, periods : int, optional
+        Forcing periods that a run is given to settle, and that are then measured.
+    initial : State, optional
+        Where the run at the smallest load starts; with a kick by default (see `kicked`).
+    options : Options, optional
+        Of runs; orbits are found to `find_orbit`'s own tolerances.
+
+    Returns
+    -------
+    LoadCurve
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> zhao = mi.load_actuator("zhao2004")
+    >>> curve = mi.load_curve(zhao, mi.Sine(amplitude=0.24, omega=0.5), [0, 5, 10, 15, 20, 25])
+    >>> curve.walking_load, curve.holding_load
+    """
+    if not isinstance(actuator, Actuator):
+        raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
+    values = np.sort(np.atleast_1d(np.asarray(loads, dtype=float)))
+    if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
+        raise InvalidParameter("loads", loads, "one or more finite numbers")
+    transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
+    system = ActuatorSystem(actuator.adding(FrameLoad(force=0.0)), drive)
+    start = system.start_of("down") if initial is None else initial
+    chain = _Chain(system, start, transient, periods, options)
+    rows = [chain.at(load) for load in values.tolist()]
+    sliding, holding = _held(system)
+    moved = np.array([row.displacement for row in rows])
+    speed = moved / float(system.forcing_period)
+    table = tables.load(
+        values, moved, speed, [row.does for row in rows], [row.by for row in rows], system
+    )
+    return LoadCurve(
+        system=system,
+        table=table,
+        sliding_load=sliding,
+        holding_load=holding,
+        walking_load=chain.limit() if values[-1] >= chain.expected else math.nan,
+        stall_load=_zero(values, speed),
+    )
+
+
+class _Chain:
+    """Loads one after the other, each from the state of the one before."""
+
+    def __init__(
+        self, system: ActuatorSystem, start: State, transient: int, periods: int, options: Options
+    ) -> None:
+        self.system, self.state = system, start
+        self.transient, self.periods, self.options = transient, periods, options
+        self.tight = replace(ORBIT_OPTIONS, engine=options.engine)
+        self.orbit: ActuatorOrbit | None = None
+        self.load, self.expected = math.nan, math.inf
+        self.away = False
+
+    def at(self, load: float) -> _Row:
+        """Return what the device does at a load."""
+        if self.away:
+            return _Row(math.nan, AWAY, "run")
+        system = self.system.changed(**{LOAD: load})
+        if self.orbit is not None and load < self.expected and self._follow(system, load):
+            return self._of_orbit()
+        length = self.transient + self.periods
+        first = self.state.time / system.forcing_period + self.transient
+        try:
+            run: Any = simulate(
+                system, length, initial=self.state, options=self.options,
+                window=(first, first + self.periods),
+            )  # fmt: skip
+        except RunError as error:
+            run = error.trajectory
+        if not run.measured.share_slipping < ALWAYS:
+            self.away = True
+            return _Row(math.nan, AWAY, "run")
+        self.state = run.final
+        if load < self.expected and self._follow(system, load):
+            return self._of_orbit()
+        moved = float(run.statistics["displacement per period"])
+        return _Row(moved, _does(moved), "run")
+
+    def limit(self) -> float:
+        """Return the load at which the orbit ends, from one close below."""
+        expected = self.expected
+        if self.orbit is not None and math.isfinite(expected):
+            load = self.load + 0.999 * (expected - self.load)
+            self._follow(self.system.changed(**{LOAD: load}), load)
+        return self.expected
+
+    def _follow(self, system: ActuatorSystem, load: float) -> bool:
+        """Look for the orbit near the last state; return whether there is a stable one."""
+        periods = None if self.orbit is None else self.orbit.periods
+        try:
+            found: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
+        except (OrbitError, RunError):
+            self.orbit = None
+            return False
+        if not (found.stable and found.admissible):
+            self.orbit = None
+            return False
+        self.orbit, self.state, self.load = found, found.state, load
+        # What acts on a frame at rest grows with the load, all else being the same.
+        margins = [
+            float(arc.minima[BREAK_AWAY])
+            for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
+            if direction_of(segment.mode) == 0
+        ]
+        self.expected = load + system.scales.out(min(margins), "N") if margins else math.inf
+        return True
+
+    def _of_orbit(self) -> _Row:
+        assert self.orbit is not None
+        moved = self.orbit.step / self.orbit.periods
+        return _Row(moved, _does(moved), "orbit")
+
+
+def _does(moved: float) -> str:
+    if moved == 0.0:
+        return STANDS
+    return WALKS if moved > 0.0 else BACK
+
+
+def _held(system: ActuatorSystem) -> tuple[float, float]:
+    """Return the loads that friction holds on a frame that slips, and on one at rest."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters
+    y = np.zeros(len(model.layout.states))
+    outside = model.on_frame(y, p) + model.on_block(y, p)
+    sliding, static = model.sliding_friction(1, 0.0, p) + outside, model.static_limit(p) + outside
+    return float(system.scales.out(sliding, "N")), float(system.scales.out(static, "N"))
+
+
+def _zero(loads: Any, speed: Any) -> float:
+    """Return where a speed goes through zero, on the straight line between two loads."""
+    for i in np.flatnonzero(speed[:-1] * speed[1:] <= 0.0).tolist():
+        if speed[i] > speed[i + 1]:
+            share = speed[i] / (speed[i] - speed[i + 1])
+            return float(loads[i] + share * (loads[i + 1] - loads[i]))
+    return math.nan

@@ -1,0 +1,89 @@
+"""Mean speed over a load: what friction holds, by hand, and where the walk ends."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+OPTIONS = mi.Options(method="dop853", engine="interpreted")
+WEIGHT = 6.0 * 9.81
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return mi.load_curve(ZHAO, DRIVE, [23.4, 8.0, 0.0], transient=20, periods=10, options=OPTIONS)
+
+
+def test_what_friction_holds_by_hand():
+    tilted = ZHAO.adding(mi.Tilt(angle=0.1))
+    quiet = mi.Sine(amplitude=0.0, omega=0.5)
+    held = mi.load_curve(tilted, quiet, 0.0, initial=mi.State(), transient=0, periods=1,
+                         options=OPTIONS)  # fmt: skip
+    normal, weight = WEIGHT * math.cos(0.1), WEIGHT * math.sin(0.1)
+    assert held.holding_load == pytest.approx(0.4 * normal - weight, rel=1e-12)
+    assert held.sliding_load == pytest.approx(0.27 * normal - weight, rel=1e-12)
+    assert held.table["does"].tolist() == ["stands"]
+    assert math.isnan(held.walking_load)
+    assert math.isnan(held.stall_load)
+
+
+@pytest.mark.slow
+def test_it_walks_until_the_frame_is_torn_off(curve):
+    assert curve.holding_load == pytest.approx(0.4 * WEIGHT, rel=1e-12)
+    assert curve.sliding_load == pytest.approx(0.27 * WEIGHT, rel=1e-12)
+    table = curve.table
+    assert table["load"].tolist() == [0.0, 8.0, 23.4]
+    assert table["does"].tolist() == ["walks", "walks", "runs away"]
+    assert table["by"].tolist() == ["orbit", "orbit", "run"]
+    assert math.isnan(table["mean speed"].iloc[-1])
+    np.testing.assert_allclose(table["power"], table["load"] * table["mean speed"])
+
+
+@pytest.mark.slow
+def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve):
+    # By a run: from the orbit just below it goes on, just above the frame breaks away.
+    below, above = (curve.walking_load * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
+    loaded = ZHAO.adding(mi.FrameLoad(force=below))
+    orbit = mi.find_orbit(loaded, DRIVE, guess=mi.find_orbit(
+        ZHAO.adding(mi.FrameLoad(force=8.0)), DRIVE, guess=mi.kicked(ZHAO), periods=1,
+        transient=20, options=OPTIONS).state, periods=1, options=OPTIONS)  # fmt: skip
+    assert orbit.stable
+    assert orbit.admissible
+    # What the block exerts on the frame at rest, with the load, from samples.
+    grid = orbit.samples(4000)
+    x2, v2, stuck = grid["x2"], grid["v2"], grid["mode"].astype(str).str.startswith("stuck")
+    volts = DRIVE.amplitude * np.cos(DRIVE.omega * grid["t"])
+    push = ZHAO.k * x2 + ZHAO.c * v2 - ZHAO.alpha * volts**2 / (ZHAO.d - x2) ** 2 - below
+    assert np.abs(push[stuck]).max() == pytest.approx(0.4 * WEIGHT, rel=2e-5)
+    beyond = mi.simulate(
+        ZHAO.adding(mi.FrameLoad(force=above)), DRIVE, 4, initial=orbit.state, options=OPTIONS
+    )
+    assert beyond.final.v1 < -10.0
+
+
+@pytest.mark.slow
+def test_steps_are_those_of_runs(curve):
+    loaded = ZHAO.adding(mi.FrameLoad(force=8.0))
+    run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked(ZHAO), options=OPTIONS)
+    moved = run.statistics["displacement per period"]
+    assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_figure_and_file(curve, tmp_path):
+    ax = mi.plot_load(curve)
+    assert {line.get_label() for line in ax.lines} >= {"orbit", "runs away"}
+    ax.figure.savefig(tmp_path / "load.png")
+    curve.save(tmp_path / "load.zip")
+    assert mi.load(tmp_path / "load.zip") == curve
+
+
+def test_what_it_does_not_take():
+    with pytest.raises(mi.InvalidParameter, match="finite numbers"):
+        mi.load_curve(ZHAO, DRIVE, [0.0, math.inf])
+    with pytest.raises(mi.InvalidParameter, match="Actuator"):
+        mi.load_curve("zhao2004", DRIVE, [0.0])
