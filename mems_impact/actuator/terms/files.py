@@ -39,7 +39,7 @@ def term_with(name: str, term: Term | None, values: Mapping[str, float]) -> Term
     try:
         return term.replace(**values)
     except InvalidParameter as error:
-        raise error.within(name) from None
+        raise error.located(owner=name) from None
 
 
 def table_of(term: Term) -> dict[str, Any]:
