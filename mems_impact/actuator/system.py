@@ -88,9 +88,9 @@ class ActuatorSystem(System):
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
-        if any(term.signed for term in actuator.terms):
-            drive.check_signed()
         self._put(actuator, drive, scales or actuator.scales)
+        if self._signed:
+            drive.check_signed()
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         self.name = ""
@@ -140,7 +140,11 @@ class ActuatorSystem(System):
 
         The forcing period is then that of v itself.
         """
-        return any(kind.term.signed for kind in self._kinds) and self.drive.changes_sign
+        return self._signed and self.drive.changes_sign
+
+    @cached_property
+    def _signed(self) -> bool:
+        return any(kind.term.signed for kind in self._kinds)
 
     @cached_property
     def _yields(self) -> bool:
@@ -237,7 +241,7 @@ class ActuatorSystem(System):
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
         super().check_continued(name)
-        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
+        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0 and not self._signed:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
@@ -325,7 +329,10 @@ class ActuatorSystem(System):
         for name, value in of_terms.items():
             device[self._term_places[name]] = self.into(name, value)
         q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
-        if self._unfolded:
+        unfolded = self._unfolded
+        if of_drive and self._signed:
+            unfolded = self.drive.varied(of_drive, checked=False).changes_sign
+        if unfolded:
             switches += tuple(period + time for time in switches)
             scale, period = scale or period, 2.0 * period
         return Numbers(np.concatenate([device, q]), period, switches, scale)
