@@ -153,10 +153,10 @@ def composed_automaton(
         # The frame slips on; at rest, Equation (4) holds it, or it slips where it is pushed.
         if y[V1] != 0.0:
             return friction_towards(y[V1])
-        push = moved(mode, v, w, y, p)
-        if sticks and abs(push) <= static_limit(p):
+        own = moved(mode, v, w, y, p)
+        if sticks and abs(own) <= static_limit(p):
             return STUCK
-        return friction_towards(push if push != 0.0 else 1.0)
+        return friction_towards(own if own != 0.0 else 1.0)
 
     def touched(y, p):  # type: ignore[no-untyped-def]
         # The stopper that yields to the block, told at its face by the way that the block goes.
@@ -182,14 +182,15 @@ def composed_automaton(
             contact = touched(y, p)
         return mode_of(friction_mode(mode_of(STUCK, contact), v, w, y, p), contact)
 
-    def margin(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
-        # Of the two guards whose rates are taken by differences.
+    def push(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The force on which the two guards hang whose rates are taken by differences.
         if code == RELEASE:
             return pressing(side_of(mode), direction_of(mode), v, w, y, p)
-        return static_limit(p) - abs(moved(mode, v, w, y, p))
+        return moved(mode, v, w, y, p)
 
-    def rate(code, mode, t, y, p):  # type: ignore[no-untyped-def]
+    def push_rate(code, mode, t, y, p):  # type: ignore[no-untyped-def]
         # Along the flow, and along the voltages' own rates: these jump where a drive switches.
+        # Without the corner of a margin: where a charge follows fast, the points lie far apart.
         v, w = volts(t, p)
         dv, dw = volt_rates(t, p)
         h = STEP * (p[eq.M2] / p[eq.K]) ** 0.5
@@ -204,7 +205,7 @@ def composed_automaton(
             s = sign * size * h
             for k in range(n):
                 x[k] = y[k] + s * slope[k]
-            total += sign * weight * margin(code, mode, v + s * dv, w + s * dw, x, p)
+            total += sign * weight * push(code, mode, v + s * dv, w + s * dw, x, p)
         return total / (60.0 * h)
 
     def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
@@ -219,19 +220,21 @@ def composed_automaton(
             g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
             r[LEFT_IMPACT] = y[V2]
         elif rigid:
-            g[RELEASE] = margin(RELEASE, mode, v, w, y, p)
-            r[RELEASE] = rate(RELEASE, mode, t, y, p)
+            g[RELEASE] = push(RELEASE, mode, v, w, y, p)
+            r[RELEASE] = push_rate(RELEASE, mode, t, y, p)
         else:
             g[RELEASE] = side * y[X2] - p[eq.DELTA]
             r[RELEASE] = side * y[V2]
         if direction != 0:
-            push = moved(mode, v, w, y, p) - sliding_friction(direction, y[V1], p)
+            force = moved(mode, v, w, y, p) - sliding_friction(direction, y[V1], p)
             mass = p[eq.M1] + p[eq.M2] if rigid and side != 0 else p[eq.M1]
             g[SLIP_END] = direction * y[V1]
-            r[SLIP_END] = direction * push / mass
+            r[SLIP_END] = direction * force / mass
         else:
-            g[BREAK_AWAY] = margin(BREAK_AWAY, mode, v, w, y, p)
-            r[BREAK_AWAY] = rate(BREAK_AWAY, mode, t, y, p)
+            load_rate = push_rate(BREAK_AWAY, mode, t, y, p)
+            own = moved(mode, v, w, y, p)
+            g[BREAK_AWAY] = static_limit(p) - abs(own)
+            r[BREAK_AWAY] = -load_rate if own > 0.0 else load_rate
 
     def strike(side, resting, y, p):  # type: ignore[no-untyped-def]
         y[X2] = side * p[eq.DELTA]
