@@ -43,7 +43,11 @@ class ActuatorNumerics(System):
 
         The forcing period is then that of v itself.
         """
-        return any(kind.term.signed for kind in self._kinds) and self.drive.changes_sign
+        return self._signed and self.drive.changes_sign
+
+    @cached_property
+    def _signed(self) -> bool:
+        return any(kind.term.signed for kind in self._kinds)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -174,7 +178,10 @@ class ActuatorNumerics(System):
         for name, value in of_terms.items():
             device[self._term_places[name]] = self.into(name, value)
         q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
-        if self._unfolded:
+        unfolded = self._unfolded
+        if of_drive and self._signed:
+            unfolded = self.drive.varied(of_drive, checked=False).changes_sign
+        if unfolded:
             switches += tuple(period + time for time in switches)
             scale, period = scale or period, 2.0 * period
         return Numbers(np.concatenate([device, q]), period, switches, scale)

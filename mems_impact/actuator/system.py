@@ -94,9 +94,9 @@ class ActuatorSystem(ActuatorNumerics):
         if not isinstance(drive, Drive):
             raise InvalidParameter("drive", drive, "a Drive, such as Sine(amplitude=…, omega=…)")
         drive.check()
-        if any(term.signed for term in actuator.terms):
-            drive.check_signed()
         self._put(actuator, drive, scales or actuator.scales)
+        if self._signed:
+            drive.check_signed()
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         super()._put(actuator, drive, scales)
@@ -186,7 +186,7 @@ class ActuatorSystem(ActuatorNumerics):
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
         super().check_continued(name)
-        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0:
+        if name.rpartition(".")[2] == "bias" and self.value(name) == 0.0 and not self._signed:
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
