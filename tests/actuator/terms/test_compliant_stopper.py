@@ -186,6 +186,12 @@ def test_a_mode_must_fit():
             mi.simulate(soft, SILENT, periods=1, initial=state)
 
 
+def test_a_block_starts_before_the_electrode():
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e3))
+    with pytest.raises(mi.InvalidParameter, match=r"halfway .* at -0.75 and 0.75"):
+        mi.simulate(soft, SILENT, periods=1, initial=mi.State(x2=0.8))
+
+
 def test_bounces_that_end_in_rest_are_one_blow():
     # Pressed by 0.45 V from near by, the block bounces and comes to rest; then it is let go.
     soft = ZHAO.adding(CompliantStopper(stiffness=1e3, damping=1.5))
