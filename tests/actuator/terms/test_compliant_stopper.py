@@ -7,6 +7,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
+from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.rests import contact_time
 from mems_impact.actuator.term import CompliantStopper
 from mems_impact.continuation.corrector import Steps
@@ -130,6 +131,21 @@ def test_energy(driven):
     stored = 0.5 * final.v2**2 + 0.5 * final.x2**2
     assert abs(final.x2) < p.delta
     assert 0.5 - stored == pytest.approx(run.impacts["energy lost"].sum(), rel=1e-9)
+
+
+def test_what_a_contact_stores():
+    # A run that ends within a contact: motion, springs and what is lost make up the beginning.
+    soft = ZHAO.replace(c=0.0, mu_s=1e6).adding(
+        CompliantStopper(stiffness=300.0, exponent=1.5, damping=0.5, depth=0.1)
+    )
+    run = mi.simulate(soft, SILENT, duration=0.6, initial=mi.State(v2=1.0), options=PRECISE)
+    part = compose((soft.terms[0].kind,), 1).contributions[0]
+    y, p = run.trajectory.final.y, run.trajectory.problem.parameters
+    assert y[2] > 0.53
+    assert part.lost(y, p) > 0.0
+    assert part.energy(y, p) > 0.05
+    total = 0.5 * y[3] ** 2 + 0.5 * y[2] ** 2 + part.energy(y, p) + y[4]
+    assert total == pytest.approx(0.5, rel=1e-9)
 
 
 def test_all_methods_agree():
