@@ -198,8 +198,11 @@ class ActuatorSystem(ActuatorNumerics):
     def _check_state(self, field: str, state: State) -> None:
         super()._check_state(field, state)
         x2, delta = state.as_dict().get("x2", 0.0), self.actuator.delta
-        if not (abs(x2) <= delta or self._yields):
-            raise InvalidParameter("x2", x2, f"between the stoppers at -{delta:g} and {delta:g}")
+        if self._yields:
+            delta = 0.5 * (delta + self.actuator.d)  # beyond, the electrode's force is frozen
+        if not abs(x2) <= delta:
+            where = "halfway from stopper to electrode" if self._yields else "the stoppers"
+            raise InvalidParameter("x2", x2, f"between {where} at -{delta:g} and {delta:g}")
         if state.mode is not None:
             self._check_mode(state)
 

@@ -13,7 +13,7 @@ PLAIN = mi.Options(engine="interpreted", method="dop853", rtol=1e-11, atol=1e-13
 
 
 def volts_at_release(device, start=0.5, time=8.0):
-    run = mi.simulate(device, FALLING, duration=15.0, initial=mi.State(x2=start, time=time),
+    run = mi.simulate(device, FALLING, duration=26.0, initial=mi.State(x2=start, time=time),
                       options=PLAIN)  # fmt: skip
     release = run.events.query("event == 'release'").iloc[0]
     return FALLING.value(release["t"])
@@ -79,9 +79,10 @@ def test_files_and_units(tmp_path):
 
 def test_a_sweep_over_the_force():
     held = mi.Pulse(amplitude=0.45, period=60.0, width=20.0, low=0.3)
-    table = mi.sweep(ZHAO, held, "alpha", [1.0], transient=0, periods=1, options=PLAIN)
-    assert len(mi.sweep_summary(table)) > 0
     device = ZHAO.adding(Adhesion(force=0.0))
+    table = mi.sweep(device, held, "adhesion.force", [0.0, 0.2], direction="up", transient=2,
+                     periods=1, options=PLAIN)  # fmt: skip
+    assert list(mi.sweep_summary(table)["blows per period"]) == [1.0, 0.0]
     rests = []
     for force in (0.0, 0.2):
         run = mi.simulate(device.setting({"adhesion.force": force}), held, periods=1,

@@ -7,6 +7,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
+from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.rests import contact_time
 from mems_impact.actuator.term import CompliantStopper
 from mems_impact.continuation.corrector import Steps
@@ -132,6 +133,21 @@ def test_energy(driven):
     assert 0.5 - stored == pytest.approx(run.impacts["energy lost"].sum(), rel=1e-9)
 
 
+def test_what_a_contact_stores():
+    # A run that ends within a contact: motion, springs and what is lost make up the beginning.
+    soft = ZHAO.replace(c=0.0, mu_s=1e6).adding(
+        CompliantStopper(stiffness=300.0, exponent=1.5, damping=0.5, depth=0.1)
+    )
+    run = mi.simulate(soft, SILENT, duration=0.6, initial=mi.State(v2=1.0), options=PRECISE)
+    part = compose((soft.terms[0].kind,), 1).contributions[0]
+    y, p = run.trajectory.final.y, run.trajectory.problem.parameters
+    assert y[2] > 0.53
+    assert part.lost(y, p) > 0.0
+    assert part.energy(y, p) > 0.05
+    total = 0.5 * y[3] ** 2 + 0.5 * y[2] ** 2 + part.energy(y, p) + y[4]
+    assert total == pytest.approx(0.5, rel=1e-9)
+
+
 def test_all_methods_agree():
     soft = ZHAO.adding(CompliantStopper(stiffness=1e6, damping=0.3))
     ends = [
@@ -184,6 +200,12 @@ def test_a_mode_must_fit():
                   mi.State(x2=0.51, v1=0.1, mode="backward-right")):  # fmt: skip
         with pytest.raises(mi.InvalidParameter, match="does not fit"):
             mi.simulate(soft, SILENT, periods=1, initial=state)
+
+
+def test_a_block_starts_before_the_electrode():
+    soft = ZHAO.adding(CompliantStopper(stiffness=1e3))
+    with pytest.raises(mi.InvalidParameter, match=r"halfway .* at -0.75 and 0.75"):
+        mi.simulate(soft, SILENT, periods=1, initial=mi.State(x2=0.8))
 
 
 def test_bounces_that_end_in_rest_are_one_blow():
