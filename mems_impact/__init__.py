@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.blows import Blows, blows
     from mems_impact.actuator.design.chart import Chart
     from mems_impact.actuator.design.charting import operating_chart
+    from mems_impact.actuator.design.duty import Duty, duty_cycle
     from mems_impact.actuator.design.energy import Energy, energy
     from mems_impact.actuator.design.estimates import (
         Window,
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
         step_lengths,
     )
     from mems_impact.actuator.design.fit import Fit, fit
+    from mems_impact.actuator.design.life import Life, life
     from mems_impact.actuator.design.load import LoadCurve, load_curve
+    from mems_impact.actuator.design.response import frequency_response, impact_onset
+    from mems_impact.actuator.design.ring_down import RingDown, ring_down
     from mems_impact.actuator.design.targets import Target
     from mems_impact.actuator.drive import *  # noqa: F403
     from mems_impact.actuator.drive import Drive, load_drive
@@ -32,6 +36,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.figures.energy import plot_energy
     from mems_impact.actuator.figures.load import plot_load
+    from mems_impact.actuator.figures.response import plot_response
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
@@ -97,6 +102,7 @@ __all__ = [
     "ChartInterrupted",
     "Curve",
     "Drive",
+    "Duty",
     "Energy",
     "EngineFallbackWarning",
     "EngineUnavailable",
@@ -115,6 +121,7 @@ __all__ = [
     "Interrupted",
     "InvalidFile",
     "InvalidParameter",
+    "Life",
     "LoadCurve",
     "MemsImpactError",
     "Observable",
@@ -124,6 +131,7 @@ __all__ = [
     "Run",
     "Part",
     "Relay",
+    "RingDown",
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
@@ -146,12 +154,16 @@ __all__ = [
     "continue_curve",
     "continue_equilibrium",
     "continue_orbit",
+    "duty_cycle",
     "energy",
     "find_equilibria",
     "find_orbit",
     "fit",
+    "frequency_response",
     "grazing_type",
+    "impact_onset",
     "kicked",
+    "life",
     "load",
     "load_actuator",
     "load_curve",
@@ -166,11 +178,13 @@ __all__ = [
     "plot_energy",
     "plot_load",
     "plot_orbit",
+    "plot_response",
     "plot_run",
     "plot_sweep",
     "pull_in_voltage",
     "resolution",
     "resting_voltage",
+    "ring_down",
     "simulate",
     "speed_over_voltage",
     "step_length",
@@ -229,6 +243,11 @@ _HOMES = {
     "plotting.run": ("plot_run",),
     "actuator.design.blows": ("Blows", "blows"),
     "actuator.design.energy": ("Energy", "energy"),
+    "actuator.design.duty": ("Duty", "duty_cycle"),
+    "actuator.design.life": ("Life", "life"),
+    "actuator.design.response": ("frequency_response", "impact_onset"),
+    "actuator.design.ring_down": ("RingDown", "ring_down"),
+    "actuator.figures.response": ("plot_response",),
     "actuator.design.load": ("LoadCurve", "load_curve"),
     "actuator.design.estimates": (
         "Window",

@@ -100,8 +100,8 @@ class ActuatorOrbit(_OfActuator, Orbit):
 
     @property
     def step(self) -> float:
-        """Displacement of the frame over the orbit."""
-        return self.gains["x1"]
+        """Displacement of the frame over the orbit; 0 where x1 matters, and closes too."""
+        return self.gains.get("x1", 0.0)
 
     @property
     def log(self) -> Events:

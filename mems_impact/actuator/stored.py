@@ -10,9 +10,11 @@ import numpy as np
 
 from mems_impact.actuator.design.blows import BlowCounter
 from mems_impact.actuator.design.chart import Chart
+from mems_impact.actuator.design.duty import Duty
 from mems_impact.actuator.design.energy import Energy
 from mems_impact.actuator.design.load import LoadCurve
 from mems_impact.actuator.design.rests import Rests
+from mems_impact.actuator.design.ring_down import RingDown
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
@@ -99,6 +101,8 @@ register(ActuatorOrbit)
 register(Chart)
 register(Energy)
 register(LoadCurve)
+register(Duty)
+register(RingDown)
 register(Sums)
 register_object(Accumulator)
 register_object(BlowCounter)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from mems_impact.actuator.composed import composed_automaton
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import yields
 from mems_impact.actuator.design.statistics import Accumulator
+from mems_impact.actuator.design.still import still_after
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.files import drive_of_kind
@@ -39,7 +40,7 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.scaling import Typical
-from mems_impact.hybrid.trajectory import Events, Floats, Instant
+from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
 from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["ActuatorSystem", "kicked"]
@@ -192,8 +193,15 @@ class ActuatorSystem(ActuatorNumerics):
 
     def ending(self, until: Callable[..., float]) -> System:
         """Refuse: the functions of an actuator are not written by name."""
-        problem = "only systems made by mems_impact.System know it; give periods= or duration="
+        problem = (
+            "functions are for systems made by mems_impact.System; give periods=, duration= or "
+            "until='still'"
+        )
         raise InvalidParameter("until", None, "", problem=problem)
+
+    def standstill(self) -> Callable[[Trajectory], float | None]:
+        """Return what tells after how many periods a run stands still; None if it does not."""
+        return partial(still_after, actuator=self.inner_actuator)
 
     def _check_state(self, field: str, state: State) -> None:
         super()._check_state(field, state)

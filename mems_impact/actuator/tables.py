@@ -21,12 +21,14 @@ __all__ = [
     "chart",
     "chart_points",
     "chart_types",
+    "duty",
     "fit_parameters",
     "fit_residuals",
     "impacts",
     "load",
     "speed",
     "step_lengths",
+    "swings",
 ]
 
 COLUMN_UNITS = {
@@ -278,6 +280,19 @@ def load(
         "by": list(by),
     }
     return table({}, labels, given=columns)
+
+
+def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a mode: its share of the time, and its time in a period."""
+    return table({"time": shares * period}, labels, given={"mode": list(modes), "share": shares})
+
+
+def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
+    """Return one row a swing of the block: when, and half the way between its ends."""
+    found = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
+    units = found.attrs["units"]
+    found.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
+    return found
 
 
 def _stopper(impacts: Events) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, get_args
+from typing import Any, Literal, get_args
 
 from mems_impact.analysis.checks import meeting
 from mems_impact.analysis.progress import progress_bar
@@ -12,6 +12,7 @@ from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.sizes import Largest, tell_of_run
 from mems_impact.analysis.state import State, is_number
 from mems_impact.analysis.statistics import Deferred, Span
+from mems_impact.analysis.still import STILL, until_still
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
@@ -30,7 +31,7 @@ def simulate(
     periods: float | None = None,
     *,
     duration: float | None = None,
-    until: Callable[..., float] | None = None,
+    until: Callable[..., float] | Literal["still"] | None = None,
     initial: State | Mapping[str, float] | None = None,
     window: tuple[float, float] | None = None,
     keep: Keep = "events",
@@ -46,9 +47,10 @@ def simulate(
         Length of the run in forcing periods, > 0; 300 by default.
     duration : float, optional
         Length of the run in time, instead.
-    until : callable, optional
+    until : callable or "still", optional
         ``until(mode, t, y, p)``, positive while the run goes on: it ends where this falls through
-        zero.
+        zero. Of an actuator, ``"still"``: the run ends when its motion repeats and the frame gets
+        nowhere, or after `periods` if that does not come; `Run.ended` tells.
     initial : State or mapping of str to float, optional
         Where the run starts; the system's own start by default.
     window : tuple of float, optional
@@ -85,6 +87,13 @@ def simulate(
     it: the initial mode follows from Equation (4) of the paper.
     """
     problem = system.problem(options)
+    if isinstance(until, str):
+        if until != STILL:
+            raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
+        still = system.standstill()
+        most = _length(system, periods, duration, None, problem.period)
+        again = partial(simulate, system, initial=initial, options=options, progress=progress)
+        return until_still(still, again, partial(again, window=window, keep=keep), most)
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)

@@ -20,11 +20,12 @@ from mems_impact.analysis.statistics import Gatherer, Gathering, Span, Watcher
 from mems_impact.analysis.typical import typical_of
 from mems_impact.analysis.values import same
 from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.scaling import Typical
-from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 from mems_impact.hybrid.written import (
     Definition,
     ending,
@@ -271,6 +272,11 @@ class System(Numerics):
         other._definition = ending(self._definition, until)
         checks.check_end(self, other._definition, self.problem(Options()))
         return other
+
+    def standstill(self) -> Callable[[Trajectory], float | None]:
+        """Return what tells after how many periods a run stands still; None if it does not."""
+        problem = "of an actuator alone; give a function (mode, t, y, p) that falls through zero"
+        raise InvalidParameter("until", "still", "", problem=problem)
 
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""

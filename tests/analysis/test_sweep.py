@@ -45,7 +45,8 @@ def test_hysteresis_of_the_paper(hysteresis):
 def test_table(hysteresis):
     assert list(hysteresis.columns) == [
         "amplitude", "direction", "period", "v2", "v1", "impacts per period", "blows per period",
-        "displacement per period", "displacement per impact", "mean speed", "status",
+        "displacement per period", "displacement per impact", "mean speed", "closest approach",
+        "status",
     ]  # fmt: skip
     assert len(hysteresis) == 2 * 17 * 20
     assert (hysteresis["status"] == "ok").all()

@@ -90,7 +90,10 @@ def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth
     found = energy(motion)
     force = normal_force(found.system)
     slip = found.slip_path / found.periods
-    blows = _blows_per_period(motion)
+    if isinstance(motion, ActuatorOrbit):
+        blows = len(found.by_blow) / found.periods
+    else:
+        blows = motion.measured.blows_per_period
     volume = wear * force * slip  # per period
     periods = area * depth / volume if volume > 0.0 else math.inf
     period = float(found.system.forcing_period)
@@ -112,12 +115,6 @@ def normal_force(system: ActuatorSystem) -> float:
     p = accounted_problem(system, Options()).parameters.copy()
     p[eq.MU_S] = 1.0  # static friction is then the force itself
     return float(system.scales.out(model.static_limit(p), "N"))
-
-
-def _blows_per_period(motion: ActuatorRun | ActuatorOrbit) -> float:
-    if isinstance(motion, ActuatorOrbit):
-        return len(motion.blows) / motion.periods
-    return motion.measured.blows_per_period
 
 
 def _walked(motion: ActuatorRun | ActuatorOrbit) -> float:

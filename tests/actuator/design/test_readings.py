@@ -1,0 +1,141 @@
+"""Duty cycle, life, ring-down and frequency response, against closed forms and by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+ZHAO = mi.load_actuator("zhao2004")
+MITA = mi.load_actuator("mita2003")
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+OPTIONS = mi.Options(method="dop853", engine="interpreted")
+FINE = mi.Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return mi.simulate(
+        ZHAO, DRIVE, 14.5, initial=mi.kicked(ZHAO), window=(3.2, 14.1), options=OPTIONS
+    )
+
+
+@pytest.fixture(scope="module")
+def orbit(run):
+    return mi.find_orbit(run, options=FINE)
+
+
+def test_duty_cycle_of_a_run(run):
+    found = mi.duty_cycle(run)
+    slipping = run.statistics["share slipping"]
+    assert found.forward + found.backward == pytest.approx(slipping, rel=1e-9)
+    assert found.in_contact == run.statistics["share resting"] == 0.0
+    assert found.stuck == pytest.approx(1.0 - slipping, rel=1e-12)
+    assert found.table["share"].sum() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_duty_cycle_of_an_orbit(orbit, tmp_path):
+    found = mi.duty_cycle(orbit)
+    slips = orbit.segments[orbit.segments["mode"] == "forward-free"]
+    lasted = (slips["end"] - slips["start"]).sum()
+    assert found.forward == pytest.approx(lasted / orbit.period, rel=1e-12)
+    assert found.flying == pytest.approx(1.0, rel=1e-12)
+    found.save(tmp_path / "duty.zip")
+    assert mi.load(tmp_path / "duty.zip") == found
+
+
+def test_a_block_that_rests_is_in_contact():
+    run = mi.simulate(MITA, mi.Sine(amplitude=100, omega=2 * math.pi), 1, window=(0, 1),
+                      options=OPTIONS)  # fmt: skip
+    found = mi.duty_cycle(run)
+    # Between pull-in, on the way up, and the voltage at which it lets go, on the way down.
+    on = math.acos(mi.resting_voltage(MITA) / 100) / math.pi
+    off = math.acos(mi.pull_in_voltage(MITA) / 100) / math.pi
+    # Less some milliseconds of 500, in which it snaps to the stopper and bounces there.
+    assert 0.98 * (on + off) < found.in_contact < on + off
+    assert found.table.attrs["units"] == {"time": "s"}
+
+
+def test_life_by_hand(orbit):
+    # Archard: volume = wear rate x normal force x path; the frame slips forward only.
+    found = mi.life(orbit, wear=2e-6, area=0.5, depth=1e-3)
+    force = 6.0 * 9.81
+    volume = 2e-6 * force * orbit.step
+    assert found.normal_force == pytest.approx(force, rel=1e-12)
+    assert found.slip_per_blow == pytest.approx(orbit.step, rel=1e-8)
+    assert found.volume_per_blow == pytest.approx(volume, rel=1e-8)
+    assert found.blows == pytest.approx(0.5 * 1e-3 / volume, rel=1e-8)
+    assert found.time == pytest.approx(found.blows * orbit.period, rel=1e-8)
+    assert found.distance == pytest.approx(0.5 * 1e-3 / (2e-6 * force), rel=1e-8)
+
+
+def test_life_of_a_run(run):
+    found = mi.life(run, wear=2e-6, area=0.5, depth=1e-3)
+    grid = run.samples(400, 3.2, 14.1)
+    path = np.abs(np.diff(grid["x1"])).sum()
+    assert found.slip_per_period == pytest.approx(path / 10.9, rel=1e-3)
+    still = mi.simulate(ZHAO, mi.Sine(amplitude=0.05, omega=0.5), 4, options=OPTIONS)
+    assert mi.life(still, wear=2e-6, area=0.5, depth=1e-3).blows == math.inf
+    with pytest.raises(mi.InvalidParameter, match="wear"):
+        mi.life(run, wear=0.0, area=0.5, depth=1e-3)
+
+
+def test_ring_down_in_closed_form():
+    damped = ZHAO.replace(c=0.2)
+    found = mi.ring_down(damped, DRIVE, initial=mi.State(x2=0.4), options=FINE)
+    root = math.sqrt(1.0 - 0.1**2)
+    assert found.damping_ratio == pytest.approx(0.1, rel=1e-9)
+    assert found.decrement == pytest.approx(2.0 * math.pi * 0.1 / root, rel=1e-9)
+    assert found.frequency == pytest.approx(root / (2.0 * math.pi), rel=1e-9)
+    assert found.time_constant == pytest.approx(10.0, rel=1e-9)
+    # From the first swing that is counted, one natural period after the start.
+    until = 2.0 * math.pi / root + 10.0 * math.log(100.0)
+    assert found.time == pytest.approx(until, rel=1e-9)
+    assert found.table["t"].iloc[0] == pytest.approx(2.0 * math.pi / root, rel=1e-9)
+
+
+def test_ring_down_of_a_run_in_si(tmp_path):
+    run = mi.simulate(MITA, mi.Sine(amplitude=20, omega=1500), 20, options=OPTIONS)
+    found = mi.ring_down(run, options=OPTIONS)
+    zeta = MITA.c / (2.0 * math.sqrt(MITA.k * MITA.m2))
+    assert found.damping_ratio == pytest.approx(zeta, rel=1e-4)
+    natural = math.sqrt(MITA.k / MITA.m2 * (1 - zeta**2)) / (2.0 * math.pi)
+    assert found.frequency == pytest.approx(natural, rel=1e-5)
+    assert found.table.attrs["units"] == {"t": "s", "amplitude": "m"}
+    found.save(tmp_path / "ring.zip")
+    assert mi.load(tmp_path / "ring.zip") == found
+
+
+def test_a_block_that_does_not_swing():
+    with pytest.raises(mi.InvalidParameter, match="does not swing"):
+        mi.ring_down(ZHAO.replace(c=3.0), DRIVE, initial=mi.State(x2=0.3), options=OPTIONS)
+    with pytest.raises(mi.InvalidParameter, match="does not die out"):
+        mi.ring_down(ZHAO.replace(c=0.0), DRIVE, initial=mi.State(x2=0.3), options=OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def response():
+    return mi.frequency_response(
+        ZHAO, DRIVE, [0.3, 0.5], [0.02, 0.24], direction="down", transient=150, periods=2,
+        options=OPTIONS,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_frequency_response(response, tmp_path):
+    assert response["amplitude"].tolist() == [0.02, 0.02, 0.24, 0.24]
+    assert response["omega"].tolist() == [0.5, 0.3, 0.5, 0.3]
+    assert response["impacting"].tolist() == [False, False, True, False]
+    assert response["deflection"].iloc[2] == ZHAO.delta
+    # So small a voltage drives an oscillator whose force is alpha v^2/d^2: mean and second harmonic.
+    force, r = 0.5 * 0.02**2, 0.6
+    linear = force * (1.0 + 1.0 / math.hypot(1.0 - r * r, ZHAO.c * r))
+    assert response["deflection"].iloc[1] == pytest.approx(linear, rel=0.01)
+    onset = mi.impact_onset(response)
+    assert np.isnan(onset["omega from"].iloc[0])
+    assert onset["omega from"].iloc[1] == 0.5
+    upper, _ = mi.plot_response(response)
+    upper.figure.savefig(tmp_path / "response.png")
+    with pytest.raises(mi.InvalidParameter, match="not a table of frequency_response"):
+        mi.impact_onset(response.drop(columns="deflection"))
