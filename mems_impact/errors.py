@@ -11,6 +11,8 @@ from itertools import islice
 from os import PathLike, fspath
 from typing import Any
 
+from mems_impact.wording import label, shown
+
 __all__ = [
     "ChartInterrupted",
     "EngineFallbackWarning",
@@ -33,9 +35,6 @@ __all__ = [
     "ValidityWarning",
 ]
 
-# What a message shows of a wrong value and of a name, in characters.
-_LONGEST_VALUE = 60
-_LONGEST_NAME = 300
 _MOST_STATES = 8
 
 
@@ -86,12 +85,12 @@ class InvalidParameter(MemsImpactError, ValueError):
         self.allowed = allowed
         self.source = None if source is None else fspath(source)
         self.problem = problem
-        subject = _label(field)
+        subject = label(field)
         if value is not None or problem is None:
             subject += f" = {shown(value)}"
         message = f"{subject}: {problem or f'must be {allowed}'}"
         if self.source is not None:
-            message += f" [in {_label(self.source)}]"
+            message += f" [in {label(self.source)}]"
         super().__init__(message)
 
     def located(self, source: str | PathLike[str] = "", *, owner: str = "") -> InvalidParameter:
@@ -123,7 +122,7 @@ class InvalidFile(MemsImpactError, ValueError):
         self.path = fspath(path)
         self.reason = reason
         self.remedy = remedy
-        super().__init__(f"{_label(self.path)}: {reason}; {remedy}")
+        super().__init__(f"{label(self.path)}: {reason}; {remedy}")
 
 
 class FunctionError(MemsImpactError, TypeError):
@@ -157,7 +156,7 @@ class FunctionError(MemsImpactError, TypeError):
     def reason(self) -> str:
         """The sentence without its remedy."""
         name = self.file.replace("\\", "/").rpartition("/")[2]
-        place = f" ({_label(name)}, line {self.line})" if name else ""
+        place = f" ({label(name)}, line {self.line})" if name else ""
         return " ".join(f"{self.role}{place} {self.problem}".split())
 
 
@@ -197,7 +196,7 @@ class FileNotWritten(MemsImpactError):
         self.path = fspath(path)
         self.reason = reason
         self.remedy = remedy
-        super().__init__(f"{_label(self.path)}: cannot be written ({reason}); {remedy}")
+        super().__init__(f"{label(self.path)}: cannot be written ({reason}); {remedy}")
 
 
 class RunError(MemsImpactError, RuntimeError):
@@ -368,28 +367,6 @@ def _restore(
     error = kind.__new__(kind, *args)
     error.__dict__.update(attributes)
     return error
-
-
-def _label(name: str) -> str:
-    """Return a name as it stands, or quoted where it is empty or would break the line."""
-    return _cut(name if name and name.isprintable() else repr(name), _LONGEST_NAME)
-
-
-def shown(value: object) -> str:
-    """Return a wrong value in a form that fits into a one-line message."""
-    try:
-        # str() of a NumPy number is the number alone, without its type.
-        text = repr(value) if isinstance(value, str) else str(value)
-    except (ValueError, RecursionError):
-        # Python refuses to print integers of more than 4300 digits, and lists within lists.
-        text = f"a huge {type(value).__name__}"
-    if isinstance(value, float):
-        text = text.removesuffix(".0")
-    return _cut(" ".join(text.split()), _LONGEST_VALUE)
-
-
-def _cut(text: str, longest: int) -> str:
-    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 class OrbitError(MemsImpactError, RuntimeError):

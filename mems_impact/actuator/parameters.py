@@ -19,8 +19,9 @@ from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_of, term_with
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
-from mems_impact.errors import InvalidParameter, UnitsWarning, shown
+from mems_impact.errors import InvalidParameter, UnitsWarning
 from mems_impact.units import DIMENSIONLESS, Scales
+from mems_impact.wording import shown
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive

@@ -9,7 +9,8 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
-from mems_impact.errors import InvalidFile, InvalidParameter, shown
+from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["parse_toml", "read_bytes", "read_columns", "read_text"]
 

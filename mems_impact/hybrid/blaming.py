@@ -10,8 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
-from mems_impact.errors import FunctionError, shown
+from mems_impact.errors import FunctionError
 from mems_impact.hybrid.guarded import Misuse
+from mems_impact.wording import shown
 
 __all__ = ["Function", "place_of", "told"]
 

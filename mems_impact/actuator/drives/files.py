@@ -14,7 +14,8 @@ from mems_impact.actuator.drives.custom import Custom
 from mems_impact.actuator.drives.sampled import Sampled
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms import TERMS
-from mems_impact.errors import InvalidFile, InvalidParameter, shown
+from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["TABLES", "drive_of_kind", "load_drive"]
 

@@ -9,7 +9,8 @@ from pydantic import model_validator
 
 from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["Pulse", "pulse"]
 

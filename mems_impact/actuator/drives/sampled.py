@@ -14,7 +14,8 @@ from pydantic import BeforeValidator, Field, model_validator
 from mems_impact.actuator.checked import Number, Positive
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
 from mems_impact.actuator.reading import read_columns
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["Sampled"]
 

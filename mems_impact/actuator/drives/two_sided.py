@@ -10,7 +10,8 @@ from pydantic import Field, model_validator
 
 from mems_impact.actuator.drives.base import Drive, Waveform
 from mems_impact.actuator.drives.retimed import Stretch, array_of, behind, repeated, retimed
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["TwoSided"]
 

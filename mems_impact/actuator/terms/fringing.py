@@ -10,7 +10,8 @@ from pydantic import Field
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.checked import Positive
 from mems_impact.actuator.terms.base import Contribution, Electrode, Places, Shape, Term
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter
+from mems_impact.wording import shown
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator

@@ -12,7 +12,8 @@ from mems_impact.actuator.checked import NonNegative, Positive
 from mems_impact.actuator.composing import summed
 from mems_impact.actuator.modes import V2, X2
 from mems_impact.actuator.terms.base import Contribution, Function, Limit, Places, Shape, Term
-from mems_impact.errors import InvalidParameter, shown
+from mems_impact.errors import InvalidParameter
+from mems_impact.wording import shown
 
 __all__ = ["SqueezeFilm"]
 
