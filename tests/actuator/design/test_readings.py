@@ -128,7 +128,7 @@ def test_frequency_response(response, tmp_path):
     assert response["omega"].tolist() == [0.5, 0.3, 0.5, 0.3]
     assert response["impacting"].tolist() == [False, False, True, False]
     assert response["deflection"].iloc[2] == ZHAO.delta
-    # So small a voltage drives an oscillator: the force alpha v^2/d^2 has a mean and a harmonic.
+    # A force alpha v^2/d^2 on a linear oscillator: its mean, and its swing at twice the frequency.
     force, r = 0.5 * 0.02**2, 0.6
     linear = force * (1.0 + 1.0 / math.hypot(1.0 - r * r, ZHAO.c * r))
     assert response["deflection"].iloc[1] == pytest.approx(linear, rel=0.01)
