@@ -11,7 +11,7 @@ from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Events
-from tests.hybrid.systems import STOP, at, simulate, stop
+from tests.hybrid.systems import STOP, TAU, at, simulate, stop
 
 
 def nothing(*_):
@@ -80,6 +80,10 @@ def test_an_arc_without_event_is_cut_after_sixteen_periods(period):
 @pytest.mark.parametrize(("first", "expected"), [(2.0, 2), (2.0 - 1e-10, 2), (2.0 + 1e-10, 3)])
 def test_samples_begin_at_the_very_time_that_is_asked_for(first, expected):
     assert swinging(4).samples(1, first=first).cycle[0] == expected
+    quarters = swinging(4).samples(4, first=first + 0.5)
+    assert quarters.cycle[0] + quarters.time[0] / TAU == expected + (
+        0.5 if expected == 2 else -0.25
+    )
 
 
 @pytest.mark.parametrize("cycle", [0.5, 2**54, -(2**54)])
