@@ -1,5 +1,7 @@
 """The family of terms: its judge knows all of them, meets another judge, and can say no."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from mems_impact.actuator.terms import TERMS
 from validation.campaign import terms
 from validation.campaign.comparing import END
 from validation.judges import dop853_free, with_terms
+from validation.judges.heyoka_full import Piece, Source
 
 SEED = 3
 
@@ -29,8 +32,8 @@ def test_without_terms_it_meets_the_judge_of_the_papers_equations():
         "alpha": 1.0,
         "g": 9.81,
     }
-    right = {"bias": 0.05, "amplitude": 0.3, "omega": 0.5, "phase": 0.0}
-    judge = with_terms.Device(device, {}, right, None)
+    voltage = Source(bias=0.05, a1=0.3, w1=0.5)
+    judge = with_terms.Device(device, {}, lambda t: Piece(math.inf, voltage))
     start = np.zeros(len(judge.states))
     start[3] = 0.9
     mine = terms._Follower(judge, start, 1e-12).follow(30.0)[0]
