@@ -52,7 +52,6 @@ def test_without_terms_it_meets_the_judge_of_the_papers_equations():
 @pytest.mark.parametrize("name", TERMS)
 def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
     """Of its numbers, the first one that the judge has, a thousandth off."""
-    number = next(i for i in range(500) if i % 25 != 24 and name in terms.Drawn(SEED, i).terms)
     places = [with_terms.PLACE[place] for place in with_terms.KNOWN[name].values()]
 
     class Other(terms._Judged):
@@ -64,8 +63,9 @@ def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
                 self.table.c *= 1.001
 
     stories = []
-    for i in range(number, number + 200):
-        if i % 25 == 24 or name not in terms.Drawn(SEED, i).terms:
+    for i in range(200):
+        drawn = terms.Drawn(SEED, i)
+        if drawn.compiled or name not in drawn.terms:
             continue
         assert terms.check(SEED, i).story == ""
         with monkeypatch.context() as patch:

@@ -145,7 +145,7 @@ class Drawn:
 
     def __init__(self, seed: int, number: int) -> None:
         rng = np.random.default_rng([seed, 7, number])
-        self.compiled = number % COMPILED == COMPILED - 1
+        self.compiled = number % COMPILED == COMPILED // 2
         kinds = rng
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
