@@ -29,7 +29,7 @@ FAMILIES = {
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
     "scales": Family(scales.check, 1000, 10),
-    "terms": Family(terms.check, 5000, 12),
+    "terms": Family(terms.check, 5000, 13),
 }
 
 _Item = tuple[str, int, int, str]  # family, seed, number, method

@@ -1,4 +1,4 @@
-"""Random devices with random terms, under sines on one or both sides, from random starts.
+"""Random devices with random terms under random drives from random starts.
 
 The package composes equations of what each term contributes; the reference has all of them written
 out in one piece. Each motion is accounted for besides: what the forces of the package's terms do
@@ -22,15 +22,27 @@ from mems_impact.actuator.modes import direction_of
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.files import term_of, term_type
-from validation.campaign import comparing
-from validation.campaign.comparing import ONE, Row, Unit, Verdict
-from validation.campaign.integrating import FLIGHT, Floats, Follower, Undecided
+from validation.campaign import comparing, drives
+from validation.campaign.cases import hold_voltage
+from validation.campaign.comparing import END, ONE, Row, Unit, Verdict
+from validation.campaign.integrating import (
+    CLEAR,
+    FLIGHT,
+    IN_AN_INSTANT,
+    NEAR,
+    STEEP,
+    Floats,
+    Follower,
+    Undecided,
+)
 from validation.judges import with_terms
-from validation.judges.with_terms import Device
+from validation.judges.heyoka_full import Piece
+from validation.judges.with_terms import LEFT_SOURCE, RIGHT_SOURCE, Device, volts
 
 COMPILED = 25  # one case in so many runs on the compiled engine, which takes seconds to make
 COMBINATIONS = 8  # of terms, compiled
 LIKELY = 0.35  # how likely a case has each term
+SWITCHES = 30  # of a drive in a run, at most
 BALANCED = 1e-8  # energy that may be missing, by what was turned over
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -133,14 +145,13 @@ class Drawn:
 
     def __init__(self, seed: int, number: int) -> None:
         rng = np.random.default_rng([seed, 7, number])
-        self.compiled = number % COMPILED == COMPILED - 1
+        self.compiled = number % COMPILED == COMPILED // 2
         kinds = rng
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
         known = [name for name in TERMS if name not in unjudged()]
         chosen = _one_of_each([name for name in known if kinds.random() < LIKELY], kinds)
         chosen = chosen or [str(kinds.choice(known))]
-        two_sided = bool(kinds.random() < 0.3)
         self.device = _device(rng)
         self.terms = {name: DRAW[name](rng, self.device) for name in chosen}
         if self.compiled and "squeeze_film" in chosen:
@@ -149,22 +160,22 @@ class Drawn:
             self.terms.get("fringing", {}).pop("length", None)
             table = self.terms.get("tabulated_restitution", {})
             table |= {name: each[:2] for name, each in table.items()}
-        omega = rng.uniform(0.3, 3.0)
-        self.right = _wave(rng, self.device, omega)
-        self.left = _wave(rng, self.device, omega) if two_sided else None
-        self.start = _start(rng, self.device, self.right, self.left)
+        self.drive = drives.random_spec(rng, hold_voltage(self.device), 1.0)
+        while self.compiled and self.drive.kind != "sine":
+            self.drive = drives.random_spec(rng, hold_voltage(self.device), 1.0)
+        self.start = _start(rng, self.device, self.drive.pieces()(0.0))
         if "compliant_stopper" in chosen and self.start[3] == 0.0:
             self.start[2] *= 1.002  # rest begins in touch
-        self.end = float(rng.uniform(6.0, 20.0))
+        end, length = 0.0, rng.uniform(6.0, 20.0)
+        for _ in range(SWITCHES):
+            end = self.drive.pieces()(end).end
+        self.end = float(min(end, length))
 
     @property
     def system(self) -> ActuatorSystem:
         """The case as the package has it."""
         terms = tuple(term_of(name, values) for name, values in self.terms.items())
-        drive: Any = mi.Sine(**self.right)
-        if self.left is not None:
-            drive = mi.TwoSided(right=drive, left=mi.Sine(**self.left))
-        return mi.Actuator(**self.device, terms=terms).under(drive)
+        return mi.Actuator(**self.device, terms=terms).under(self.drive.build())
 
 
 def _one_of_each(names: list[str], rng: Rng) -> list[str]:
@@ -184,29 +195,13 @@ def _device(rng: Rng) -> Values:
     return p
 
 
-def _holding(p: Values) -> float:
-    """Return the voltage that holds a block on a stopper, but for terms."""
-    return math.sqrt(p["k"] * p["delta"] / p["alpha"]) * (p["d"] - p["delta"])
-
-
-def _wave(rng: Rng, p: Values, omega: float) -> Values:
-    hold = _holding(p)
-    return {
-        "amplitude": hold * rng.uniform(0.2, 1.8),
-        "omega": omega,
-        "bias": float(rng.choice([0.0, hold * rng.uniform(-0.8, 0.8)])),
-        "phase": float(rng.choice([0.0, rng.uniform(0.0, 6.28)])),
-    }
-
-
-def _start(rng: Rng, p: Values, right: Values, left: Values | None) -> list[float]:
+def _start(rng: Rng, p: Values, piece: Piece) -> list[float]:
     """Return a start on the way, or, where the voltage holds the block there, on a stopper."""
     speed = p["delta"] * math.sqrt(p["k"] / p["m2"])
     v1 = float(rng.choice([0.0, 0.5 * speed * rng.normal()]))
-    side, wave = (1.0, right) if left is None or rng.random() < 0.5 else (-1.0, left)
-    voltage = wave["bias"] + wave["amplitude"] * math.cos(wave["phase"])
-    if abs(voltage) > 1.2 * _holding(p) and rng.random() < 0.6:
-        return [0.0, v1, side * p["delta"], 0.0]
+    for side, source in ((1.0, piece.right), (-1.0, piece.left)):
+        if abs(source.at(0.0)) > 1.2 * hold_voltage(p) and rng.random() < 0.6:
+            return [0.0, v1, side * p["delta"], 0.0]
     return [0.0, v1, p["delta"] * rng.uniform(-0.9, 0.9), 1.5 * speed * rng.normal()]
 
 
@@ -215,7 +210,8 @@ class _Judged(Device):
 
     def margins(self, mode: int, t: Any, y: Floats) -> tuple[Floats, Floats]:
         p = self.p
-        if np.abs(y[..., 2]).max() > 0.5 * (p[with_terms.DELTA] + p[with_terms.D]):
+        furthest = 0.5 * (p[with_terms.DELTA] + p[with_terms.D])
+        if mode // 3 != 0 and np.abs(y[..., 2]).max() > furthest:
             raise Undecided  # the force of an electrode is not followed to where it is infinite
         return super().margins(mode, t, y)
 
@@ -224,14 +220,59 @@ class _Follower(Follower):
     """One motion, which is given up where a sequence of impacts ends."""
 
     def __init__(self, system: Device, y: Floats, rtol: float) -> None:
+        self.device, self.until = system, system.enter(0.0)
         super().__init__(system, system.settled(0.0, y), 0.0, y, rtol)
         self.arcs: list[tuple[int, float, Floats, float]] = []
+
+    def follow(self, end: float, most: int = 60) -> tuple[list[Row], float]:
+        """Return the events up to `end`, and how far they are known."""
+        try:
+            while len(self.rows) < most:
+                if self._arc(min(end, self.until)):
+                    continue
+                if end <= self.until:
+                    self.rows.append(Row(end, END, self.mode, self.y))
+                    return self.rows, end
+                self.until = self.device.enter(self.t)
+                self.mode = self.device.settled(self.t, self.y)
+        except Undecided:
+            pass
+        return self.rows, self.t
 
     def _arc(self, end: float) -> bool:
         began = self.mode, self.t, self.y
         found = super()._arc(end)
         self.arcs.append((*began, self.rows[-1].t if found else end))
         return found
+
+    def _carry_out(self, guard: int, y: Floats, fall: float) -> None:
+        for _ in range(IN_AN_INSTANT):
+            last = self.mode
+            self.mode, self.y = self.device.fire(last, guard, self.t, y)
+            self.rows.append(Row(self.t, guard, self.mode, self.y, fall))
+            if self.system.impact[guard] and self._rests(guard, last):
+                return
+            values, rates = self.device.margins(self.mode, self.t, self.y)
+            self._let_go(guard, values)
+            zero = np.abs(values) < NEAR
+            clear = zero & (np.abs(rates) > self.steep)
+            if np.any((values < NEAR) & (values > -CLEAR) & ~clear):
+                raise Undecided
+            fires = (values < -CLEAR) | (zero & (rates < 0.0))
+            if not fires.any():
+                return
+            guard, y, fall = int(np.argmax(fires)), self.y, math.inf
+        raise Undecided
+
+    def _let_go(self, guard: int, values: Floats) -> None:
+        """Leave the stopper out on which the block is at rest, and from which it is pulled away."""
+        if self.mode // 3 != 0 or self.y[3] != 0.0:
+            return
+        side = with_terms.RIGHT if self.y[2] > 0.0 else with_terms.LEFT
+        away = float(self.device.flow(self.mode, self.t, self.y)[3]) * (1 - 2 * (side == 0))
+        if guard != with_terms.RELEASE and away < STEEP:
+            raise Undecided
+        values[side] = math.inf
 
     def _rests(self, guard: int, last: int) -> bool:
         rate = self.system.margins(self.mode, self.t, self.y)[1][guard]
@@ -247,7 +288,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
     """Try one case."""
     drawn = Drawn(seed, number)
     system = drawn.system
-    judge = _Judged(drawn.device, drawn.terms, drawn.right, drawn.left)
+    judge = _Judged(drawn.device, drawn.terms, drawn.drive.pieces())
     places = [judge.states.index(name) for name in system.states]
     start = np.zeros(len(judge.states))
     start[:4] = drawn.start
@@ -302,6 +343,7 @@ def imbalance(
     model = compose(system._kinds, sides)
     if end - t < 1e-9:
         return np.zeros(2)
+    judge.enter(t)
     solver = DOP853(partial(judge.flow, mode), t, y, end, rtol=1e-12, atol=1e-14, max_step=0.5)
     before = stored(model, y[places], p)
     done, turned = np.zeros(2), np.ones(2)
@@ -311,7 +353,7 @@ def imbalance(
         dense, half = solver.dense_output(), 0.5 * (solver.t - solver.t_old)
         for node, weight in zip(NODES, WEIGHTS, strict=True):
             now = solver.t_old + half * (1.0 + node)
-            parts = powers(system, model, mode, now, dense(now)[places], p)
+            parts = powers(judge, model, mode, now, dense(now)[places], p)
             done += half * weight * parts.sum(axis=1)
             turned += half * weight * np.abs(parts).sum(axis=1)
     missing: Floats = np.abs(stored(model, solver.y[places], p) - before - done) / turned * sums
@@ -326,13 +368,9 @@ def stored(model: Model, y: Floats, p: Floats) -> Floats:
     return np.array([energy, m1 * y[1] + m2 * (y[1] + y[3])])
 
 
-def powers(
-    system: ActuatorSystem, model: Model, mode: int, t: float, y: Floats, p: Floats
-) -> Floats:
+def powers(judge: Device, model: Model, mode: int, t: float, y: Floats, p: Floats) -> Floats:
     """Return the powers that come in and are lost, and the forces from outside and of friction."""
-    drive, q = system.drive, p[model.layout.drive :]
-    right = drive.voltage(t, q)
-    left = drive.left_voltage(t, q) if drive.left_voltage is not None else 0.0
+    right, left = (volts(judge.p, first, t) for first in (RIGHT_SOURCE, LEFT_SOURCE))
     way = direction_of(mode)
     pulled = model.pull(right, left, y, p) * y[3]
     friction = model.sliding_friction(way, y[1], p) if way != 0 else 0.0

@@ -12,7 +12,7 @@ right electrode and of the left one, what yielding stoppers have lost.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,14 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
+from validation.judges.heyoka_full import Piece, Source
+
 Floats = NDArray[np.float64]
 Values = Mapping[str, Any]
 
 RIGHT, LEFT, RELEASE, SLIP_END, BREAK_AWAY = range(5)
 NAMES = (
     *("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g"),
-    *("right.bias", "right.amplitude", "right.omega", "right.phase"),
-    *("left.bias", "left.amplitude", "left.omega", "left.phase", "left"),
     *("angle", "k3", "load", "k1", "adhesion", "fringe width", "fringe length"),
     *("resistance", "parasitic", "trapped", "trapping"),
     *("stopper", "exponent", "stopper damping", "stopper depth"),
@@ -36,13 +36,22 @@ NAMES = (
 )
 PLACE = {name: place for place, name in enumerate(NAMES)}
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G = range(11)
-RB, RA, RW, RF, LB, LA, LW, LF, TWO = range(11, 20)
-ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(20, 27)
-OHM, PARASITIC, TRAPPED, TRAPPING = range(27, 31)
-STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(31, 40)
-YIELDING, FALL, STRIBECK, VISCOUS, CREEPING = range(40, 45)
+ANGLE, K3, LOAD, K1, STICKY, FW, FL = range(11, 18)
+OHM, PARASITIC, TRAPPED, TRAPPING = range(18, 22)
+STOPPER, EXPONENT, LOSSY, DEEP, FILMS, AMBIENT, FACE, VISCOSITY, PATH = range(22, 31)
+YIELDING, FALL, STRIBECK, VISCOUS, CREEPING = range(31, 36)
+RIGHT_SOURCE, LEFT_SOURCE, END = (36 + i * len(Source._fields) for i in range(3))
 STEP = 3e-4  # of differences along the flow
 LAST = 1000  # terms of sums that have no end
+
+
+@njit(cache=True)
+def volts(p, first, t):  # type: ignore[no-untyped-def]
+    """The voltage of the source whose numbers begin at `first`."""
+    bias, slope, square, cube, since, a1, w1, f1, a2, w2, f2 = p[first : first + 11]
+    x = t - since
+    smooth = bias + x * (slope + x * (square + x * cube))
+    return smooth + a1 * math.cos(w1 * t + f1) + a2 * math.cos(w2 * t + f2)
 
 
 @njit(cache=True)
@@ -55,16 +64,16 @@ def _edges(gap, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _electrode(p, volts, gap, charge, offset):  # type: ignore[no-untyped-def]
+def _electrode(p, voltage, gap, charge, offset):  # type: ignore[no-untyped-def]
     """Attraction, current and rate of the offset."""
     one, one_slope = _edges(gap, p[FW])
     two, two_slope = _edges(gap, p[FL])
     capacitance = 2.0 * p[ALPHA] * one * two / gap
     growth = 2.0 * p[ALPHA] * (one * two / gap - one_slope * two - one * two_slope) / gap
-    node, current, trapping = volts, 0.0, 0.0
+    node, current, trapping = voltage, 0.0, 0.0
     if p[OHM] > 0.0:
         node = (charge + capacitance * offset) / (capacitance + p[PARASITIC])
-        current = (volts - node) / p[OHM]
+        current = (voltage - node) / p[OHM]
     if p[TRAPPING] > 0.0:
         trapping = (p[TRAPPED] * node - offset) / p[TRAPPING]
     return 0.5 * growth * (node - offset) ** 2, current, trapping
@@ -105,19 +114,18 @@ def _forces(p, shares, sizes, mode, t, y, slope):  # type: ignore[no-untyped-def
     x, v = y[2], y[3]
     if contact != 0 and p[STOPPER] == 0.0:
         x, v = (p[DELTA] if contact == 1 else -p[DELTA]), 0.0
-    volts = p[RB] + p[RA] * math.cos(p[RW] * t + p[RF])
-    pull, slope[base], slope[base + 1] = _electrode(p, volts, p[D] - x, y[base], y[base + 1])
-    if p[TWO] > 0.0:
-        volts = p[LB] + p[LA] * math.cos(p[LW] * t + p[LF])
-        back, slope[base + 2], slope[base + 3] = _electrode(
-            p, volts, p[D] + x, y[base + 2], y[base + 3]
-        )
-        pull -= back
+    # A step may look far beyond a stopper.
+    closest = 0.1 * (p[D] - p[DELTA])
+    near, far = max(p[D] - x, closest), max(p[D] + x, closest)
+    right, left = volts(p, RIGHT_SOURCE, t), volts(p, LEFT_SOURCE, t)
+    pull, slope[base], slope[base + 1] = _electrode(p, right, near, y[base], y[base + 1])
+    back, slope[base + 2], slope[base + 3] = _electrode(p, left, far, y[base + 2], y[base + 3])
+    pull -= back
     on_frame = p[K] * x + p[C] * v - pull + p[K3] * x**3
     if p[FILMS] > 0.0:
-        on_frame += _film(p, shares, sizes, p[D] - x, v, y[4 : 4 + n], slope[4 : 4 + n])
+        on_frame += _film(p, shares, sizes, near, v, y[4 : 4 + n], slope[4 : 4 + n])
     if p[FILMS] > 1.0:
-        on_frame -= _film(p, shares, sizes, p[D] + x, -v, y[4 + n : base], slope[4 + n : base])
+        on_frame -= _film(p, shares, sizes, far, -v, y[4 + n : base], slope[4 + n : base])
     if contact != 0 and p[STOPPER] > 0.0:
         side = 1.0 if contact == 1 else -1.0
         depth = side * x - p[DELTA]
@@ -196,7 +204,7 @@ def _margins(p, shares, sizes, mode, times, states, values, rates):  # type: ign
 
 
 class Device:
-    """An actuator with terms under sines.
+    """An actuator with terms under voltages in pieces; `enter` makes one the present one.
 
     Parameters
     ----------
@@ -204,28 +212,22 @@ class Device:
         The paper's parameters by name.
     terms : mapping of str to mapping
         The numbers of each term.
-    right : mapping
-        Bias, amplitude, omega and phase of the voltage.
-    left : mapping, optional
-        That of the left electrode.
+    pieces : callable
+        ``pieces(t)``, what pulls from then on.
     """
 
     order = np.arange(5.0)
     stopped = -1  # there is no such mode
 
     def __init__(
-        self, device: Values, terms: Mapping[str, Values], right: Values, left: Values | None
+        self, device: Values, terms: Mapping[str, Values], pieces: Callable[[float], Piece]
     ) -> None:
         unknown = set(terms) - set(KNOWN)
         if unknown:
             raise NotImplementedError(f"no equations of {', '.join(sorted(unknown))}")
-        p = np.zeros(len(NAMES))
+        p = np.zeros(END)
         for name, value in device.items():
             p[PLACE[name]] = value
-        for side, wave in (("right", right), ("left", left or {})):
-            for name, value in wave.items():
-                p[PLACE[f"{side}.{name}"]] = value
-        p[TWO] = float(left is not None)
         self.shares = self.sizes = np.zeros(0)
         self.table: CubicHermiteSpline | None = None
         for name, values in terms.items():
@@ -238,12 +240,20 @@ class Device:
             for field, place in KNOWN[name].items():
                 if values.get(field) is not None:
                     p[PLACE[place]] = values[field]
-        self.p = p
+        self.p, self.pieces = p, pieces
+        self.enter(0.0)
         self.impact = np.array([p[STOPPER] == 0.0] * 2 + [False] * 3)
         n = len(self.shares)
         films = [f"{side}film_{i + 1}" for side in ("", "left_") for i in range(n)]
         electrodes = [f"{side}{name}" for side in ("", "left_") for name in ("charge", "offset")]
         self.states = ("x1", "v1", "x2", "v2", *films, *electrodes, "contact_loss")
+
+    def enter(self, t: float) -> float:
+        """Take the voltages of this time from now on; return how long they hold."""
+        piece = self.pieces(t)
+        self.p[RIGHT_SOURCE:LEFT_SOURCE] = piece.right
+        self.p[LEFT_SOURCE:END] = piece.left
+        return piece.end
 
     def flow(self, mode: int, t: float, y: Floats) -> Floats:
         """Return the time derivative of the state."""
@@ -275,7 +285,9 @@ class Device:
             return self._sliding(0, t, y), y
         y[1] = 0.0
         if guard == SLIP_END:
-            return self._sliding(mode // 3, t, y), y
+            # The load on a rigid stopper jumps, since nothing brakes the frame any more.
+            yields = p[STOPPER] > 0.0
+            return self._sliding(mode // 3, t, y) if yields else self.settled(t, y), y
         return 3 * (mode // 3) + (1 if self._push(mode, t, y) > 0.0 else 2), y
 
     def settled(self, t: float, y: Floats) -> int:
