@@ -23,7 +23,7 @@ def python_blocks(text):
             yield text.count("\n", 0, match.start(2)), match.group(2)
 
 
-SLOW = ("coco.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
+SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
 SLOW += ("terms.md", *(page.name for page in (DOCS / "terms").glob("*.md")))
 EXAMPLES = [
     pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
