@@ -61,7 +61,7 @@ def test_no_forcing_no_periods_in_tables():
         mi.simulate(ball())
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached"):
         mi.find_orbit(ball())
-    with pytest.raises(mi.InvalidParameter, match="no forcing period"):
+    with pytest.raises(mi.InvalidParameter, match="nothing forces the system: say how long"):
         mi.sweep(ball(), "e", [0.5])
 
 

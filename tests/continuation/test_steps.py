@@ -34,8 +34,11 @@ def test_order_of_losses_in_one_point(monkeypatch):
     def rank(role, inside=False):
         touch = Closest(value=0.0, segment=0, time=0.0, inside=inside)
         monkeypatch.setattr(locating, "closest", lambda *_: touch)
-        orbit = SimpleNamespace(shooting=None, point=None)
-        return locating.rank(SimpleNamespace(monitor=Monitor("grazing", role), orbit=orbit))
+        point = SimpleNamespace(starts=[0.0], ends=[1.0])
+        orbit = SimpleNamespace(shooting=None, point=point)
+        return locating.rank(
+            SimpleNamespace(monitor=Monitor("grazing", role, segment=0), orbit=orbit)
+        )
 
     ranks = [rank("rate"), rank("approach", inside=True), rank("length"), rank("approach")]
     assert ranks == sorted(set(ranks))

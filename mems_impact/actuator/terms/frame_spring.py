@@ -12,7 +12,8 @@ __all__ = ["FrameSpring"]
 class FrameSpring(Term):
     """A spring between frame and ground, without force at x1 = 0.
 
-    The frame walks until static friction no longer holds what its steps have stretched.
+    The frame walks until an impact sets it free under more force than dynamic friction holds. Where
+    mu_s is above mu_d it then slides back, and walks anew.
 
     Parameters
     ----------
