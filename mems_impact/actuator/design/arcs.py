@@ -16,10 +16,10 @@ from mems_impact.hybrid.trajectory import Events, Floats, Instant
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 
-__all__ = ["Stretch", "arcs_of_orbit", "arcs_of_run"]
+__all__ = ["Leg", "arcs_of_orbit", "arcs_of_run"]
 
 
-class Stretch(NamedTuple):
+class Leg(NamedTuple):
     """A stretch of the motion within one mode.
 
     Attributes
@@ -39,7 +39,7 @@ class Stretch(NamedTuple):
     row: int
 
 
-def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Stretch]:
+def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Leg]:
     """Return the arcs of a run from the one on in which the period `first` begins.
 
     Each begins as it did in the run, so that a chaotic motion stays what it was.
@@ -57,11 +57,11 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Stretch
                 if log.after[row, V1] == 0.0:
                     length = min(length, _slip(trajectory.problem, start))
             v2 = float(log.before[row, V2]), float(log.after[row, V2])
-            yield Stretch(start, length, v2, row)
+            yield Leg(start, length, v2, row)
         begin = Instant(cycle, time, int(log.mode_after[row]), log.after[row])
     final = trajectory.final
     length = (final.cycle - begin.cycle) * period + (final.time - begin.time)
-    yield Stretch(begin, length, (0.0, 0.0), -1)
+    yield Leg(begin, length, (0.0, 0.0), -1)
 
 
 def _touching(problem: Problem, begin: Instant, code: int) -> Instant:
@@ -79,7 +79,7 @@ def _slip(problem: Problem, start: Instant) -> float:
     return speed / slowing if speed * slowing > 0.0 else math.inf
 
 
-def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Stretch]:
+def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Leg]:
     """Return the arcs of an orbit once round; rows are those of its own event log."""
     found = orbit.found
     cyclic = list(found.problem.automaton.cyclic)
@@ -93,7 +93,7 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Stretch]:
         last = found.point.arcs[i].end
         after = last if event is None else event.after
         v2 = float(last[V2]), float(after[V2])
-        yield Stretch(
+        yield Leg(
             Instant(segment.cycle, start, segment.mode, y), end - start, v2,
             -1 if event is None else row,
         )  # fmt: skip

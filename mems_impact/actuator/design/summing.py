@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mems_impact.actuator.accounting import SUMMED, Accounts, accounted_automaton, accounts
 from mems_impact.actuator.composed import voltages
 from mems_impact.actuator.composing import SCRATCH
-from mems_impact.actuator.design.arcs import Stretch
+from mems_impact.actuator.design.arcs import Leg
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.engines.options import Options
@@ -124,7 +124,7 @@ class Rows:
 def summed(
     system: ActuatorSystem,
     options: Options,
-    arcs: Iterator[Stretch],
+    arcs: Iterator[Leg],
     window: tuple[float, float],
     blows: set[int],
 ) -> Sums:
@@ -135,7 +135,7 @@ def summed(
     system : ActuatorSystem
     options : Options
         By which arcs are integrated.
-    arcs : iterator of Stretch
+    arcs : iterator of Leg
     window : tuple of float
         Forcing periods between which works and losses count.
     blows : set of int
@@ -184,7 +184,7 @@ def summed(
     )
 
 
-def _cuts(arc: Stretch, low: float, high: float, period: float) -> list[float]:
+def _cuts(arc: Leg, low: float, high: float, period: float) -> list[float]:
     """Return where an arc is cut, in periods since that in which it begins: where periods begin."""
     first = arc.begin.time / period
     last = first + arc.length / period
