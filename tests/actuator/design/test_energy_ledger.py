@@ -78,7 +78,7 @@ def test_the_balance_closes(name):
 @pytest.mark.parametrize("name", LOSSY)
 def test_the_balance_closes_with_terms_that_lose(name):
     run = simulated(ZHAO.adding(*LOSSY[name]), mi.Sine(amplitude=0.3, omega=0.5), 4)
-    found = mi.energy(run, 0.1, 3.8)
+    found = mi.energy(run, 0.0, 3.8)
     assert len(run.impacts) >= 1
     assert abs(found.imbalance) < 2e-8 * (abs(found.given) + found.lost)
     lost = found.table[found.table["kind"] == "lost"].set_index("account")["energy"]
