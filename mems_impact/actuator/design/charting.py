@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from mems_impact.actuator.drive import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.base import Term
 from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.state import is_number, whole
 from mems_impact.continuation.branch import Steps
@@ -77,7 +78,8 @@ def operating_chart(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range.
+        If an argument is out of range, or the device has stoppers that yield or a term that makes
+        the sign of the voltage matter.
     OrbitError
         If the orbit without impacts does not graze at either end of the range, or at a frequency
         within it; says what it meets instead.
@@ -86,6 +88,11 @@ def operating_chart(
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
     system = ActuatorSystem(actuator, drive)
+    for term in actuator.terms:
+        if term.instead == "stopper":
+            raise _uncharted(term, "without impacts there is no grazing of the paper's types")
+        if term.signed:
+            raise _uncharted(term, "in a period of the voltage every grazing comes twice at once")
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -102,6 +109,12 @@ def operating_chart(
     except KeyboardInterrupt:
         raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
     return maker.chart()
+
+
+def _uncharted(term: Term, reason: str) -> InvalidParameter:
+    """Return the error of a device of which there is no chart."""
+    problem = f"no chart with {type(term).__name__}: {reason}; sweep() over the amplitude tells it"
+    return InvalidParameter("terms", None, "", problem=problem)
 
 
 def _band(system: ActuatorSystem) -> tuple[float, float]:

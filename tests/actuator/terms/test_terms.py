@@ -54,6 +54,14 @@ def test_one_of_each_kind():
         ZHAO.adding("tilt")
 
 
+def test_no_chart_of_what_it_is_not_made_for():
+    leads = mi.SeriesResistance(resistance=0.1, parasitic=0.0)
+    with pytest.raises(mi.InvalidParameter, match="no chart with SeriesResistance: in a period"):
+        mi.operating_chart(ZHAO.adding(leads))
+    with pytest.raises(mi.InvalidParameter, match="no chart with CompliantStopper: without imp"):
+        mi.operating_chart(ZHAO.adding(mi.CompliantStopper(stiffness=1e4)))
+
+
 def test_parameters_by_name():
     system = ZHAO.adding(mi.Tilt(angle=0.1), mi.CubicStiffness(k3=2.0)).under(DRIVE)
     assert system.parameters["tilt.angle"] == 0.1
