@@ -28,7 +28,7 @@ def test_a_file_a_class_and_a_name(name):
     assert getattr(mi, TERMS[name]) is term
     assert f"{TERMS[name]} as {TERMS[name]}" in inspect.getsource(listed), "for editors"
     for section in ("Parameters", "Raises", "Notes", "Examples"):
-        assert f"    {section}\n    ---" in (term.__doc__ or ""), section
+        assert f"{section}\n---" in inspect.cleandoc(term.__doc__ or ""), section
     for unit in term.units.values():
         assert mi.load_actuator("mita2003").scales.unit(unit) > 0.0
 
