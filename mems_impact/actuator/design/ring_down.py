@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mems_impact.actuator import tables
-from mems_impact.actuator.design.impacts import is_impact
+from mems_impact.actuator.design.impacts import is_impact, is_release, yields
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.modes import X2
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.simulate import simulate
-from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Floats, Trajectory
+from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,10 +114,14 @@ def ring_down(
     start: Any = system.start_of("down") if initial is None else initial
     if isinstance(start, State):
         start = start.replace(time=0.0)
+    begin = 0.0
+    if yields(actuator):
+        off, start, begin = after_contacts(off, start, options)
     periods = PERIODS
     while True:
         run = simulate(off, periods, initial=start, options=options)
         t, amplitude = swings(run.trajectory)
+        t = begin + t
         low = np.flatnonzero(amplitude <= share * amplitude[:1].max(initial=0.0))
         fallen = math.log(amplitude[0] / amplitude[-1]) if amplitude.size > 1 else 0.0
         if low.size or fallen * MOST < periods * math.log(1.0 / share):
@@ -143,6 +147,32 @@ def ring_down(
         time=float(off.scales.out(reached, "s")),
         table=tables.swings(t[: last + 1], amplitude[: last + 1], off),
     )
+
+
+def after_contacts(
+    off: ActuatorSystem, start: Any, options: Options
+) -> tuple[ActuatorSystem, State, float]:
+    """Return a device with rigid stoppers, its state after the last contact, and the time of that.
+
+    The turning points of a swing are those before a stopper that does not yield; the swing that
+    follows reaches neither.
+    """
+    run = simulate(off, PERIODS, initial=start, options=options)
+    log = run.trajectory.events
+    log = log[is_release(log)]
+    rigid = ActuatorSystem(
+        off.actuator.without(*(t.name() for t in off.actuator.terms if t.instead == "stopper")),
+        off.drive,
+        off.scales,
+    )
+    begin, state = 0.0, off.state_of(off.instant(start, off.problem(options)))
+    if len(log):
+        begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])
+        state = off.state_of(Instant(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
+    values = {name: state[name] for name in rigid.states}
+    delta = off.actuator.delta
+    values["x2"] = min(max(values["x2"], -delta), delta)
+    return rigid, state_from(values), begin
 
 
 def swings(trajectory: Trajectory) -> tuple[Floats, Floats]:

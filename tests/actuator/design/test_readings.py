@@ -95,6 +95,16 @@ def test_ring_down_in_closed_form():
     assert found.table["t"].iloc[0] == pytest.approx(2.0 * math.pi / root, rel=1e-9)
 
 
+def test_ring_down_between_stoppers_that_yield():
+    device = ZHAO.adding(mi.CompliantStopper(stiffness=1e4, damping=0.3))
+    found = mi.ring_down(device, DRIVE, options=FINE)
+    zeta = ZHAO.c / 2.0  # of c = 2 zeta, k = m2 = 1
+    assert found.damping_ratio == pytest.approx(zeta, rel=1e-8)
+    # The kick has struck both stoppers before.
+    assert found.table["t"].iloc[0] > math.pi
+    assert found.table["amplitude"].iloc[0] < ZHAO.delta
+
+
 def test_ring_down_of_a_run_in_si(tmp_path):
     run = mi.simulate(MITA, mi.Sine(amplitude=20, omega=1500), 20, options=OPTIONS)
     found = mi.ring_down(run, options=OPTIONS)
