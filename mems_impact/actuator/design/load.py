@@ -214,13 +214,21 @@ class _Chain:
             for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
             if direction_of(segment.mode) == 0
         ]
-        self.expected = load + system.scales.out(min(margins), "N") if margins else math.inf
+        self.expected = load + _unheld(system, min(margins)) if margins else math.inf
         return True
 
     def _of_orbit(self) -> _Row:
         assert self.orbit is not None
         moved = self.orbit.step / self.orbit.periods
         return _Row(moved, _does(moved), "orbit")
+
+
+def _unheld(system: ActuatorSystem, margin: float) -> float:
+    """Return by how much more a frame at rest may be pushed, from the margin of its guard."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    limit = model.static_limit(system.numbers().parameters)
+    push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `composed.spare`
+    return float(system.scales.out(limit - push, "N"))
 
 
 def _does(moved: float) -> str:
