@@ -288,7 +288,7 @@ class Device:
             # The load on a rigid stopper jumps, since nothing brakes the frame any more.
             yields = p[STOPPER] > 0.0
             return self._sliding(mode // 3, t, y) if yields else self.settled(t, y), y
-        return 3 * (mode // 3) + (1 if self._push(mode, t, y) > 0.0 else 2), y
+        return 3 * (mode // 3) + (1 if self._push(mode, t, y) >= 0.0 else 2), y
 
     def settled(self, t: float, y: Floats) -> int:
         """Return the mode of a state."""
@@ -310,7 +310,7 @@ class Device:
         sticks = self.p[CREEPING] == 0.0
         if sticks and self.margins(3 * contact, t, y)[0][BREAK_AWAY] >= 0.0:
             return 3 * contact
-        return 3 * contact + (1 if self._push(3 * contact, t, y) > 0.0 else 2)
+        return 3 * contact + (1 if self._push(3 * contact, t, y) >= 0.0 else 2)
 
     def _push(self, mode: int, t: float, y: Floats) -> float:
         """Return what would set the frame in motion."""
