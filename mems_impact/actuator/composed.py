@@ -69,10 +69,9 @@ def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
         return eq.load(y[X2], y[V2], pull(v, w, y, p) + force(y, p), p)
 
     if stopper is None:
-        load_free = inner
 
         def load(side, v, w, y, p):  # type: ignore[no-untyped-def]
-            return load_free(v, w, y, p)
+            return inner(v, w, y, p)
 
     else:
 

@@ -13,7 +13,7 @@ frame, a2 that of the block relative to it. Nothing but the voltage of the drive
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
@@ -271,12 +271,12 @@ class Term(Checked, ABC):
         return ()
 
     @classmethod
-    @abstractmethod
     def contribution(cls, at: Places, shape: Shape) -> Contribution:
-        """Return what it adds to the equations.
+        """Return what it adds to the equations, beside what it makes of electrodes.
 
         A class method, since compiled equations know no values: these stand in ``p``.
         """
+        return Contribution()
 
     @classmethod
     def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:

@@ -8,7 +8,6 @@ from pydantic import Field
 
 from mems_impact.actuator.checked import Number, Positive
 from mems_impact.actuator.terms.base import (
-    Contribution,
     Electrode,
     Function,
     Places,
@@ -66,11 +65,6 @@ class DielectricCharging(Term):
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
         """Return the offset."""
         return ("offset",)
-
-    @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
-        """Return nothing: the block feels the charge through the electrodes alone."""
-        return Contribution()
 
     @classmethod
     def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:

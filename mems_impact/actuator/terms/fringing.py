@@ -9,7 +9,7 @@ from pydantic import Field
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.checked import Positive
-from mems_impact.actuator.terms.base import Contribution, Electrode, Places, Shape, Term
+from mems_impact.actuator.terms.base import Electrode, Places, Shape, Term
 from mems_impact.errors import InvalidParameter
 from mems_impact.wording import shown
 
@@ -67,11 +67,6 @@ class Fringing(Term):
             if size is not None and size < least * (1.0 - ROUNDING):
                 allowed = f">= {shown(least)}, twice the widest gap d + delta"
                 raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
-
-    @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
-        """Return nothing: the block feels the fringe through the electrodes alone."""
-        return Contribution()
 
     @classmethod
     def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:

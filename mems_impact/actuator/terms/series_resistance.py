@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from mems_impact.actuator.checked import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
-    Contribution,
     Electrode,
     Function,
     Places,
@@ -63,11 +62,6 @@ class SeriesResistance(Term):
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:
         """Return the charge."""
         return ("charge",)
-
-    @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
-        """Return nothing: the block feels the resistance through the electrodes alone."""
-        return Contribution()
 
     @classmethod
     def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
