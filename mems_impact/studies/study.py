@@ -1,0 +1,90 @@
+"""What a study is to those who run it: points with numbers, and how some of them are computed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
+
+from numpy.typing import NDArray
+
+__all__ = ["STATUS", "Columns", "Study"]
+
+Columns = dict[str, NDArray[Any]]  # by heading; all of one length, one row after the other
+STATUS = "status"  # the column that says "ok", or why a point has no numbers
+
+
+class Study(ABC):
+    """Points of a study, numbered from 0, each a pure function of the study and its number.
+
+    A study is a value: it pickles, for it goes to other processes as it stands, and it does not
+    change. How many points are computed together, by how many workers and in which order, makes no
+    difference to any number in the table.
+    """
+
+    kind: ClassVar[str]
+    """Its verb, such as ``"operating_map"``: what messages and stores call it."""
+
+    @property
+    @abstractmethod
+    def points(self) -> int:
+        """How many points there are."""
+
+    @property
+    def chains(self) -> tuple[range, ...]:
+        """Ranges of points each of which goes on from the point before; none by default.
+
+        They cover all points where there are any. A chain is computed in order, by one worker at a
+        time, and what `compute` carries from one part of it to the next is kept with that part.
+        """
+        return ()
+
+    @abstractmethod
+    def identity(self) -> Mapping[str, Any]:
+        """Return all that its numbers depend on, by name, as values that JSON can hold exactly.
+
+        Two studies are the same if these are equal. Each top-level name is one that a user knows
+        ("system", "x", "options", "seed"): messages name those that differ.
+        """
+
+    @property
+    @abstractmethod
+    def schema(self) -> Mapping[str, str]:
+        """Headings of the table in order, each with its kind: "float", "int", "bool" or "str"."""
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """What stands in ``attrs`` of the table: units, system, version; JSON values."""
+        return {}
+
+    @abstractmethod
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute the points `first` to `last` - 1.
+
+        Parameters
+        ----------
+        first, last : int
+        carried : JSON value
+            Of a chain: what the part before it has returned; None at its beginning.
+        watch : callable, optional
+            Called several times a second with the points done so far; an exception that it raises
+            ends the work.
+
+        Returns
+        -------
+        columns : dict of array
+            Those of `schema`, one row a point. A point that fails is a row with its reason in
+            `STATUS`, and what cannot be told is NaN.
+        carried : JSON value
+            What the next part of the chain goes on from; None without chains.
+        """
+
+    @abstractmethod
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return the rows of points that could not be computed, `reason` in `STATUS`."""
