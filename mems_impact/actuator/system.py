@@ -12,6 +12,7 @@ import numpy as np
 from mems_impact.actuator.composed import composed_automaton
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import yields
+from mems_impact.actuator.design.measures import MEASURES, REDUCED, measures
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.still import still_after
 from mems_impact.actuator.drive import Drive
@@ -37,9 +38,11 @@ from mems_impact.analysis.statistics import Gatherer, Span
 from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.observed import Observed, observed
 from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.scaling import Typical
+from mems_impact.hybrid.survey import Settled
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
 from mems_impact.units import DIMENSIONLESS, Scales
 
@@ -66,6 +69,16 @@ def _contact_loss(y: Any, p: Any) -> float:
 STEP = Observable("step", _frame_position, unit="m")
 IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J")
 CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # where stoppers yield
+
+
+def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
+    return abs(float(before.v2))
+
+
+IMPACT_SPEEDS = tuple(
+    Observable(f"impact speed {reduce}", _impact_speed, at=IMPACTS, reduce=reduce, unit="m/s")
+    for reduce in REDUCED
+)
 
 
 class ActuatorSystem(ActuatorNumerics):
@@ -174,6 +187,30 @@ class ActuatorSystem(ActuatorNumerics):
             "step": ("displacement per impact", "step per impact"),
             "speed": ("mean speed", "mean speed"),
         }
+
+    @property
+    def studied(self) -> tuple[Observable, ...]:
+        """The displacement of the frame, the speeds of impacts, the energy that they lose."""
+        return (*self.observables, *IMPACT_SPEEDS)
+
+    @property
+    def observed(self) -> Observed:
+        """The same as one function of the numerics."""
+        guards = [guard.name for guard in self.automaton.guards]
+        given = (
+            (each.name, each.function, tuple(guards.index(name) for name in each.at))
+            for each in self.studied
+        )
+        return observed(tuple(given), self.states, None)
+
+    def measures(self, settled: Settled, period: float) -> dict[str, float]:
+        """Return what studies tell of where a motion has come to, by heading."""
+        return measures(self, settled, period)
+
+    @property
+    def measure_names(self) -> tuple[str, ...]:
+        """The headings of `measures`."""
+        return MEASURES
 
     @property
     def symbols(self) -> Mapping[str, str]:

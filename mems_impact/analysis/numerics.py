@@ -12,6 +12,7 @@ from mems_impact.analysis import given
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.shown import Shown
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.observed import Observed, observed
 from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.scaling import Typical, scaled
 from mems_impact.hybrid.trajectory import Events, Floats
@@ -130,6 +131,21 @@ class Numerics(Shown):
         before, after = self._state(events.before[i]), self._state(events.after[i])
         mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
         return float(observable.function(mode, time, before, after, p))
+
+    @property
+    def observed(self) -> Observed:
+        """The observables that studies gather, as one function of the numerics."""
+        guards = [guard.name for guard in self.automaton.guards]
+        return observed(
+            tuple(
+                (each.name, each.function, tuple(guards.index(name) for name in each.at))
+                for each in self.studied
+            ),
+            self.states,
+            tuple(self._parameters),
+            writes_into_arrays(self._definition.flow),
+            self._typical,
+        )
 
     def _named(self, values: Iterable[float]) -> Any:
         return named("Parameters", tuple(self._parameters))(*values)

@@ -34,6 +34,11 @@ class Shown(Terms):
         return {each.name: (each.name, each.name) for each in self.observables}
 
     @property
+    def studied(self) -> tuple[Observable, ...]:
+        """The observables that studies gather."""
+        return self.observables
+
+    @property
     def symbols(self) -> Mapping[str, str]:
         """Symbols of parameters in figures, where they are not to be read off the names."""
         return {}

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 from mems_impact.analysis import checks, given
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.checks.parted import check_parted
+from mems_impact.analysis.measures import measure_names, measures
 from mems_impact.analysis.modes import Mode
 from mems_impact.analysis.numerics import Number, Numerics
 from mems_impact.analysis.observable import Observable
@@ -25,6 +26,7 @@ from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.portable import portable, reference
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.scaling import Typical
+from mems_impact.hybrid.survey import Settled
 from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 from mems_impact.hybrid.written import (
     Definition,
@@ -281,6 +283,15 @@ class System(Numerics):
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""
         return Gathering(self, problem, start, window)
+
+    def measures(self, settled: Settled, period: float) -> dict[str, float]:
+        """Return what studies tell of where a motion has come to, by heading."""
+        return measures(self, settled, period)
+
+    @property
+    def measure_names(self) -> tuple[str, ...]:
+        """The headings of `measures`."""
+        return measure_names(self)
 
     def validity(self, problem: Problem, start: Instant) -> Watcher | None:
         """Return what warns of a run that leaves the range in which the system's model holds."""

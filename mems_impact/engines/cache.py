@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import sys
 from collections.abc import Callable, Iterable
@@ -103,12 +104,13 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
     """
     # numba compiles a function anew for each set of options of its callers. So they are those of an
     # inner function from here on.
-    inner = njit(**JIT, **INNER)(function)
-
-    def entry(*arguments):  # type: ignore[no-untyped-def]
-        return inner(*arguments)
-
+    space = {"inner": njit(**JIT, **INNER)(function)}
+    # By name, not by star: as a C function it could not take a tuple.
+    names = ", ".join(inspect.signature(function).parameters)
+    exec(compile(f"def entry({names}):\n    return inner({names})", __file__, "exec"), space)
+    entry: Any = space["entry"]
     entry.__qualname__ = function.__qualname__
+    entry.__module__ = __name__
     compiled: Any = njit(nogil=True, **JIT)(entry)
     compiled._cache = _cache_of(function, name)
     result: Callable[..., Any] = compiled

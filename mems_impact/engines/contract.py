@@ -81,6 +81,11 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.restart(mode, t, y, stop)
 
 
+def renew(engine: Any, max_step: float) -> None:
+    """Forget all that was before, as if the engine were new; no step is longer than `max_step`."""
+    engine.renew(max_step)
+
+
 def remembered(engine: Any, mode: int) -> int:
     """Return what the engine has learnt of `mode`, with which it begins the next arc there."""
     return engine.remembered(mode)

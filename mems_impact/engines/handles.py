@@ -102,6 +102,7 @@ mark_overloaded(
     contract.fired,
     contract.interpolate,
     contract.restart,
+    contract.renew,
     contract.remembered,
     contract.bias,
     contract.set_bias,

@@ -188,6 +188,32 @@ def _jacobian(snapshot: Snapshot, n: int) -> Any:
     return _kernel(jacobian_kernel, name, name if snapshot.lasting else None)
 
 
+def observables_of(observe: Callable[..., Any], n: int, count: int) -> Any:
+    """Compile what gives `count` observables of states of length `n` to a C function.
+
+    It has the signature of a transition, with two states one behind the other, and returns 1 if it
+    fails.
+    """
+    snapshot = take(observe)
+    with _compiling:
+        return _observables(snapshot, n, count)
+
+
+@cache
+def _observables(snapshot: Snapshot, n: int, count: int) -> Any:
+    (observe,) = snapshot.frozen(boundscheck=True)
+
+    def observe_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        try:
+            observe(mode, code, t, array(y, 2 * n), array(p, size), array(out, count))
+        except Exception:
+            return 1
+        return 0
+
+    name = f"{snapshot.name}_{n}_{count}"
+    return _kernel(observe_kernel, name, name if snapshot.lasting else None)
+
+
 def _kernel(function: Callable[..., Any], name: str, kept: str | None) -> Any:
     # Symbols of compiled code carry this name: automata that meet in a process must not share.
     function.__qualname__ += f"_{name}"

@@ -149,6 +149,9 @@ class Bound:
         but for those that lead to `arrays`, which it does not keep alive, and for `numbers`.
     quota : int
         Steps after which the event loop should look at its caller.
+    links : callable
+        ``links(clock, observe, n, count)`` returns what compiled code of `settling` calls by
+        address, and what has to live as long: of interpreted code `observe` itself.
     """
 
     call: Callable[..., Any]
@@ -156,6 +159,7 @@ class Bound:
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
     quota: int
+    links: Callable[..., tuple[dict[str, Any], Any]]
 
 
 def bind(problem: Problem) -> Bound:
@@ -227,6 +231,7 @@ def _module(form: str, options: Options) -> Any:
 def _compiled(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
 ) -> Bound:
+    from mems_impact.engines.kernels import observables_of
     from mems_impact.hybrid import native
 
     module = _module("compiled", options)
@@ -257,7 +262,15 @@ def _compiled(
             result[name] = number
         return result
 
-    return Bound(call, engine, table, record, 20_000)
+    def links(clock: Any, observe: Any, n: int, count: int) -> tuple[dict[str, Any], Any]:
+        kernel = observables_of(observe, n, count) if observe is not None else None
+        places = {
+            "advance": native.address_of_loop(engine.handle, clock),
+            "observe": kernel.address if kernel is not None else 0,
+        }
+        return places, kernel
+
+    return Bound(call, engine, table, record, 20_000, links)
 
 
 class _Fields(SimpleNamespace):
@@ -296,4 +309,14 @@ def _interpreted(
         # Fields of a NumPy record are slow to reach from Python: a third of the time of a run.
         return _Fields(**{**dict.fromkeys(dtype.names or (), 0), **arrays, **numbers})
 
-    return Bound(call, engine, table, record, 1_000)
+    def links(_clock: Any, observe: Any, _n: int, _count: int) -> tuple[dict[str, Any], Any]:
+        def observed(*arguments: Any) -> int:
+            try:
+                observe(*arguments)
+            except Exception:  # as compiled code: who asks makes the call again, and is told
+                return 1
+            return 0
+
+        return {"observe": observed}, None
+
+    return Bound(call, engine, table, record, 1_000, links)

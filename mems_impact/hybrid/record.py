@@ -129,6 +129,16 @@ def sample_row(s: Any) -> Any:
     return s.samples[s.taken]
 
 
+def event_at(s: Any, i: int) -> Any:
+    """Return row `i` of the event buffer."""
+    return s.events[i]
+
+
+def sample_at(s: Any, i: int) -> Any:
+    """Return row `i` of the sample buffer."""
+    return s.samples[i]
+
+
 def whole_periods(t: float, period: float) -> int:
     """Return how many periods fit into `t`; the quotient alone may be rounded to the next."""
     whole = math.floor(t / period)

@@ -74,6 +74,17 @@ def remembered(engine: Any, mode: int) -> int:
     return int(row(engine, MEMORY)[mode])
 
 
+def renew(engine: Any, max_step: float) -> None:
+    """Forget all that was before, of every mode; no step is longer than `max_step`."""
+    contract.renew(explicit(engine), max_step)
+    contract.renew(implicit(engine), max_step)
+    for mode in range(engine.modes):
+        row(engine, MEMORY)[mode] = 0.0
+    engine.wanted = 0
+    engine.handed = 0
+    engine.begun = 0
+
+
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     """Begin an arc by the method with which the last one in its mode has ended."""
     known = remembered(engine, mode)

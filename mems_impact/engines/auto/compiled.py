@@ -22,7 +22,7 @@ from mems_impact.engines.onestep import compiled as onestep
 from mems_impact.engines.options import Options
 from mems_impact.engines.snapshot import mark_overloaded, take
 
-_WORDS = ("explicit", "implicit", "rows", "width")
+_WORDS = ("explicit", "implicit", "rows", "width", "modes")
 _COUNTS = ("now", "wanted", "handed", "trial", "looks", "taken", "directed", "begun",
            "suspected", "patience")  # fmt: skip
 _REALS = ("rtol", "atol", "longest", "longest_before", "t_begin", "t_middle")
@@ -59,6 +59,7 @@ class Engine(HandleOwner):
             one.handle["parameters"], one.handle["bias"] = handle["parameters"], handle["bias"]
         handle["explicit"], handle["implicit"] = self._explicit.address, self._implicit.address
         handle["width"], handle["rtol"], handle["atol"] = width, options.rtol, options.atol
+        handle["modes"] = equations.modes
         first = int(handle["rows"] - self._memory.ctypes.data) // WORD + MEMORY * width
         self._remembered = self._memory[first : first + equations.modes]
 
@@ -131,6 +132,17 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
 
         def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             run_restart(engine, mode, t, y, stop)
+
+        return implementation
+
+
+@overload(contract.renew, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_renew,) = take(choosing.renew).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            run_renew(engine, max_step)
 
         return implementation
 

@@ -61,6 +61,10 @@ class Engine(Functions):
         """Return what is remembered of `mode`."""
         return choosing.remembered(self, mode)
 
+    def renew(self, max_step: float) -> None:
+        """Forget all that was before; no step is longer than `max_step`."""
+        choosing.renew(self, max_step)
+
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
         choosing.restart(self, mode, t, y, stop)

@@ -24,6 +24,7 @@ from mems_impact.engines.equations import Equations
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import call_kernel, jacobian_of
 from mems_impact.engines.options import Options
+from mems_impact.engines.snapshot import take
 
 CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
 
@@ -33,6 +34,8 @@ _root_info = library.symbol("CVodeGetRootInfo")
 _dky = library.symbol("CVodeGetDky")
 _set_stop = library.symbol("CVodeSetStopTime")
 _clear_stop = library.symbol("CVodeClearStopTime")
+_set_max_step = library.symbol("CVodeSetMaxStep")
+_set_first_step = library.symbol("CVodeSetInitStep")
 _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
@@ -189,5 +192,17 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             else:
                 engine.last_instant = math.inf
                 _clear_stop(engine.cvode)
+
+        return implementation
+
+
+@overload(contract.renew, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+        (first,) = take(first_step).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            _set_max_step(engine.cvode, max_step)
+            _set_first_step(engine.cvode, first(max_step))
 
         return implementation

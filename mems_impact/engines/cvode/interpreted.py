@@ -79,17 +79,21 @@ class Engine(Functions):
         roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
         self._roots = roots
         self._otherwise = -np.array(roots.direction)  # type: ignore[attr-defined]
-        self._solver = CVODE(
-            rhs,
-            method=options.method,
-            rtol=options.rtol,
-            atol=options.atol,
-            jacfn=newton if jacobian is not None else None,
-            first_step=first_step(max_step),
-            max_step=max_step,
-            eventsfn=roots,
-            num_events=2 * m + 1,
-        )
+        self._settings: dict[str, Any] = {
+            "rhsfn": rhs,
+            "method": options.method,
+            "rtol": options.rtol,
+            "atol": options.atol,
+            "jacfn": newton if jacobian is not None else None,
+            "eventsfn": roots,
+            "num_events": 2 * m + 1,
+        }
+        self.renew(max_step)
+
+    def renew(self, max_step: float) -> None:
+        """Forget all that was before; no step is longer than `max_step`."""
+        lengths = {"first_step": first_step(max_step), "max_step": max_step}
+        self._solver = CVODE(**self._settings, **lengths)
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""

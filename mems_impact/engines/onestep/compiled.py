@@ -201,3 +201,14 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             run_restart(engine, mode, t, y, stop)
 
         return implementation
+
+
+@overload(contract.renew, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        (run_renew,) = take(stepper.renew).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            run_renew(engine, max_step)
+
+        return implementation

@@ -40,6 +40,10 @@ class Engine(Functions):
         """Return whether stability, not accuracy, has limited steps."""
         return self.stiff == 1
 
+    def renew(self, max_step: float) -> None:
+        """Forget all that was before; no step is longer than `max_step`."""
+        stepper.renew(self, max_step)
+
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
         stepper.restart(self, mode, t, scalars(y, self.n), stop)

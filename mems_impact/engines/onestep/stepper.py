@@ -1,6 +1,6 @@
 """Step by step through an arc: control of the step, and roots within it.
 
-The text of `step`, `restart` and `interpolate` of the engine's contract, for both engines.
+The text of `step`, `restart`, `renew` and `interpolate` of the engine's contract, for both engines.
 """
 
 from __future__ import annotations
@@ -47,6 +47,16 @@ ULP = 2.0**-52
 # Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
 # in a row. It is made every so many steps, and at every step once it has been met.
 BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
+
+
+def renew(engine: Any, max_step: float) -> None:
+    """Forget all that was before; no step is longer than `max_step`."""
+    engine.max_step = max_step
+    engine.h_next = 0.0
+    engine.at_border = 0
+    engine.off_border = 0
+    engine.stiff = 0
+    engine.steps = 0
 
 
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:

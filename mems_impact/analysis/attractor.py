@@ -1,0 +1,245 @@
+"""Attractors: what motions come to, from many points at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.system import System
+from mems_impact.engines.options import Options
+from mems_impact.errors import FunctionError, InvalidParameter, RunError
+from mems_impact.hybrid import settling
+from mems_impact.hybrid.problem import Numbers, Problem
+from mems_impact.hybrid.survey import Recipe, Settled, Survey
+from mems_impact.hybrid.trajectory import Floats, Instant
+
+__all__ = ["STUDY_OPTIONS", "Attractor", "Case", "Settling", "attractors"]
+
+STUDY_OPTIONS = Options(method="auto")
+
+# What becomes of a motion. One that has not repeated itself in its time is unsettled until its
+# Lyapunov exponent says more.
+OFF, RESTING, PERIODIC, UNSETTLED, FAILED = "off", "resting", "periodic", "unsettled", "failed"
+
+
+class Case(NamedTuple):
+    """A point of a study: a system, and where its motion starts (its own start by default)."""
+
+    system: System
+    initial: State | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settling:
+    """How motions are given time to settle, and when they count as periodic.
+
+    Parameters
+    ----------
+    transient, periods : int
+        Forcing periods in which a motion may become periodic, and over which it is then measured
+        if it has not; times, where nothing forces the system.
+    longest : int
+        Returns after which a motion may repeat itself: a period-n motion has n up to that.
+    tolerance : float
+        To which it has to, relative to the size of each component.
+
+    Raises
+    ------
+    InvalidParameter
+        If a number is out of range.
+    """
+
+    transient: float = 300
+    periods: float = 100
+    longest: int = 16
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name, least in (("transient", ">= 0"), ("periods", "> 0")):
+            value = getattr(self, name)
+            if not is_number(value) or value < 0.0 or (value == 0.0 and name == "periods"):
+                raise InvalidParameter(name, value, f"a finite number {least}")
+        whole("longest", self.longest, 1)
+        if not (is_number(self.tolerance) and 0.0 < self.tolerance < 0.1):
+            raise InvalidParameter("tolerance", self.tolerance, "a number above 0 and below 0.1")
+
+    def recipe(self, system: System, problem: Problem) -> Recipe:
+        """Return how the points of a system are followed."""
+        unit = 1.0 if system.forced else float(system.out("time", problem.period))
+        returned, at = settling.AT_PERIODS, 0
+        if not system.forced:
+            returned, at = settling.AT_SECTION, 1
+            if system.section is None:
+                returned, at = settling.AT_GUARD, _guard_of(system)
+        return Recipe(
+            transient=self.transient / unit,
+            length=self.periods / unit,
+            longest=self.longest,
+            tolerance=self.tolerance,
+            returned=returned,
+            at=at,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attractor:
+    """What the motion from a point has come to.
+
+    Attributes
+    ----------
+    motion : str
+        "periodic"; "off" if it is and nothing strikes, in a system with impacts; "resting" if
+        nothing moves; "unsettled" if it has not repeated itself; "failed".
+    period : int
+        Returns after which it repeats itself: forcing periods, or crossings of the section (events
+        of the first guard, without one) where nothing forces the system. 0 if it does not.
+    returns : int
+        Returns for which it was followed.
+    final : State
+        Where it was left, at a return if it is periodic.
+    states : float array, shape (k, n)
+        The states at its returns, the latest first, in the units of the system: once round, or as
+        many as a motion may take to repeat itself.
+    measures : dict of str to float
+        What was gathered of it, by heading (see `System.measures`).
+    status : str
+        "ok", or why there is none.
+    instant : Instant
+        `final` in the units of the numerics.
+    """
+
+    motion: str
+    period: int = 0
+    returns: int = 0
+    final: State | None = None
+    states: Floats | None = field(default=None, repr=False)
+    measures: dict[str, float] = field(default_factory=dict)
+    status: str = "ok"
+    instant: Instant | None = field(default=None, repr=False)
+
+
+def attractors(
+    cases: Sequence[Case],
+    settle: Settling = Settling(),
+    options: Options = STUDY_OPTIONS,
+    watch: Callable[[float], None] | None = None,
+) -> list[Attractor]:
+    """Follow the motions from many points to what they come to.
+
+    The points of one automaton go through compiled code together, which holds no lock of Python's.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    settle : Settling, optional
+    options : Options, optional
+    watch : callable, optional
+        Called several times a second with the points done; it may raise.
+
+    Returns
+    -------
+    list of Attractor
+        One a case; what each is depends on it alone.
+    """
+    found: list[Attractor] = []
+    batch: list[tuple[Case, Problem, Instant]] = []
+
+    def follow() -> None:
+        if batch:
+            found.extend(_followed(batch, settle, options, watch, len(found)))
+            batch.clear()
+
+    for case in cases:
+        try:
+            problem = case.system.problem(options)
+            start = case.system.instant(case.initial, problem)
+        except InvalidParameter as error:
+            follow()
+            found.append(Attractor(motion=FAILED, status=str(error)))
+            continue
+        if batch and not _alike(batch[0][1], problem):
+            follow()
+        batch.append((case, problem, start))
+    follow()
+    return found
+
+
+def _followed(
+    batch: Sequence[tuple[Case, Problem, Instant]],
+    settle: Settling,
+    options: Options,
+    watch: Callable[[float], None] | None,
+    before: int,
+) -> list[Attractor]:
+    """Return the attractors of points that share an automaton."""
+    system, problem = batch[0][0].system, batch[0][1]
+    survey = Survey(problem, settle.recipe(system, problem), system.observed)
+    points: list[tuple[Numbers, Instant]] = [(each.numbers, start) for _, each, start in batch]
+    told = None if watch is None else (lambda done: watch(before + done))
+    try:
+        settled = survey.follow(points, told)
+    finally:
+        survey.close()
+    return [
+        _attractor(case, at, one, settle, options)
+        for (case, at, _), one in zip(batch, settled, strict=True)
+    ]
+
+
+def _attractor(
+    case: Case, problem: Problem, settled: Settled, settle: Settling, options: Options
+) -> Attractor:
+    system = case.system
+    if settled.outcome == settling.FAILED:
+        return Attractor(motion=FAILED, status=_reason(case, settle, options))
+    impacts = [guard.impact for guard in system.automaton.guards]
+    hits = float(settled.counts[impacts].sum())
+    events = float(settled.counts.sum()) + settled.endings
+    if settled.outcome == settling.REST or (settled.still and events == 0.0):
+        motion = RESTING
+    elif settled.outcome == settling.PERIODIC:
+        motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
+    else:
+        motion = UNSETTLED
+    units = [float(system.out(name, 1.0)) for name in system.states]
+    return Attractor(
+        motion=motion,
+        period=settled.repeats,
+        returns=settled.returns,
+        final=system.state_of(settled.final),
+        states=settled.states * units,
+        measures=system.measures(settled, problem.period),
+        instant=settled.final,
+    )
+
+
+def _reason(case: Case, settle: Settling, options: Options) -> str:
+    """Return why a point fails: an ordinary run of it, which fails in the same place, says so."""
+    length = settle.transient + settle.periods
+    lasting = {"periods": length} if case.system.forced else {"duration": length}
+    try:
+        simulate(case.system, **lasting, initial=case.initial, options=options).gathered  # noqa: B018
+    except (RunError, FunctionError, InvalidParameter) as error:
+        return str(error)
+    return "the run ends before that"
+
+
+def _alike(one: Problem, other: Problem) -> bool:
+    """Return whether two problems differ by numbers alone."""
+    return (
+        one.automaton is other.automaton
+        and one.section == other.section
+        and len(one.parameters) == len(other.parameters)
+        and len(one.switches) == len(other.switches)
+    )
+
+
+def _guard_of(system: System) -> int:
+    """Return the first guard at whose events a motion without section may be looked at."""
+    guards = system.automaton.guards
+    chosen = [i for i, guard in enumerate(guards) if not guard.records]
+    impacts = [i for i in chosen if guards[i].impact]
+    return (impacts or chosen or [0])[0]

@@ -1,0 +1,376 @@
+"""Where motions come to: many points, each followed until it repeats itself, in one piece.
+
+Written over the engine's contract, for both forms: compiled, a whole batch of points goes by
+without Python. Of a point the event loop computes a few steps at a time; what it has written is
+read here, return by return, and gathered.
+
+A *return* is the beginning of a forcing period, a crossing of the section where nothing forces the
+system, or, without a section, an event of one guard. A motion is periodic once n returns in a row
+are those of n returns ago to within a tolerance, and what is still to come of the way there, as
+the last two differences tell it (a geometric sequence), is below it too: a motion that creeps
+towards an orbit does not pass for one that has arrived.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mems_impact.engines import contract
+from mems_impact.hybrid import loop
+from mems_impact.hybrid.gathering import (
+    ALL,
+    COUNTS,
+    DURATION,
+    GAINED,
+    HELD,
+    MEANS,
+    NOW,
+    OTHERS,
+    SIZES,
+    SQUARES,
+    STATES,
+    VALUES,
+    WHEN,
+    WHERE,
+    WHICH,
+    clear,
+    gather,
+    observe,
+    total,
+    wander,
+    width_of,
+)  # fmt: skip
+from mems_impact.hybrid.record import (
+    BUFFER_FULL,
+    CYCLE,
+    CYCLIC,
+    DONE,
+    EPS,
+    GUARD,
+    HEAD,
+    HIT_BEGIN,
+    HIT_TIME,
+    IMPACT,
+    KIND,
+    LOOKED,
+    MODE_AFTER,
+    NONE,
+    OFFSET,
+    ORDER,
+    PAUSED,
+    RECORDS,
+    ROWS,
+    SECTION_CROSSING,
+    STATE,
+    SWITCHES,
+    TIME,
+    TRANSITION,
+    Y,
+    event_at,
+    row,
+    sample_at,
+)
+
+# What becomes of a point. One that wanders has not repeated itself within its time.
+UNDECIDED, PERIODIC, WANDERS, REST, FAILED = range(5)
+# What a return is.
+AT_PERIODS, AT_SECTION, AT_GUARD = range(3)
+BITE = 32  # steps that the event loop takes before what it has written is read
+SAME = 10.0  # tolerances within which returns are one and the same
+SEEN = 2  # returns in a row, at least, after the first that repeats
+
+# A row of the inputs: numbers of a point, before its switching times, state and parameters.
+PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, NUMBERS = range(6)
+# A row of the results, before the state at the last return, what was gathered, the squares of what
+# gains are off their means, and the last returns.
+OUTCOME, REPEATS, RETURNS, MEASURED, END_CYCLE, END_TIME, END_MODE, STILL, RESULTS = range(9)
+
+
+def memory_shape(n: int, m: int, modes: int, w: Any) -> tuple[int, int]:
+    """Return the shape of the memory."""
+    gathered = width_of(m, modes, w["gains"], w["marks"])
+    width = max(gathered, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
+    return 3 * w["longest"] + OTHERS, width
+
+
+def result_width(n: int, m: int, modes: int, w: Any) -> int:
+    """Return how long a row of the results is."""
+    return RESULTS + n + width_of(m, modes, w["gains"], w["marks"]) + w["gains"] + w["longest"] * n
+
+
+def advance(engine: Any, s: Any, w: Any) -> int:
+    """Let the event loop take some steps."""
+    return loop.advance(engine, s, BITE)
+
+
+def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, quota: int) -> int:
+    """Follow points until all are done, one fails, or a quota of steps is spent.
+
+    Parameters
+    ----------
+    engine
+    s, w : records
+        CLOCK and WORK.
+    inputs, results : float array
+        A row a point.
+    memory : float array
+    quota : int
+
+    Returns
+    -------
+    int
+        DONE, PAUSED, or FAILED: the point before ``w.point`` has failed; the next call goes on.
+    """
+    while w.point < w.points:
+        if w.begun == 0:
+            begin(engine, s, w, inputs[w.point], memory)
+        while w.outcome == UNDECIDED:
+            if quota <= 0:
+                return PAUSED
+            status = advance(engine, s, w)
+            quota -= BITE
+            read(engine, s, w, memory)
+            if w.outcome == UNDECIDED:
+                if status == DONE:
+                    w.outcome = WANDERS
+                elif status not in (PAUSED, BUFFER_FULL):
+                    w.outcome = FAILED
+        if w.failed == 1:
+            w.outcome = FAILED
+        end(engine, s, w, results[w.point], memory)
+        w.point += 1
+        w.begun = 0
+        if w.outcome == FAILED:
+            return FAILED
+    return DONE
+
+
+def begin(engine: Any, s: Any, w: Any, numbers: Any, memory: Any) -> None:
+    """Start at a point, as if nothing had been before."""
+    contract.renew(engine, numbers[LONGEST_STEP])
+    for i in range(ROWS):
+        if i != ORDER and i != IMPACT and i != RECORDS and i != CYCLIC:
+            fill = -math.inf if i in (HIT_TIME, HIT_BEGIN) else 0.0
+            for j in range(s.width):
+                row(s, i)[j] = fill
+    place = NUMBERS
+    for i in range(s.switches):
+        row(s, SWITCHES)[i] = numbers[place + i]
+    place += s.switches
+    for i in range(s.n):
+        row(s, Y)[i] = numbers[place + i]
+    place += s.n
+    for i in range(numbers.size - place):
+        contract.set_parameter(engine, i, numbers[place + i])
+    s.period = numbers[PERIOD]
+    s.scale = numbers[SCALE]
+    s.t = numbers[PHASE]
+    s.mode = int(numbers[MODE])
+    whole = math.floor(w.transient + w.length)
+    s.end_cycle = whole
+    s.end_phase = s.t + (w.transient + w.length - whole) * s.period
+    s.fresh = 1
+    s.pending = NONE
+    s.stop = math.inf
+    s.cycle = 0
+    s.restart = 0
+    s.instant = 0
+    s.steps = 0
+    s.arc_steps = 0
+    s.arcs = 0
+    s.cycle_events = 0
+    s.events_from = 0
+    s.rows = 0
+    s.failure = 0
+    s.mark_mode = 0
+    s.side = 0
+    s.apart = 0.0
+    s.pace = 0.0
+    s.paced = 0.0
+    s.turning = 0.0
+    s.lifted = 0
+    s.doubt = 0
+    s.arc_start = 0.0
+    s.sample_cycle = 0
+    s.sample = math.ceil(s.t / s.period - 1e-12)
+    s.taken = 0
+    w.begun = 1
+    w.outcome = UNDECIDED
+    w.returns = 0
+    w.repeats = 0
+    w.measured = 0
+    w.still = 0
+    w.failed = 0
+    w.since = s.t
+    w.last = s.t
+    for i in range(memory.shape[0]):
+        clear(s, w, memory[i])
+    for place in (SIZES, HELD, MEANS, SQUARES, GAINED):
+        for i in range(memory.shape[1]):
+            memory[place, i] = w.smallest if place == SIZES else 0.0
+
+
+def read(engine: Any, s: Any, w: Any, memory: Any) -> None:
+    """Read what the event loop has written, in the order in which it happened."""
+    taken, n, y = 0, s.n, row(s, STATE)
+    for i in range(s.rows):
+        event = event_at(s, i)
+        when = event[CYCLE] * s.period + event[TIME]
+        taken = close_periods(engine, s, w, taken, when - 8.0 * EPS * abs(when), memory)
+        if w.outcome != UNDECIDED:
+            return
+        gather(engine, s, w, event, when, memory)
+        kind, guard = int(event[KIND]), int(event[GUARD])
+        crossed = w.returned == AT_SECTION and kind == SECTION_CROSSING and guard == w.at
+        struck = w.returned == AT_GUARD and kind == TRANSITION and guard == w.at
+        if crossed or struck:
+            for j in range(n):
+                y[j] = event[HEAD + n + j]
+            close(engine, s, w, when, int(event[MODE_AFTER]), y, memory)
+    close_periods(engine, s, w, taken, math.inf, memory)
+    s.rows = 0
+    s.taken = 0
+    for j in range(n):
+        y[j] = row(s, Y)[j] + row(s, OFFSET)[j]
+        if row(s, CYCLIC)[j] == 0.0:
+            memory[SIZES, j] = max(memory[SIZES, j], abs(y[j]))
+    looks = w.returned != AT_PERIODS and w.outcome == UNDECIDED
+    if looks and stands_still(engine, s, w, s.mode, s.t, y, memory):
+        w.outcome = REST
+
+
+def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float, memory: Any) -> int:
+    """End the forcing periods before an instant; return how many samples have been read."""
+    y = row(s, STATE)
+    while w.returned == AT_PERIODS and taken < s.taken and w.outcome == UNDECIDED:
+        sample = sample_at(s, taken)
+        when = sample[0] * s.period + sample[1]
+        if when >= until:
+            break
+        for j in range(s.n):
+            y[j] = sample[3 + j]
+        close(engine, s, w, when, int(sample[2]), y, memory)
+        taken += 1
+    return taken
+
+
+def close(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any, memory: Any) -> None:
+    """End what is gathered at a return, and see whether the motion repeats itself."""
+    now, n, k = memory[NOW], s.n, w.returns
+    modes = COUNTS + 2 * s.m
+    now[modes + mode] += when - w.since
+    w.since = when
+    now[DURATION] = when - w.last
+    w.last = when
+    if w.gains > 0:
+        states, values = memory[STATES], memory[VALUES]
+        for j in range(n):
+            states[j] = y[j]
+            states[n + j] = y[j]
+        w.failed |= observe(engine, w, mode, NONE, 0.0, states, values)
+        for i in range(w.gains):
+            now[modes + s.modes + i] = values[i] - memory[GAINED, i]
+            memory[GAINED, i] = values[i]
+    if k > 0:
+        kept = memory[2 * w.longest + k % w.longest]
+        for i in range(kept.size):
+            kept[i] = now[i]
+        if when - now[DURATION] >= w.transient * s.period * (1.0 - 1e-12):
+            wander(s, w, memory)
+    clear(s, w, now)
+    here = memory[k % (2 * w.longest)]
+    here[WHEN] = when
+    here[WHICH] = mode
+    for j in range(n):
+        here[WHERE + j] = y[j]
+    w.returns = k + 1
+    if stands_still(engine, s, w, mode, when, y, memory):
+        w.still = 1
+        if w.returned != AT_PERIODS:
+            w.outcome = REST
+            return
+    else:
+        w.still = 0
+    w.repeats = repeats_after(s, w, memory)
+    if w.repeats > 0:
+        w.outcome = PERIODIC
+
+
+def repeats_after(s: Any, w: Any, memory: Any) -> int:
+    """Return after how many returns the motion repeats itself, as far as the last one tells."""
+    k, rows, n = w.returns - 1, 2 * w.longest, s.n
+    here = memory[k % rows]
+    found = 0
+    for after in range(1, w.longest + 1):
+        apart = math.inf
+        if k >= after:
+            then = memory[(k - after) % rows]
+            if then[WHICH] == here[WHICH]:
+                apart = 0.0
+                for j in range(n):
+                    if row(s, CYCLIC)[j] == 0.0:
+                        off = abs(here[WHERE + j] - then[WHERE + j]) / memory[SIZES, j]
+                        apart = max(apart, off)
+        before = memory[(k - after) % rows, WHERE + n + after - 1] if k >= 2 * after else math.inf
+        here[WHERE + n + after - 1] = apart
+        near = apart <= w.tolerance and k >= 2 * after
+        if near and apart > w.noise:  # what is still to come is apart q / (1 - q)
+            near = apart < before and apart * apart <= w.tolerance * (before - apart)
+        memory[HELD, after - 1] = memory[HELD, after - 1] + 1.0 if near else 0.0
+        if found == 0 and memory[HELD, after - 1] >= max(after, SEEN):
+            found = after
+    # A multiplier that turns the differences round lets 2 n be told before n.
+    for after in range(1, found):
+        apart = here[WHERE + n + after - 1]
+        if found % after == 0 and apart <= SAME * w.tolerance:
+            return after
+    return found
+
+
+def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any, memory: Any) -> bool:
+    """Return whether nothing moves but cyclic components."""
+    slope, t = row(s, LOOKED), when - math.floor(when / s.period) * s.period
+    contract.flow(engine, mode, t, y, slope)
+    for j in range(s.n):
+        moves = abs(slope[j]) * s.scale > w.noise * memory[SIZES, j]
+        if row(s, CYCLIC)[j] == 0.0 and moves:
+            return False
+    return True
+
+
+def end(engine: Any, s: Any, w: Any, result: Any, memory: Any) -> None:
+    """Write what has become of a point."""
+    n, rows = s.n, 2 * w.longest
+    result[OUTCOME] = w.outcome
+    result[REPEATS] = w.repeats
+    result[RETURNS] = w.returns
+    result[STILL] = w.still
+    y, width = row(s, Y), width_of(s.m, s.modes, w.gains, w.marks)
+    cycle, time, mode = s.cycle, s.t, s.mode
+    if w.outcome == PERIODIC:
+        last = memory[(w.returns - 1) % rows]
+        whole = math.floor(last[WHEN] / s.period + 1e-12)
+        cycle, time, mode = whole, max(0.0, last[WHEN] - whole * s.period), int(last[WHICH])
+        for j in range(n):
+            result[RESULTS + j] = last[WHERE + j]
+        total(s, w, memory)
+    else:
+        for j in range(n):
+            result[RESULTS + j] = y[j] + row(s, OFFSET)[j]
+    result[MEASURED] = w.measured
+    result[END_CYCLE] = cycle
+    result[END_TIME] = time
+    result[END_MODE] = mode
+    place = RESULTS + n
+    for i in range(width):
+        result[place + i] = memory[ALL, i]
+    place += width
+    for i in range(w.gains):
+        result[place + i] = memory[SQUARES, i]
+    place += w.gains
+    for k in range(w.longest):
+        for j in range(n):
+            known = k < w.returns
+            back = (w.returns - 1 - k) % rows
+            result[place + n * k + j] = memory[back, WHERE + j] if known else math.nan

@@ -1,0 +1,124 @@
+"""What motions come to: the kind of attractor, and what is gathered of it, against ordinary runs."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.analysis.attractor import Case, Settling, attractors
+from tests.analysis import oscillators
+from tests.analysis.systems import ball, oscillator
+
+ACTUATOR = mi.load_actuator("zhao2004")
+FAST = mi.Options(method="dop853")
+SHORT = Settling(transient=200, periods=40)
+
+
+def device(amplitude, omega=0.5):
+    return ACTUATOR.under(mi.Sine(amplitude=amplitude, omega=omega))
+
+
+def cases(*amplitudes):
+    return [Case(device(amplitude), mi.State(v2=1.0)) for amplitude in amplitudes]
+
+
+def test_kinds_of_motion_of_the_paper():
+    off, one, wild = attractors(cases(0.15, 0.24, 0.262), SHORT, FAST)
+    assert (off.motion, off.period) == ("off", 1)
+    assert (one.motion, one.period) == ("periodic", 1)
+    assert off.measures["impacts per period"] == 0.0
+    assert one.measures["impacts per period"] == pytest.approx(1.0, abs=1e-12)
+    assert off.returns < 200
+    assert wild.status == "ok"
+
+
+def test_measures_are_the_statistics_of_a_settled_run():
+    (found,) = attractors(cases(0.24), replace(SHORT, tolerance=1e-9), FAST)
+    run = mi.simulate(
+        device(0.24), 300, initial=mi.State(v2=1.0), window=(250, 290), options=FAST
+    ).statistics
+    shared = [name for name in found.measures if name in run.index]
+    assert len(shared) > 8
+    for name in shared:
+        assert found.measures[name] == pytest.approx(run[name], rel=1e-7, nan_ok=True), name
+
+
+def test_a_motion_that_wanders_is_measured_after_the_transient():
+    # In the chaotic band; statistics over the same periods as an ordinary run gathers.
+    amplitude, omega = 0.2, 0.45
+    settle = Settling(transient=20, periods=15, longest=2, tolerance=1e-12)
+    (found,) = attractors([Case(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST)
+    assert found.motion == "unsettled"
+    run = mi.simulate(
+        device(amplitude, omega), 35, initial=mi.State(v2=1.0), window=(20, 35), options=FAST
+    ).statistics
+    for name in ("impacts per period", "displacement per period", "energy lost per period"):
+        assert found.measures[name] == pytest.approx(run[name], rel=1e-6), name
+
+
+@pytest.mark.parametrize("method", ["dop853", "adams"])
+def test_a_point_is_the_same_whoever_goes_with_it(method):
+    options = mi.Options(method=method)
+    settle = Settling(transient=60, periods=10)
+    many = cases(0.15, 0.2, 0.24, 0.28)
+    together = attractors(many, settle, options)
+    for case, one in zip(many, together, strict=True):
+        (alone,) = attractors([case], settle, options)
+        assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
+        assert np.array_equal(alone.states, one.states)
+        assert (alone.motion, alone.period, alone.returns) == (one.motion, one.period, one.returns)
+
+
+def test_interpreted_and_compiled_tell_the_same():
+    settle = Settling(transient=25, periods=3, tolerance=1e-4)
+    (fast,) = attractors(cases(0.24), settle, FAST)
+    (slow,) = attractors(cases(0.24), settle, replace(FAST, engine="interpreted"))
+    assert (fast.motion, fast.period, fast.returns) == (slow.motion, slow.period, slow.returns)
+    assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
+
+
+def test_a_slow_approach_is_no_orbit_yet():
+    # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period
+    # to period are below the tolerance when the way to go is still thirty times as far.
+    creeping = oscillator(zeta=0.004, omega=0.8, A=0.05)
+    tolerance = 1e-3
+    settle = Settling(transient=300, periods=40, tolerance=tolerance)
+    (found,) = attractors([Case(creeping, mi.State(x=0.5))], settle, FAST)
+    assert found.motion == "off"
+    assert found.period == 1
+    exact = mi.find_orbit(creeping).state
+    off = np.abs(found.states[0] - [exact["x"], exact["v"]])
+    assert off.max() < 5.0 * tolerance * 0.5
+    multiplier = math.exp(-2.0 * math.pi * 0.004 / 0.8)
+    assert found.returns > math.log(tolerance) / math.log(multiplier)
+
+
+def test_a_limit_cycle_is_told_by_its_returns():
+    cycle = oscillators.belt()
+    settle = Settling(transient=80.0, periods=20.0, tolerance=1e-8)
+    (found,) = attractors([Case(cycle)], settle, FAST)
+    assert (found.motion, found.period) == ("periodic", 1)
+    period = oscillators.belt_period(0.3, 0.4)
+    assert found.measures["return time"] == pytest.approx(period, rel=1e-8)
+    assert found.measures["share stick"] == pytest.approx(2.0 * 0.4 / 0.3 / period, rel=1e-7)
+
+
+def test_rest_of_a_system_without_forcing():
+    settle = Settling(transient=30.0, periods=5.0)
+    (found,) = attractors([Case(ball())], settle, FAST)
+    assert found.motion == "resting"
+    assert found.status == "ok"
+
+
+def test_a_failing_point_says_why():
+    bad, good = device(0.24), device(0.24)
+    cases = [Case(bad, mi.State(x2=5.0)), Case(good, mi.State(v2=1.0))]
+    failed, fine = attractors(cases, SHORT, FAST)
+    assert failed.motion == "failed"
+    assert "x2" in failed.status
+    assert fine.motion == "periodic"
+    few = mi.Options(method="dop853", max_steps=3)
+    (failed,) = attractors([Case(good, mi.State(v2=1.0))], SHORT, few)
+    assert "max_steps = 3" in failed.status
