@@ -30,9 +30,11 @@ __all__ = [
     "RunInterrupted",
     "ScaleWarning",
     "StiffnessWarning",
+    "StudyInterrupted",
     "SweepInterrupted",
     "UnitsWarning",
     "ValidityWarning",
+    "WorkersLost",
 ]
 
 _MOST_STATES = 8
@@ -267,6 +269,30 @@ class EngineUnavailable(MemsImpactError, ImportError):
         super().__init__(f"{reason}; {remedy}")
 
 
+class WorkersLost(MemsImpactError, RuntimeError):
+    """The workers of a study died, and no others can be had; what was done is kept.
+
+    Parameters
+    ----------
+    reason : str
+        What happened.
+    table : object
+        The table of the chunks that were done.
+    done, total : int
+        Number of points that were done, and of all.
+    """
+
+    def __init__(self, reason: str, table: object, done: int, total: int) -> None:
+        self.reason = " ".join(reason.split()).rstrip(".")
+        self.table = table
+        self.done = done
+        self.total = total
+        super().__init__(
+            f"the workers are lost after {done} of {total} points, which are in .table "
+            f"({self.reason}); give as executor a function that makes one, and can make it anew"
+        )
+
+
 class Interrupted(_Picklable, KeyboardInterrupt):
     """Work was interrupted (Ctrl-C); what was done is kept.
 
@@ -314,6 +340,25 @@ class SweepInterrupted(Interrupted):
         self.total = total
         self.after = f"{done} of {total} values"
         super().__init__(f"sweep interrupted after {self.after}; they are in .table")
+
+
+class StudyInterrupted(Interrupted):
+    """A study was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    table : object
+        The table of the chunks that were done.
+    done, total : int
+        Number of points that were done, and of all.
+    """
+
+    def __init__(self, table: object, done: int, total: int) -> None:
+        self.table = table
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total} points"
+        super().__init__(f"study interrupted after {self.after}; they are in .table")
 
 
 class ChartInterrupted(Interrupted):

@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-__all__ = ["STATUS", "Columns", "Study"]
+__all__ = ["OK", "STATUS", "Columns", "Study"]
 
 Columns = dict[str, NDArray[Any]]  # by heading; all of one length, one row after the other
-STATUS = "status"  # the column that says "ok", or why a point has no numbers
+STATUS = "status"  # the column that says `OK`, or why a point has no numbers
+OK = "ok"
 
 
 class Study(ABC):
@@ -29,6 +30,16 @@ class Study(ABC):
     @abstractmethod
     def points(self) -> int:
         """How many points there are."""
+
+    @property
+    def chunk(self) -> int:
+        """How many points are computed together where nobody says it: some seconds of work."""
+        return 64
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads of one process may compute points at the same time."""
+        return True
 
     @property
     def chains(self) -> tuple[range, ...]:
@@ -57,6 +68,13 @@ class Study(ABC):
         """What stands in ``attrs`` of the table: units, system, version; JSON values."""
         return {}
 
+    def prepare(self) -> None:
+        """Do what is to be done once in each process that computes points: compile the loop.
+
+        Called before the first of them. An error is left to the points, which say it as theirs.
+        """
+        return
+
     @abstractmethod
     def compute(
         self,
@@ -79,12 +97,13 @@ class Study(ABC):
         Returns
         -------
         columns : dict of array
-            Those of `schema`, one row a point. A point that fails is a row with its reason in
-            `STATUS`, and what cannot be told is NaN.
+            Those of `schema`: the rows of each point, one or several, in the order of the points.
+            A point that fails is one row with its reason in `STATUS` rather than `OK`, and what
+            cannot be told is NaN.
         carried : JSON value
             What the next part of the chain goes on from; None without chains.
         """
 
     @abstractmethod
     def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return the rows of points that could not be computed, `reason` in `STATUS`."""
+        """Return one row for each of points that could not be computed, `reason` in `STATUS`."""
