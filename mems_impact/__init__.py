@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
     from mems_impact.actuator.term import Term
+    from mems_impact.analysis.attractor import Settling
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
     from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -127,6 +129,7 @@ __all__ = [
     "LoadCurve",
     "MemsImpactError",
     "Observable",
+    "OperatingMap",
     "Options",
     "Orbit",
     "OrbitError",
@@ -137,6 +140,7 @@ __all__ = [
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
+    "Settling",
     "SpecialPoint",
     "State",
     "Steps",
@@ -174,6 +178,7 @@ __all__ = [
     "load_drive",
     "modes",
     "operating_chart",
+    "operating_map",
     "period_one_window",
     "plot_branch",
     "plot_chart",
@@ -283,6 +288,8 @@ _HOMES = {
     "hybrid.automaton": ("Guard", "Impact"),
     "actuator.design.targets": ("Target",),
     "analysis.verification": ("Verification",),
+    "analysis.attractor": ("Settling",),
+    "studies.operating_map": ("OperatingMap", "operating_map"),
     "tables.sweep": ("sweep_summary",),
 }
 

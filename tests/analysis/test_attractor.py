@@ -1,4 +1,4 @@
-"""What motions come to: the kind of attractor, and what is gathered of it, against ordinary runs."""
+"""What motions come to: the kind of attractor, and what is gathered of it, against runs."""
 
 import math
 from dataclasses import replace

@@ -20,7 +20,7 @@ from mems_impact.engines.cvode.library import sundials_version
 from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
 from mems_impact.writing import replacing
 
-__all__ = ["FORMAT", "load", "save"]
+__all__ = ["FORMAT", "load", "register_rooms", "save", "versions"]
 
 FORMAT = 2  # 1: instants without what an engine remembers, trajectories without `implicit_arcs`
 HEADER = "header.json"
@@ -32,7 +32,7 @@ AGAIN = "save the result again, or get another copy of the file"
 def save(value: Value, path: str | PathLike[str]) -> None:
     """Write a result into the file `path`; see `mems_impact.analysis.values.Value.save`."""
     _check_path(path)
-    _register()
+    register_rooms()
     writer = Writer()
     header = {
         "format": FORMAT,
@@ -86,7 +86,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     if system is not None and not isinstance(system, System):
         allowed = "the System of the result; of an actuator, actuator.under(drive)"
         raise InvalidParameter("system", system, allowed)
-    _register()
+    register_rooms()
     source = fspath(path)
     header, members = _read(source)
     reader = Reader(members, source, system)
@@ -115,7 +115,8 @@ def versions() -> dict[str, str]:
     }
 
 
-def _register() -> None:
+def register_rooms() -> None:
+    """Let every room say what of it may stand in a file."""
     for room in ROOMS:
         import_module(room)
 

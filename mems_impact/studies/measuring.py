@@ -1,0 +1,106 @@
+"""What studies of attractors share: how points are followed, and the columns that tell of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mems_impact.analysis.attractor import (
+    FAILED,
+    STUDY_OPTIONS,
+    Attractor,
+    Case,
+    Settling,
+    attractors,
+)
+from mems_impact.analysis.storing.identity import identity, identity_of_options
+from mems_impact.analysis.system import System
+from mems_impact.engines.options import Options
+from mems_impact.hybrid.problem import is_compiled
+from mems_impact.studies.study import STATUS, Columns
+from mems_impact.tables.common import captions, unit_of
+
+__all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
+
+MOTION, PERIOD, RETURNS = "motion", "period", "returns"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measuring:
+    """How the motions of a system are followed and told.
+
+    Attributes
+    ----------
+    system : System
+    settle : Settling
+    options : Options
+    """
+
+    system: System
+    settle: Settling = field(default_factory=Settling)
+    options: Options = STUDY_OPTIONS
+
+    @property
+    def threaded(self) -> bool:
+        """Whether points hold no lock of Python's."""
+        return is_compiled(self.options)
+
+    @property
+    def schema(self) -> dict[str, str]:
+        """The columns that tell of a motion."""
+        names = dict.fromkeys(self.system.measure_names, "float")
+        return {MOTION: "str", PERIOD: "int", **names, RETURNS: "int", STATUS: "str"}
+
+    def identity(self) -> dict[str, Any]:
+        """Return what the numbers depend on."""
+        return {
+            **identity(self.system),
+            **asdict(self.settle),
+            "options": identity_of_options(self.options),
+        }
+
+    def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
+        """Return the ``attrs`` of a table with these columns."""
+        units = {name: unit_of(name, self.system.units) for name in columns}
+        return {
+            "units": {name: unit for name, unit in units.items() if unit},
+            "system": repr(self.system),
+            **captions(self.system),
+        }
+
+    def follow(
+        self, cases: Sequence[Case], watch: Callable[[float], None] | None = None
+    ) -> list[Attractor]:
+        """Return what the motions from many points come to."""
+        return attractors(cases, self.settle, self.options, watch)
+
+    def columns(self, found: Sequence[Attractor]) -> Columns:
+        """Return the columns of `schema`."""
+        columns: Columns = {
+            MOTION: _words([each.motion for each in found]),
+            PERIOD: np.array([each.period for each in found], dtype=np.int64),
+        }
+        for name in self.system.measure_names:
+            columns[name] = np.array([each.measures.get(name, math.nan) for each in found])
+        columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
+        columns[STATUS] = _words([each.status for each in found])
+        return columns
+
+    def failed(self, count: int, reason: str) -> Columns:
+        """Return the columns of points that could not be computed."""
+        return self.columns([Attractor(motion=FAILED, status=reason)] * count)
+
+    def prepare(self) -> None:
+        """Compile what points need, once in a process."""
+        problem = self.system.problem(self.options)
+        brief = Settling(transient=0.0, periods=1.0)
+        if problem.refusal == "":
+            attractors([Case(self.system)], brief, self.options)
+
+
+def _words(words: Sequence[str]) -> Any:
+    return np.array(words, dtype=object)

@@ -1,0 +1,270 @@
+"""Operating maps: what motions come to over two parameters."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mems_impact.analysis.attractor import FAILED, STUDY_OPTIONS, Attractor, Case, Settling
+from mems_impact.analysis.state import State, state_from
+from mems_impact.analysis.storing.identity import identity_of_state
+from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
+from mems_impact.analysis.verbs import takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.studies.axes import Axis, axis, check_apart, identity_of_axis
+from mems_impact.studies.measuring import MOTION, PERIOD, Measuring
+from mems_impact.studies.running import run_study
+from mems_impact.studies.study import Columns, Study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["MapStudy", "OperatingMap", "operating_map"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapStudy(Study):
+    """The points of an operating map: the values of x go by first."""
+
+    x: Axis
+    y: Axis
+    measuring: Measuring
+    initial: State | None = None
+
+    kind: ClassVar[str] = "operating_map"
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return len(self.x.values) * len(self.y.values)
+
+    @property
+    def chunk(self) -> int:
+        """How many go together: about a second of work."""
+        return 256
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads may compute points at the same time."""
+        return self.measuring.threaded
+
+    def identity(self) -> Mapping[str, Any]:
+        """Return what the numbers depend on."""
+        return {
+            **self.measuring.identity(),
+            "x": identity_of_axis(self.x),
+            "y": identity_of_axis(self.y),
+            "initial": identity_of_state(self.initial),
+        }
+
+    @property
+    def schema(self) -> Mapping[str, str]:
+        """The columns of the table."""
+        return {self.x.name: "float", self.y.name: "float", **self.measuring.schema}
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Units and captions of the table."""
+        told = self.measuring.attrs(tuple(self.schema))
+        return {**told, "x": self.x.name, "y": self.y.name}
+
+    def prepare(self) -> None:
+        """Compile what points need."""
+        self.measuring.prepare()
+
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute some points; see `Study`."""
+        cases: list[Case] = []
+        refused: dict[int, str] = {}
+        for number in range(first, last):
+            try:
+                cases.append(Case(self._system(number), self.initial))
+            except InvalidParameter as error:
+                refused[number] = str(error)
+        followed = iter(self.measuring.follow(cases, watch))
+        found = [
+            Attractor(motion=FAILED, status=refused[number])
+            if number in refused
+            else next(followed)
+            for number in range(first, last)
+        ]
+        return {**self._places(first, last), **self.measuring.columns(found)}, None
+
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return rows of points that could not be computed."""
+        return {**self._places(first, last), **self.measuring.failed(last - first, reason)}
+
+    def _places(self, first: int, last: int) -> Columns:
+        numbers = np.arange(first, last)
+        count = len(self.x.values)
+        return {
+            self.x.name: np.array(self.x.values)[numbers % count],
+            self.y.name: np.array(self.y.values)[numbers // count],
+        }
+
+    def _system(self, number: int) -> System:
+        row, column = divmod(number, len(self.x.values))
+        values = {self.x.name: self.x.values[column], self.y.name: self.y.values[row]}
+        return self.measuring.system.changed(**values)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OperatingMap(Value):
+    """What motions come to over two parameters.
+
+    Attributes
+    ----------
+    system : System
+        At its own values of the two.
+    x, y : Axis
+        Name and values of each parameter.
+    table : DataFrame
+        One row a point, the values of x first: the two parameters; ``motion`` ("periodic", "off",
+        "resting", "unsettled", "failed"), ``period`` (forcing periods after which it repeats
+        itself, 0 if it does not), what is measured of it, ``returns`` for which it was followed,
+        and ``status``.
+    """
+
+    figure: ClassVar[str] = ""
+    system: System = field(repr=False)
+    x: Axis = field(repr=False)
+    y: Axis = field(repr=False)
+    table: pd.DataFrame = field(repr=False)
+
+    def __repr__(self) -> str:
+        size = f"{len(self.x.values)} x {len(self.y.values)}"
+        return f"OperatingMap({self.x.name}, {self.y.name}: {size} points, {self._counted()})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was varied, and what motions there are."""
+        rows = {"system": repr(self.system)}
+        for each in (self.x, self.y):
+            low, high = min(each.values), max(each.values)
+            rows[self.system.label(each.name)] = f"{low:g} to {high:g}, {len(each.values)} values"
+        return {**rows, "motions": self._counted()}
+
+    def grid(self, column: str) -> NDArray[Any]:
+        """Return a column of the table as an array.
+
+        Parameters
+        ----------
+        column : str
+
+        Returns
+        -------
+        array, shape (values of y, values of x)
+
+        Raises
+        ------
+        InvalidParameter
+            If the table has no such column.
+        """
+        if column not in self.table:
+            raise InvalidParameter("column", column, f"one of {', '.join(self.table.columns)}")
+        values = self.table[column].to_numpy()
+        return np.asarray(values).reshape(len(self.y.values), len(self.x.values))
+
+    def _counted(self) -> str:
+        kinds = self.table[MOTION].astype(str)
+        periodic = (kinds == "periodic") & (self.table[PERIOD] > 0)
+        kinds = kinds.where(~periodic, "period " + self.table[PERIOD].astype(str))
+        return ", ".join(f"{count} {kind}" for kind, count in kinds.value_counts().items())
+
+
+@takes_system(start="initial")
+def operating_map(
+    system: System,
+    *,
+    x: tuple[str, ArrayLike],
+    y: tuple[str, ArrayLike],
+    initial: State | Mapping[str, float] | None = None,
+    settle: Settling = Settling(),  # noqa: B008 - immutable
+    options: Options = STUDY_OPTIONS,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[float], None] = False,
+) -> OperatingMap:
+    """Tell over two parameters what motions come to; ``operating_map(actuator, drive, …)``.
+
+    Every point starts anew and is followed until it repeats itself, so that a periodic motion
+    costs few periods. The points of one automaton go through compiled code together.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    x, y : tuple of str and array_like
+        A parameter and its values, in the units of the system: ``("amplitude", values)``.
+    initial : State or mapping of str to float, optional
+        Where every motion starts; the system's own start by default. Of two attractors it decides
+        which one is seen: of an actuator, `kicked` shows where it walks once it has begun to.
+    settle : Settling, optional
+        How long motions are given, and when they count as periodic.
+    options : Options, optional
+        How they are integrated; method "auto" by default.
+    store : str or os.PathLike, optional
+        A directory in which chunks of points are kept as they are done: a study that is
+        interrupted or killed goes on from there.
+    executor : concurrent.futures.Executor or callable, optional
+        What computes: threads by default; processes, a cluster's, or a function that makes one.
+    workers : int, optional
+        How many threads. No number depends on it.
+    progress : bool or callable, optional
+
+    Returns
+    -------
+    OperatingMap
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range. A value that is not allowed, or a run that fails, is a row
+        with its reason.
+    StudyInterrupted
+        On Ctrl-C; its ``table`` holds the points done.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> found = mi.operating_map(
+    ...     actuator, drive,
+    ...     x=("amplitude", np.linspace(0.2, 0.26, 4)), y=("omega", [0.49, 0.5]),
+    ...     initial=mi.kicked(actuator),
+    ... )
+    >>> found.grid("displacement per period").shape
+    (2, 4)
+    """
+    names = tuple(system.parameters)
+    across, up = axis("x", x, names), axis("y", y, names)
+    check_apart(across, up, system)
+    start = initial
+    if start is not None and not isinstance(start, State):
+        start = state_from(start)
+    if not isinstance(settle, Settling):
+        raise InvalidParameter("settle", settle, "a Settling(…)")
+    system.instant(start, system.problem(options))
+    study = MapStudy(
+        x=across,
+        y=up,
+        measuring=Measuring(system=system, settle=settle, options=options),
+        initial=start,
+    )
+    table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
+    return OperatingMap(system=system, x=across, y=up, table=table)
