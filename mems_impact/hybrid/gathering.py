@@ -30,6 +30,15 @@ WORK = np.dtype(
     [
         ("observe", np.int64),  # address of what gives the observables
         ("advance", np.int64),  # and of the event loop
+        (
+            "inputs",
+            np.int64,
+        ),  # addresses of rows of numbers, and how many are in each: a row a point
+        ("input_width", np.int64),
+        ("results", np.int64),
+        ("result_width", np.int64),
+        ("memory", np.int64),
+        ("memory_width", np.int64),
         ("points", np.int64),
         ("point", np.int64),
         ("begun", np.int64),  # 1 while the point at work has begun
@@ -59,13 +68,28 @@ WORK = np.dtype(
 # the number, sum, smallest and largest of its values.
 DURATION, ENDINGS, COUNTS = 0, 1, 2
 NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
-# Rows of the memory: the last returns (when, mode, state, differences), twice as many as a motion
-# may take to repeat itself; what was gathered up to each of the last so many; and, from its end:
-# what is gathered since the last return, and of a motion that wanders; the largest size of each
-# component; states and observables at an event; observables at the last return; how often in a row
-# each difference was small; means and squares of gains.
+# Rows of the memory: what is gathered since the last return, and of a motion that wanders; the
+# largest size of each component; states and observables at an event; observables at the last
+# return; how often in a row each difference was small; means and squares of gains. Then the last
+# returns (when, mode, state, differences), twice as many as a motion may take to repeat itself;
+# and what was gathered up to each of the last so many.
+NOW, ALL, SIZES, STATES, VALUES, GAINED, HELD, MEANS, SQUARES, RING = range(10)
 WHEN, WHICH, WHERE = 0, 1, 2
-NOW, ALL, SIZES, STATES, VALUES, GAINED, HELD, MEANS, SQUARES, OTHERS = (*range(-1, -10, -1), 9)
+
+
+def memo(w: Any, i: int) -> Any:
+    """Return row `i` of the memory."""
+    return w.memory[i]
+
+
+def ring(w: Any, k: int) -> Any:
+    """Return the row of return number `k`."""
+    return memo(w, RING + k % (2 * w.longest))
+
+
+def gathered_at(w: Any, k: int) -> Any:
+    """Return what was gathered up to return number `k`."""
+    return memo(w, RING + 2 * w.longest + k % w.longest)
 
 
 def width_of(m: int, modes: int, gains: int, marks: int) -> int:
@@ -84,7 +108,7 @@ def observe(engine: Any, w: Any, mode: int, code: int, t: float, states: Any, ou
 def clear(s: Any, w: Any, gathered: Any) -> None:
     """Begin a row of what is gathered."""
     first = COUNTS + s.m
-    for i in range(gathered.size):
+    for i in range(w.memory_width):
         gathered[i] = math.inf if first <= i < first + s.m else 0.0
     first += s.m + s.modes + w.gains
     for i in range(w.marks):
@@ -92,9 +116,9 @@ def clear(s: Any, w: Any, gathered: Any) -> None:
         gathered[first + PARTS * i + HIGH] = -math.inf
 
 
-def gather(engine: Any, s: Any, w: Any, event: Any, when: float, memory: Any) -> None:
+def gather(engine: Any, s: Any, w: Any, event: Any, when: float) -> None:
     """Take one event to what is gathered since the last return."""
-    now, kind, guard, n = memory[NOW], int(event[KIND]), int(event[GUARD]), s.n
+    now, kind, guard, n = memo(w, NOW), int(event[KIND]), int(event[GUARD]), s.n
     now[COUNTS + 2 * s.m + int(event[MODE_BEFORE])] += when - w.since
     w.since = when
     if kind == APPROACH:
@@ -108,7 +132,7 @@ def gather(engine: Any, s: Any, w: Any, event: Any, when: float, memory: Any) ->
     if kind == ACCUMULATION:
         now[ENDINGS] += 1.0
     if w.marks > 0 and kind in (TRANSITION, ACCUMULATION):
-        states, values = memory[STATES], memory[VALUES]
+        states, values = memo(w, STATES), memo(w, VALUES)
         for j in range(2 * n):
             states[j] = event[HEAD + j]
         for i in range(w.marks):
@@ -128,15 +152,16 @@ def take_value(gathered: Any, place: int, value: float) -> None:
         gathered[place + HIGH] = max(gathered[place + HIGH], value)
 
 
-def wander(s: Any, w: Any, memory: Any) -> None:
+def wander(s: Any, w: Any) -> None:
     """Take what was gathered up to this return to the totals of a motion that wanders."""
-    add(s, w, memory[ALL], memory[NOW])
+    now, means, squares = memo(w, NOW), memo(w, MEANS), memo(w, SQUARES)
+    add(s, w, memo(w, ALL), now)
     w.measured += 1
     first = COUNTS + 2 * s.m + s.modes
     for i in range(w.gains):
-        off = memory[NOW, first + i] - memory[MEANS, i]
-        memory[MEANS, i] += off / w.measured
-        memory[SQUARES, i] += off * (memory[NOW, first + i] - memory[MEANS, i])
+        off = now[first + i] - means[i]
+        means[i] += off / w.measured
+        squares[i] += off * (now[first + i] - means[i])
 
 
 def add(s: Any, w: Any, total: Any, part: Any) -> None:
@@ -153,21 +178,22 @@ def add(s: Any, w: Any, total: Any, part: Any) -> None:
         total[place + HIGH] = max(total[place + HIGH], part[place + HIGH])
 
 
-def total(s: Any, w: Any, memory: Any) -> None:
+def total(s: Any, w: Any) -> None:
     """Put together what was gathered while the motion went round once."""
-    clear(s, w, memory[ALL])
+    means, squares = memo(w, MEANS), memo(w, SQUARES)
+    clear(s, w, memo(w, ALL))
     first, count = COUNTS + 2 * s.m + s.modes, w.repeats
     for i in range(w.gains):
-        memory[MEANS, i] = 0.0
-        memory[SQUARES, i] = 0.0
-    for k in range(count):
-        part = memory[2 * w.longest + (w.returns - 1 - k) % w.longest]
-        add(s, w, memory[ALL], part)
+        means[i] = 0.0
+        squares[i] = 0.0
+    for k in range(w.returns - count, w.returns):
+        part = gathered_at(w, k)
+        add(s, w, memo(w, ALL), part)
         for i in range(w.gains):
-            memory[MEANS, i] += part[first + i] / count
-    for k in range(count):
-        part = memory[2 * w.longest + (w.returns - 1 - k) % w.longest]
+            means[i] += part[first + i] / count
+    for k in range(w.returns - count, w.returns):
+        part = gathered_at(w, k)
         for i in range(w.gains):
-            off = part[first + i] - memory[MEANS, i]
-            memory[SQUARES, i] += off * off
+            off = part[first + i] - means[i]
+            squares[i] += off * off
     w.measured = count

@@ -74,7 +74,9 @@ def _sample_at(s, i):  # type: ignore[no-untyped-def]
         return lambda s, i: pointer(s.samples + WORD * (3 + s.n) * i)
 
 
-mark_overloaded(gathering.observe, settling.advance)
+mark_overloaded(
+    gathering.observe, gathering.memo, settling.advance, settling.numbers_of, settling.result_of
+)
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
 
 
@@ -94,6 +96,24 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
     if _is_work(w):
         bite = settling.BITE
         return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), bite))
+
+
+@overload(gathering.memo, jit_options={**JIT, **INNER})
+def _memo(w, i):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w, i: pointer(w.memory + WORD * w.memory_width * i)
+
+
+@overload(settling.numbers_of, jit_options={**JIT, **INNER})
+def _numbers_of(w):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w: pointer(w.inputs + WORD * w.input_width * w.point)
+
+
+@overload(settling.result_of, jit_options={**JIT, **INNER})
+def _result_of(w):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w: pointer(w.results + WORD * w.result_width * w.point)
 
 
 def _is_work(kind: Any) -> bool:

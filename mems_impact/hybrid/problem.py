@@ -152,6 +152,8 @@ class Bound:
     links : callable
         ``links(clock, observe, n, count)`` returns what compiled code of `settling` calls by
         address, and what has to live as long: of interpreted code `observe` itself.
+    place : callable
+        What stands for an array in a record: its address, or the array.
     """
 
     call: Callable[..., Any]
@@ -160,6 +162,7 @@ class Bound:
     record: Callable[..., Any]
     quota: int
     links: Callable[..., tuple[dict[str, Any], Any]]
+    place: Callable[[Any], Any]
 
 
 def bind(problem: Problem) -> Bound:
@@ -270,7 +273,7 @@ def _compiled(
         }
         return places, kernel
 
-    return Bound(call, engine, table, record, 20_000, links)
+    return Bound(call, engine, table, record, 20_000, links, lambda array: array.ctypes.data)
 
 
 class _Fields(SimpleNamespace):
@@ -319,4 +322,4 @@ def _interpreted(
 
         return {"observe": observed}, None
 
-    return Bound(call, engine, table, record, 1_000, links)
+    return Bound(call, engine, table, record, 1_000, links, lambda array: array)

@@ -26,7 +26,7 @@ from mems_impact.hybrid.gathering import (
     HELD,
     MEANS,
     NOW,
-    OTHERS,
+    RING,
     SIZES,
     SQUARES,
     STATES,
@@ -36,7 +36,10 @@ from mems_impact.hybrid.gathering import (
     WHICH,
     clear,
     gather,
+    gathered_at,
+    memo,
     observe,
+    ring,
     total,
     wander,
     width_of,
@@ -91,7 +94,7 @@ def memory_shape(n: int, m: int, modes: int, w: Any) -> tuple[int, int]:
     """Return the shape of the memory."""
     gathered = width_of(m, modes, w["gains"], w["marks"])
     width = max(gathered, WHERE + n + w["longest"], 2 * n, w["gains"] + w["marks"])
-    return 3 * w["longest"] + OTHERS, width
+    return 3 * w["longest"] + RING, width
 
 
 def result_width(n: int, m: int, modes: int, w: Any) -> int:
@@ -99,12 +102,22 @@ def result_width(n: int, m: int, modes: int, w: Any) -> int:
     return RESULTS + n + width_of(m, modes, w["gains"], w["marks"]) + w["gains"] + w["longest"] * n
 
 
+def numbers_of(w: Any) -> Any:
+    """Return the inputs of the point at work."""
+    return w.inputs[w.point]
+
+
+def result_of(w: Any) -> Any:
+    """Return the row in which the result of the point at work is written."""
+    return w.results[w.point]
+
+
 def advance(engine: Any, s: Any, w: Any) -> int:
     """Let the event loop take some steps."""
     return loop.advance(engine, s, BITE)
 
 
-def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, quota: int) -> int:
+def settle(engine: Any, s: Any, w: Any, quota: int) -> int:
     """Follow points until all are done, one fails, or a quota of steps is spent.
 
     Parameters
@@ -112,9 +125,6 @@ def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, 
     engine
     s, w : records
         CLOCK and WORK.
-    inputs, results : float array
-        A row a point.
-    memory : float array
     quota : int
 
     Returns
@@ -124,13 +134,13 @@ def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, 
     """
     while w.point < w.points:
         if w.begun == 0:
-            begin(engine, s, w, inputs[w.point], memory)
+            begin(engine, s, w)
         while w.outcome == UNDECIDED:
             if quota <= 0:
                 return PAUSED
             status = advance(engine, s, w)
             quota -= BITE
-            read(engine, s, w, memory)
+            read(engine, s, w)
             if w.outcome == UNDECIDED:
                 if status == DONE:
                     w.outcome = WANDERS
@@ -138,7 +148,7 @@ def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, 
                     w.outcome = FAILED
         if w.failed == 1:
             w.outcome = FAILED
-        end(engine, s, w, results[w.point], memory)
+        end(engine, s, w)
         w.point += 1
         w.begun = 0
         if w.outcome == FAILED:
@@ -146,8 +156,9 @@ def settle(engine: Any, s: Any, w: Any, inputs: Any, results: Any, memory: Any, 
     return DONE
 
 
-def begin(engine: Any, s: Any, w: Any, numbers: Any, memory: Any) -> None:
+def begin(engine: Any, s: Any, w: Any) -> None:
     """Start at a point, as if nothing had been before."""
+    numbers = numbers_of(w)
     contract.renew(engine, numbers[LONGEST_STEP])
     for i in range(ROWS):
         if i != ORDER and i != IMPACT and i != RECORDS and i != CYCLIC:
@@ -161,7 +172,7 @@ def begin(engine: Any, s: Any, w: Any, numbers: Any, memory: Any) -> None:
     for i in range(s.n):
         row(s, Y)[i] = numbers[place + i]
     place += s.n
-    for i in range(numbers.size - place):
+    for i in range(w.input_width - place):
         contract.set_parameter(engine, i, numbers[place + i])
     s.period = numbers[PERIOD]
     s.scale = numbers[SCALE]
@@ -204,43 +215,46 @@ def begin(engine: Any, s: Any, w: Any, numbers: Any, memory: Any) -> None:
     w.failed = 0
     w.since = s.t
     w.last = s.t
-    for i in range(memory.shape[0]):
-        clear(s, w, memory[i])
-    for place in (SIZES, HELD, MEANS, SQUARES, GAINED):
-        for i in range(memory.shape[1]):
-            memory[place, i] = w.smallest if place == SIZES else 0.0
+    clear(s, w, memo(w, NOW))
+    clear(s, w, memo(w, ALL))
+    for i in range(w.memory_width):
+        memo(w, SIZES)[i] = w.smallest
+        memo(w, HELD)[i] = 0.0
+        memo(w, MEANS)[i] = 0.0
+        memo(w, SQUARES)[i] = 0.0
+        memo(w, GAINED)[i] = 0.0
 
 
-def read(engine: Any, s: Any, w: Any, memory: Any) -> None:
+def read(engine: Any, s: Any, w: Any) -> None:
     """Read what the event loop has written, in the order in which it happened."""
-    taken, n, y = 0, s.n, row(s, STATE)
+    taken, n, y, sizes = 0, s.n, row(s, STATE), memo(w, SIZES)
     for i in range(s.rows):
         event = event_at(s, i)
         when = event[CYCLE] * s.period + event[TIME]
-        taken = close_periods(engine, s, w, taken, when - 8.0 * EPS * abs(when), memory)
+        taken = close_periods(engine, s, w, taken, when - 8.0 * EPS * abs(when))
         if w.outcome != UNDECIDED:
             return
-        gather(engine, s, w, event, when, memory)
+        gather(engine, s, w, event, when)
         kind, guard = int(event[KIND]), int(event[GUARD])
         crossed = w.returned == AT_SECTION and kind == SECTION_CROSSING and guard == w.at
         struck = w.returned == AT_GUARD and kind == TRANSITION and guard == w.at
         if crossed or struck:
             for j in range(n):
                 y[j] = event[HEAD + n + j]
-            close(engine, s, w, when, int(event[MODE_AFTER]), y, memory)
-    close_periods(engine, s, w, taken, math.inf, memory)
+            close(engine, s, w, when, int(event[MODE_AFTER]), y)
+    close_periods(engine, s, w, taken, math.inf)
     s.rows = 0
     s.taken = 0
     for j in range(n):
         y[j] = row(s, Y)[j] + row(s, OFFSET)[j]
         if row(s, CYCLIC)[j] == 0.0:
-            memory[SIZES, j] = max(memory[SIZES, j], abs(y[j]))
+            sizes[j] = max(sizes[j], abs(y[j]))
     looks = w.returned != AT_PERIODS and w.outcome == UNDECIDED
-    if looks and stands_still(engine, s, w, s.mode, s.t, y, memory):
+    if looks and stands_still(engine, s, w, s.mode, s.t, y):
         w.outcome = REST
 
 
-def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float, memory: Any) -> int:
+def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float) -> int:
     """End the forcing periods before an instant; return how many samples have been read."""
     y = row(s, STATE)
     while w.returned == AT_PERIODS and taken < s.taken and w.outcome == UNDECIDED:
@@ -250,75 +264,75 @@ def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float, memory:
             break
         for j in range(s.n):
             y[j] = sample[3 + j]
-        close(engine, s, w, when, int(sample[2]), y, memory)
+        close(engine, s, w, when, int(sample[2]), y)
         taken += 1
     return taken
 
 
-def close(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any, memory: Any) -> None:
+def close(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) -> None:
     """End what is gathered at a return, and see whether the motion repeats itself."""
-    now, n, k = memory[NOW], s.n, w.returns
+    now, n, k = memo(w, NOW), s.n, w.returns
     modes = COUNTS + 2 * s.m
     now[modes + mode] += when - w.since
     w.since = when
     now[DURATION] = when - w.last
     w.last = when
     if w.gains > 0:
-        states, values = memory[STATES], memory[VALUES]
+        states, values, gained = memo(w, STATES), memo(w, VALUES), memo(w, GAINED)
         for j in range(n):
             states[j] = y[j]
             states[n + j] = y[j]
         w.failed |= observe(engine, w, mode, NONE, 0.0, states, values)
         for i in range(w.gains):
-            now[modes + s.modes + i] = values[i] - memory[GAINED, i]
-            memory[GAINED, i] = values[i]
+            now[modes + s.modes + i] = values[i] - gained[i]
+            gained[i] = values[i]
     if k > 0:
-        kept = memory[2 * w.longest + k % w.longest]
-        for i in range(kept.size):
+        kept = gathered_at(w, k)
+        for i in range(w.memory_width):
             kept[i] = now[i]
         if when - now[DURATION] >= w.transient * s.period * (1.0 - 1e-12):
-            wander(s, w, memory)
+            wander(s, w)
     clear(s, w, now)
-    here = memory[k % (2 * w.longest)]
+    here = ring(w, k)
     here[WHEN] = when
     here[WHICH] = mode
     for j in range(n):
         here[WHERE + j] = y[j]
     w.returns = k + 1
-    if stands_still(engine, s, w, mode, when, y, memory):
+    if stands_still(engine, s, w, mode, when, y):
         w.still = 1
         if w.returned != AT_PERIODS:
             w.outcome = REST
             return
     else:
         w.still = 0
-    w.repeats = repeats_after(s, w, memory)
+    w.repeats = repeats_after(s, w)
     if w.repeats > 0:
         w.outcome = PERIODIC
 
 
-def repeats_after(s: Any, w: Any, memory: Any) -> int:
+def repeats_after(s: Any, w: Any) -> int:
     """Return after how many returns the motion repeats itself, as far as the last one tells."""
-    k, rows, n = w.returns - 1, 2 * w.longest, s.n
-    here = memory[k % rows]
+    k, n, held, sizes = w.returns - 1, s.n, memo(w, HELD), memo(w, SIZES)
+    here = ring(w, k)
     found = 0
     for after in range(1, w.longest + 1):
         apart = math.inf
         if k >= after:
-            then = memory[(k - after) % rows]
+            then = ring(w, k - after)
             if then[WHICH] == here[WHICH]:
                 apart = 0.0
                 for j in range(n):
                     if row(s, CYCLIC)[j] == 0.0:
-                        off = abs(here[WHERE + j] - then[WHERE + j]) / memory[SIZES, j]
+                        off = abs(here[WHERE + j] - then[WHERE + j]) / sizes[j]
                         apart = max(apart, off)
-        before = memory[(k - after) % rows, WHERE + n + after - 1] if k >= 2 * after else math.inf
+        before = ring(w, k - after)[WHERE + n + after - 1] if k >= 2 * after else math.inf
         here[WHERE + n + after - 1] = apart
         near = apart <= w.tolerance and k >= 2 * after
         if near and apart > w.noise:  # what is still to come is apart q / (1 - q)
             near = apart < before and apart * apart <= w.tolerance * (before - apart)
-        memory[HELD, after - 1] = memory[HELD, after - 1] + 1.0 if near else 0.0
-        if found == 0 and memory[HELD, after - 1] >= max(after, SEEN):
+        held[after - 1] = held[after - 1] + 1.0 if near else 0.0
+        if found == 0 and held[after - 1] >= max(after, SEEN):
             found = after
     # A multiplier that turns the differences round lets 2 n be told before n.
     for after in range(1, found):
@@ -328,20 +342,21 @@ def repeats_after(s: Any, w: Any, memory: Any) -> int:
     return found
 
 
-def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any, memory: Any) -> bool:
+def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> bool:
     """Return whether nothing moves but cyclic components."""
-    slope, t = row(s, LOOKED), when - math.floor(when / s.period) * s.period
+    slope, sizes = row(s, LOOKED), memo(w, SIZES)
+    t = when - math.floor(when / s.period) * s.period
     contract.flow(engine, mode, t, y, slope)
     for j in range(s.n):
-        moves = abs(slope[j]) * s.scale > w.noise * memory[SIZES, j]
+        moves = abs(slope[j]) * s.scale > w.noise * sizes[j]
         if row(s, CYCLIC)[j] == 0.0 and moves:
             return False
     return True
 
 
-def end(engine: Any, s: Any, w: Any, result: Any, memory: Any) -> None:
+def end(engine: Any, s: Any, w: Any) -> None:
     """Write what has become of a point."""
-    n, rows = s.n, 2 * w.longest
+    n, result = s.n, result_of(w)
     result[OUTCOME] = w.outcome
     result[REPEATS] = w.repeats
     result[RETURNS] = w.returns
@@ -349,12 +364,12 @@ def end(engine: Any, s: Any, w: Any, result: Any, memory: Any) -> None:
     y, width = row(s, Y), width_of(s.m, s.modes, w.gains, w.marks)
     cycle, time, mode = s.cycle, s.t, s.mode
     if w.outcome == PERIODIC:
-        last = memory[(w.returns - 1) % rows]
+        last = ring(w, w.returns - 1)
         whole = math.floor(last[WHEN] / s.period + 1e-12)
         cycle, time, mode = whole, max(0.0, last[WHEN] - whole * s.period), int(last[WHICH])
         for j in range(n):
             result[RESULTS + j] = last[WHERE + j]
-        total(s, w, memory)
+        total(s, w)
     else:
         for j in range(n):
             result[RESULTS + j] = y[j] + row(s, OFFSET)[j]
@@ -364,13 +379,12 @@ def end(engine: Any, s: Any, w: Any, result: Any, memory: Any) -> None:
     result[END_MODE] = mode
     place = RESULTS + n
     for i in range(width):
-        result[place + i] = memory[ALL, i]
+        result[place + i] = memo(w, ALL)[i]
     place += width
     for i in range(w.gains):
-        result[place + i] = memory[SQUARES, i]
+        result[place + i] = memo(w, SQUARES)[i]
     place += w.gains
     for k in range(w.longest):
         for j in range(n):
-            known = k < w.returns
-            back = (w.returns - 1 - k) % rows
-            result[place + n * k + j] = memory[back, WHERE + j] if known else math.nan
+            state = ring(w, w.returns - 1 - k)[WHERE + j] if k < w.returns else math.nan
+            result[place + n * k + j] = state

@@ -186,6 +186,7 @@ class Survey:
         self._clock, self._longest = clock, recipe.longest
         self._alive = table, events, samples
         self._memory = np.zeros(settling.memory_shape(n, m, len(automaton.modes), self._work))
+        self._put("memory", "memory_width", self._memory)
 
     def follow(
         self,
@@ -211,6 +212,8 @@ class Survey:
         width = settling.result_width(n, m, modes, self._work)
         results = np.zeros((len(points), width))
         work = self._work
+        self._put("inputs", "input_width", inputs)
+        self._put("results", "result_width", results)
         work["points"], work["point"], work["begun"] = len(points), 0, 0
         status = loop.PAUSED
         while status != loop.DONE:
@@ -219,9 +222,6 @@ class Survey:
                     settling.settle,
                     self._clock,
                     work,
-                    inputs,
-                    results,
-                    self._memory,
                     self._bound.quota,
                 )
             except FunctionError:  # told by who runs the point again
@@ -229,6 +229,11 @@ class Survey:
             if watch is not None:
                 watch(float(work["point"]))
         return [self._settled(result) for result in results]
+
+    def _put(self, name: str, width: str, rows: Floats) -> None:
+        """Let the work lead to rows of numbers: an array, in compiled code its address."""
+        self._work[name] = self._bound.place(rows)
+        self._work[width] = rows.shape[1]
 
     def is_stiff(self) -> bool:
         """Return whether stability has limited the steps of the last point."""
