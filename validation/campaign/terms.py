@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -24,7 +25,7 @@ from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.files import term_of, term_type
 from validation.campaign import comparing, drives
 from validation.campaign.cases import hold_voltage
-from validation.campaign.comparing import END, ONE, Row, Unit, Verdict
+from validation.campaign.comparing import END, ONE, RTOL, Row, Unit, Verdict
 from validation.campaign.integrating import (
     CLEAR,
     FLIGHT,
@@ -310,11 +311,17 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
 
     found = comparing.truth(follow, drawn.end)
     engine = "compiled" if drawn.compiled else "interpreted"
-    problem = system.problem(Options(**unit.options, engine=engine))
+    options = Options(**unit.options, engine=engine)
     values = dict(zip(judge.states, drawn.start, strict=False))
-    instant = system.instant(mi.State(**values), problem)
-    mine = comparing.answer(problem, instant, found.quiet, np.ones(len(places)), 1.0)
-    story = comparing.compare(found, mine)
+    # An event that is nearly a graze makes more of the package's own error than of the shift. Such
+    # a difference goes with the tolerance; what is wrong stays.
+    for tight in (1.0, 1e-2):
+        problem = system.problem(replace(options, rtol=RTOL * tight, atol=options.atol * tight))
+        instant = system.instant(mi.State(**values), problem)
+        mine = comparing.answer(problem, instant, found.quiet, np.ones(len(places)), 1.0)
+        story = comparing.compare(found, mine)
+        if not story:
+            break
     if not story:
         account = partial(imbalance, system, judge, places, problem.parameters)
         for arc in first[0].arcs:
