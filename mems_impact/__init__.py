@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.operating_map import OperatingMap, operating_map
+    from mems_impact.studies.stored import StoredStudy, read_study
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -146,6 +147,7 @@ __all__ = [
     "Steps",
     "StiffnessWarning",
     "Stopper",
+    "StoredStudy",
     "Stribeck",
     "StudyInterrupted",
     "Surface",
@@ -191,6 +193,7 @@ __all__ = [
     "plot_run",
     "plot_sweep",
     "pull_in_voltage",
+    "read_study",
     "resolution",
     "resting_voltage",
     "ring_down",
@@ -290,6 +293,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
+    "studies.stored": ("StoredStudy", "read_study"),
     "tables.sweep": ("sweep_summary",),
 }
 

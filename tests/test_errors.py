@@ -17,7 +17,9 @@ from mems_impact.errors import (
     OrbitError,
     RunError,
     RunInterrupted,
+    StudyInterrupted,
     SweepInterrupted,
+    WorkersLost,
 )
 from mems_impact.paper.suite import SuiteInterrupted
 
@@ -41,10 +43,12 @@ ERRORS = [
     FunctionsMissing("run.zip does not hold the functions of its system"),
     FileNotWritten("table.csv", "no space left on device", "make room"),
     OrbitError("no orbit", "take another guess", [1, 2, 3]),
+    WorkersLost("a process was killed", [1, 2], 2, 5),
 ]
 INTERRUPTIONS = [
     (RunInterrupted([1, 2], 2.5), "2.5 periods"),
     (SweepInterrupted([1, 2], 2, 5), "2 of 5 values"),
+    (StudyInterrupted([1, 2], 2, 5), "2 of 5 points"),
     (ChartInterrupted([1, 2], 1, 6), "1 of 6 boundaries"),
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from mems_impact.studies.study import Columns
 
 __all__ = ["check", "columns", "damaged", "footer", "packed"]
 
-KEY = b"mems_impact"
+KEY, CHECKSUM = b"mems_impact", b"mems_impact crc32"
 
 
 def check() -> None:
@@ -40,10 +41,11 @@ def packed(columns: Columns, schema: Mapping[str, str], told: Mapping[str, Any])
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    text = json.dumps(told).encode()
     kinds = {"float": pa.float64(), "int": pa.int64(), "bool": pa.bool_(), "str": pa.string()}
     fields = pa.schema(
         [pa.field(name, kinds[kind], nullable=False) for name, kind in schema.items()],
-        metadata={KEY: json.dumps(told).encode()},
+        metadata={KEY: text, CHECKSUM: b"%08x" % crc32(text)},
     )
     arrays = [pa.array(columns[field.name], type=field.type) for field in fields]
     sink = io.BytesIO()
@@ -63,14 +65,21 @@ def footer(path: Path) -> dict[str, Any] | None:
 
     try:
         found = pq.read_metadata(path).metadata
+        if found[CHECKSUM] != b"%08x" % crc32(found[KEY]):
+            return None
         told: dict[str, Any] = json.loads(found[KEY])
-    except (FileNotFoundError, pa.ArrowInvalid, LookupError, ValueError):
+    except (FileNotFoundError, pa.ArrowException, LookupError, TypeError):
         return None
+    except OSError as error:
+        if error.errno is None:  # not of the system: metadata that make no sense
+            return None
+        reason = (error.strerror or str(error)).lower()
+        raise InvalidFile(path, f"cannot be read ({reason})", "let it be read") from None
     return told
 
 
-def columns(path: Path) -> Columns:
-    """Return the columns of a chunk; InvalidFile if it is damaged."""
+def columns(path: Path, schema: Mapping[str, str]) -> Columns:
+    """Return the columns of a chunk; InvalidFile if it is damaged, which checksums tell."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -79,7 +88,9 @@ def columns(path: Path) -> Columns:
             table = file.read(use_threads=False)
     except (OSError, pa.ArrowException) as error:
         raise damaged(path, error) from None
-    return {name: _array(table[name]) for name in table.column_names}
+    if table.column_names != list(schema):
+        raise damaged(path)
+    return {name: _array(table[name]) for name in schema}
 
 
 def _array(column: Any) -> Any:

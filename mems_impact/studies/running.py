@@ -175,8 +175,9 @@ class _Work:
                 self.under_way[future] = number
 
     def take(self, done: set[Future[Result]]) -> None:
-        """Keep what is done."""
-        for future in done:
+        """Keep what is done, and only then say what has failed."""
+        failed: BaseException | None = None
+        for future in sorted(done, key=self.under_way.__getitem__):
             number = self.under_way.pop(future)
             self.crew.forget(number)
             error = _error_of(future)
@@ -186,7 +187,9 @@ class _Work:
             elif self.crew.is_lost(error):
                 self.lose(number, error)
             else:
-                raise error
+                failed = failed or error
+        if failed is not None:
+            raise failed
 
     def keep(self, number: int, columns: Columns, carried: Any) -> None:
         """Keep a part; the next one of its chain may go on."""

@@ -115,9 +115,10 @@ class Store(Kept):
 
     def table(self) -> pd.DataFrame:
         """Return the table of all parts whose files stand; InvalidFile if one is damaged."""
+        schema = self.study.schema
         kept = [part for i, part in enumerate(self.parts) if not self.is_missing(i)]
-        chunks = [parquet.columns(path_of(self.directory, part)) for part in kept]
-        return frame(chunks, self.study.schema, self.attrs)
+        chunks = [parquet.columns(path_of(self.directory, part), schema) for part in kept]
+        return frame(chunks, schema, self.attrs)
 
 
 def manifest_of(directory: Path) -> dict[str, Any]:
@@ -132,14 +133,13 @@ def manifest_of(directory: Path) -> dict[str, Any]:
     remedy = "give the directory that was a study's store"
     try:
         found = json.loads(path.read_bytes())
-        number = found["format"]
+        number, made = found["format"], found["versions"]["mems_impact"]
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InvalidFile(directory, f"holds no study ({MANIFEST}: {reason})", remedy) from None
     except (ValueError, TypeError, LookupError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
     if number > FORMAT:
-        made = found["versions"]["mems_impact"]
         reason = f"is of format {number} (mems_impact {made}); this version reads up to {FORMAT}"
         raise InvalidFile(directory, reason, "update mems_impact")
     manifest: dict[str, Any] = found

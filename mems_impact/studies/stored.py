@@ -59,7 +59,8 @@ class StoredStudy:
             If a file of the store is damaged.
         """
         directory = Path(self.path)
-        chunks = [parquet.columns(path_of(directory, part)) for part in self._parts]
+        files = [path_of(directory, part) for part in self._parts]
+        chunks = [parquet.columns(file, self._schema) for file in files]
         return frame(chunks, self._schema, self.attrs)
 
     def __repr__(self) -> str:

@@ -6,10 +6,12 @@ import signal
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 
+from mems_impact.studies.running import run_study
 from mems_impact.studies.study import Study
 
 EDGES = (-0.0, math.inf, -math.inf, math.nan, 5e-324, -2.2250738585072e-308, 0.1, 1 / 3)
@@ -48,7 +50,7 @@ class Toy(Study):
     @property
     def chains(self):
         ends = np.cumsum([0, *self.chained]).tolist()
-        return tuple(range(a, b) for a, b in zip(ends, ends[1:], strict=False))
+        return tuple(range(a, b) for a, b in pairwise(ends))
 
     def identity(self):
         return {"seed": self.seed, "size": self.size, **self.extra}
@@ -105,6 +107,11 @@ class Toy(Study):
                 continue
             return True
         return False
+
+
+def keep_computing(study, store):
+    """What a process does that is to be killed."""
+    run_study(study, store=store, workers=2, chunk=2)
 
 
 def bits(table):

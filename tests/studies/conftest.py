@@ -1,0 +1,22 @@
+import multiprocessing
+import signal
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def forking():
+    """Give a context whose processes start at once, from one that has imported what they need."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(
+        ["mems_impact.studies.running", "mems_impact.studies.store", "pyarrow.parquet", "sksundae"]
+    )
+    return context
+
+
+@pytest.fixture
+def heard_in_background():
+    """A shell has what it puts into the background ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
