@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
     from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, find_equilibria
     from mems_impact.analysis.finding import find_orbit
+    from mems_impact.analysis.lyapunov import LyapunovSpectrum, classify, lyapunov
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit
@@ -123,6 +124,7 @@ __all__ = [
     "InvalidParameter",
     "Life",
     "LoadCurve",
+    "LyapunovSpectrum",
     "MemsImpactError",
     "Observable",
     "Options",
@@ -151,6 +153,7 @@ __all__ = [
     "Verification",
     "Window",
     "blows",
+    "classify",
     "continue_curve",
     "continue_equilibrium",
     "continue_orbit",
@@ -168,6 +171,7 @@ __all__ = [
     "load_actuator",
     "load_curve",
     "load_drive",
+    "lyapunov",
     "modes",
     "operating_chart",
     "period_one_window",
@@ -265,6 +269,7 @@ _HOMES = {
     "analysis.parts.relay": ("Relay",),
     "analysis.parts.stopper": ("Stopper",),
     "analysis.parts.surface": ("Surface",),
+    "analysis.lyapunov": ("LyapunovSpectrum", "classify", "lyapunov"),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),
