@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
     from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, find_equilibria
     from mems_impact.analysis.finding import find_orbit
+    from mems_impact.analysis.lyapunov import LyapunovSpectrum, classify, lyapunov
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
     from mems_impact.analysis.orbit import Orbit
@@ -128,6 +129,7 @@ __all__ = [
     "InvalidParameter",
     "Life",
     "LoadCurve",
+    "LyapunovSpectrum",
     "MemsImpactError",
     "Observable",
     "OperatingMap",
@@ -161,6 +163,7 @@ __all__ = [
     "Window",
     "WorkersLost",
     "blows",
+    "classify",
     "continue_curve",
     "continue_equilibrium",
     "continue_orbit",
@@ -178,6 +181,7 @@ __all__ = [
     "load_actuator",
     "load_curve",
     "load_drive",
+    "lyapunov",
     "modes",
     "operating_chart",
     "operating_map",
@@ -279,6 +283,7 @@ _HOMES = {
     "analysis.parts.relay": ("Relay",),
     "analysis.parts.stopper": ("Stopper",),
     "analysis.parts.surface": ("Surface",),
+    "analysis.lyapunov": ("LyapunovSpectrum", "classify", "lyapunov"),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),

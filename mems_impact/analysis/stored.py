@@ -10,6 +10,7 @@ from mems_impact.analysis import (
     curve,
     equilibria,
     equilibrium,
+    lyapunov,
     orbit,
     run,
     special,
@@ -116,6 +117,7 @@ KINDS: tuple[type, ...] = (
     statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
     curve.Curve, verification.Verification, Balance, StationaryState, Equilibria, EquilibriumEvent,
     equilibrium.Equilibrium, equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch,
+    lyapunov.LyapunovSpectrum,
 )  # fmt: skip
 for kind in KINDS:
     register(kind)

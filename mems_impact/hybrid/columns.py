@@ -7,6 +7,9 @@ automaton has to bring a Jacobian.
 
 A *column* is a perturbation: one for each component of the initial state that is not cyclic, then
 one for each direction in the space of parameters.
+
+Exponents of runs want far fewer digits than Newton's method, of many more periods: their columns
+are carried by differences of second order, which take a third of the calls.
 """
 
 from __future__ import annotations
@@ -81,3 +84,46 @@ def extended_flow(
                 dy[n * (1 + c) + i] += p[motion + 2 * (c - free) + 1] * slope[i]
 
     return extended
+
+
+FINER = 1.0 / 128.0  # of the automaton's step, where rounding and truncation of second order meet
+
+
+@cache
+def stretched_flow(
+    flow: Callable[..., Any], n: int, columns: int, count: int, step: float
+) -> Callable[..., Any]:
+    """Return the flow of the state and `columns` perturbations of it, for the exponents of runs.
+
+    The extended state is y (n), then the columns. The extended parameters are p (count), then
+    scratch of 2 n.
+    """
+    width = FINER * step
+
+    def stretched(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        shifted = p[count : count + n]
+        slope = p[count + n : count + 2 * n]
+        for c in range(columns):
+            column = n * (1 + c)
+            length = 0.0
+            for i in range(n):
+                length = max(length, abs(y[column + i]))
+                dy[column + i] = 0.0
+            if length > 0.0:
+                h = width / length
+                for i in range(n):
+                    shifted[i] = y[i] + h * y[column + i]
+                flow(mode, t, shifted, p, slope)
+                for i in range(n):
+                    dy[column + i] = slope[i]
+                    shifted[i] = y[i] - h * y[column + i]
+                flow(mode, t, shifted, p, slope)
+                for i in range(n):
+                    dy[column + i] = (dy[column + i] - slope[i]) / (2.0 * h)
+        for i in range(n):
+            shifted[i] = y[i]
+        flow(mode, t, shifted, p, slope)
+        for i in range(n):
+            dy[i] = slope[i]
+
+    return stretched

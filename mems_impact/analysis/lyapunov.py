@@ -1,0 +1,349 @@
+"""Lyapunov exponents of any run, and what kind of motion they tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from mems_impact.analysis.finding import ORBIT_OPTIONS
+from mems_impact.analysis.progress import progress_bar
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.state import State, is_number, whole
+from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
+from mems_impact.analysis.verbs import takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.hybrid.lyapunov import CHUNK, FEWEST, Stretching
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.hybrid.variational import free_components
+
+__all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
+
+TRANSIENT = 300.0  # periods, where nothing is said
+PERIODS = 20_000.0
+OPTIONS = Options(method=ORBIT_OPTIONS.method)
+# Of an exponent near zero the error counts beside this, a growth by a tenth in a period.
+SMALL = 0.1
+
+SURE = 4.0  # standard errors by which an exponent must differ from zero to have a sign
+LEAST = 1e-3  # in a period; what differs from zero by less has no sign, however small its error
+VAGUE = 0.01  # in a period; an exponent that is zero to no better than this tells nothing
+STILL = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
+
+
+def classify(exponent: float, error: float, *, returns: bool | None = None) -> str:
+    """Return what kind of motion has this largest Lyapunov exponent.
+
+    Parameters
+    ----------
+    exponent : float
+        In a period, or in the time within which the system shows what it does; without those that
+        are zero for every motion (see `LyapunovSpectrum.trivial`). -inf where nothing is left of
+        perturbations.
+    error : float
+        Its standard error.
+    returns : bool, optional
+        Whether the motion has been seen to repeat after some periods, if that was looked for.
+
+    Returns
+    -------
+    str
+        "chaotic": above zero by more than 4 standard errors and 1e-3. "periodic": as much below
+        zero, or zero of a motion that repeats, as near a bifurcation. "quasi-periodic": zero to
+        within 0.01, of a motion that has not been seen to repeat. "undecided": none of these.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mi.classify(0.31, 0.01), mi.classify(-0.8, 0.01), mi.classify(2e-4, 5e-4)
+    ('chaotic', 'periodic', 'quasi-periodic')
+    """
+    border = max(SURE * error, LEAST)
+    if exponent > border:
+        return "chaotic"
+    if exponent < -border or (returns and abs(exponent) <= border):
+        return "periodic"
+    return "quasi-periodic" if border <= VAGUE and returns is not True else "undecided"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LyapunovSpectrum(Value):
+    """The largest Lyapunov exponents of a run.
+
+    Attributes
+    ----------
+    system : System
+    options : Options
+    exponents : float array, shape (k,)
+        Largest first, in 1/(the system's unit of time). -inf where events leave nothing of
+        perturbations, as where all bodies come to rest on each other.
+    errors : float array, shape (k,)
+        Standard errors, from parts of the run so long that they no longer depend on each other (see
+        `docs/lyapunov.md`).
+    periods : float
+        Forcing periods over which they were averaged; time scales, where nothing forces the system.
+    period : float
+        How long one of these is.
+    converged : bool
+        Whether the errors came below the tolerance before the budget of periods was spent.
+    moving : bool
+        Whether the state still changes at the end.
+    final : State
+        Where the run ended; from a spectrum other verbs go on, and `lyapunov` itself.
+    """
+
+    system: System = field(repr=False)
+    options: Options = field(repr=False)
+    exponents: Floats
+    errors: Floats
+    periods: float
+    period: float
+    converged: bool
+    moving: bool
+    final: State
+
+    def __repr__(self) -> str:
+        told = ", ".join(self._told())
+        lasted = f"{self.periods:g} {self._counted}"
+        rest = "" if self.converged else ", not converged"
+        return f"{type(self).__name__}({told}; {self.kind}, {lasted}{rest})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return exponents, kind of motion, and what is not listed."""
+        unit = self.system.unit("time")
+        return {
+            "system": repr(self.system),
+            f"exponents [1/{unit}]" if unit else "exponents": ", ".join(self._told()),
+            "kind": self.kind,
+            "zero for every motion": "; ".join(self.trivial),
+            self._counted: self.periods,
+            "converged": self.converged,
+        }
+
+    @property
+    def per_period(self) -> Floats:
+        """The exponents in one forcing period; time scale, where nothing forces the system."""
+        return self.exponents * self.period
+
+    @property
+    def kind(self) -> str:
+        """What `classify` says; "equilibrium" where nothing moves."""
+        if not self.system.forced and not self.moving:
+            return "equilibrium"
+        others = np.delete(np.arange(self.exponents.size), self.along_flow or [])
+        if others.size:
+            first = int(others[0])
+            return classify(float(self.per_period[first]), float(self.errors[first] * self.period))
+        free = len(free_components(self.system.automaton))
+        return "periodic" if self.exponents.size == free else "undecided"
+
+    @property
+    def along_flow(self) -> list[int]:
+        """Which exponent is that along the flow itself, zero where nothing forces the system."""
+        if self.system.forced or not self.moving:
+            return []
+        near = int(np.argmin(np.abs(self.exponents)))
+        border = max(SURE * float(self.errors[near]), VAGUE / self.period)
+        return [near] if abs(float(self.exponents[near])) <= border else []
+
+    @property
+    def trivial(self) -> tuple[str, ...]:
+        """What is zero for every motion of the system, and whether it is listed."""
+        automaton, told = self.system.automaton, []
+        if self.system.forced:
+            told.append("the phase of the forcing: not listed")
+        elif self.moving:
+            here = "".join(f"exponent {i + 1}" for i in self.along_flow)
+            told.append(f"along the flow: {here or 'not listed'}")
+        told += [f"{automaton.states[i]}, on which nothing depends: not listed"
+                 for i in automaton.cyclic]  # fmt: skip
+        return tuple(told)
+
+    @property
+    def _counted(self) -> str:
+        return "periods" if self.system.forced else "time scales"
+
+    def _told(self) -> list[str]:
+        pairs = zip(self.exponents.tolist(), self.errors.tolist(), strict=True)
+        return [
+            f"{value:.6g}" + (f" ± {error:.1g}" if math.isfinite(value) else "")
+            for value, error in pairs
+        ]
+
+
+@takes_system(start="initial")
+def lyapunov(
+    system: System,
+    count: int | None = None,
+    *,
+    initial: State | Mapping[str, float] | None = None,
+    transient: float | None = None,
+    periods: float | None = None,
+    duration: float | None = None,
+    tolerance: float = 0.02,
+    options: Options = OPTIONS,
+    progress: bool | Callable[[float], None] = False,
+) -> LyapunovSpectrum:
+    """Return the Lyapunov exponents of a system's run, from its variational equations.
+
+    Perturbations are carried along the arcs by the linearized flow, and through events by saltation
+    matrices (Mueller 1995).
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive, or Run or Orbit
+        A run stands for its system, and its last state for `initial`.
+    count : int, optional
+        How many exponents; 1 by default, 2 where nothing forces the system.
+    initial : State or mapping of str to float, optional
+        Where the run starts; the system's own start by default.
+    transient : float, optional
+        Forcing periods left out before, >= 0; a time, where nothing forces the system. 300 periods
+        or time scales by default.
+    periods : float, optional
+        Forcing periods after which to stop whatever the error, > 0; 20,000 by default, or as many
+        time scales.
+    duration : float, optional
+        The same as a time, instead.
+    tolerance : float, optional
+        Standard error at which to stop: relative to each exponent, or, of one near zero, to 0.1 in
+        a period or time scale.
+    options : Options, optional
+        How it is integrated; by default by method ``"auto"``.
+    progress : bool or callable, optional
+        True: show a progress bar if it takes over a second. A function is called with the periods
+        done, several times a second; an exception that it raises ends the run.
+
+    Returns
+    -------
+    LyapunovSpectrum
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    RunError
+        If the run cannot go on; its ``trajectory`` is the `LyapunovSpectrum` up to there, or the
+        `Run` of the transient.
+    RunInterrupted
+        On Ctrl-C, with the same.
+
+    Notes
+    -----
+    Exponents that are zero for every motion say nothing. That of the phase of the forcing, and
+    those of cyclic components, such as the place of an actuator, are not listed; the one along the
+    flow, where nothing forces the system, is. `LyapunovSpectrum.trivial` tells.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> zhao = mi.load_actuator("zhao2004")
+    >>> spectrum = mi.lyapunov(zhao, mi.Sine(amplitude=0.27, omega=0.46))
+    >>> spectrum.kind
+    'periodic'
+    """
+    problem = system.problem(options)
+    free = len(free_components(problem.automaton))
+    count = min(free, 1 if system.forced else 2) if count is None else whole("count", count, 1)
+    if count > free:
+        raise InvalidParameter("count", count, f"1 to {free}: as many states are not cyclic")
+    if not (is_number(tolerance) and tolerance > 0.0):
+        raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
+    start, most = _start(system, problem, initial, transient, options), PERIODS
+    for name, value in (("periods", periods), ("duration", duration)):
+        if value is not None and not (is_number(value) and value > 0.0):
+            raise InvalidParameter(name, value, "a finite number > 0")
+    if periods is not None:
+        if not system.forced or duration is not None:
+            other = "both periods= and duration= are given" if duration is not None else (
+                "the system has no forcing period: give duration=")  # fmt: skip
+            raise InvalidParameter("periods", periods, "", problem=other)
+        most = float(periods)
+    elif duration is not None:
+        most = float(system.into("time", duration)) / problem.period
+    with progress_bar(progress, "periods", most) as report:
+        return _averaged(system, problem, start, count, most, tolerance, report)
+
+
+def _start(
+    system: System,
+    problem: Problem,
+    initial: State | Mapping[str, float] | None,
+    transient: float | None,
+    options: Options,
+) -> Instant:
+    """Return where the transient ends."""
+    if transient is not None and not (is_number(transient) and transient >= 0.0):
+        raise InvalidParameter("transient", transient, "a finite number >= 0")
+    unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    length = TRANSIENT * unit if transient is None else float(transient)
+    if length == 0.0:
+        return system.instant(initial, problem)
+    named = {"periods": length} if system.forced else {"duration": length}
+    run = simulate(system, initial=initial, options=options, **named)
+    final: Instant = run.trajectory.final
+    return final
+
+
+def _averaged(
+    system: System,
+    problem: Problem,
+    start: Instant,
+    count: int,
+    most: float,
+    tolerance: float,
+    report: Callable[[float], None] | None,
+) -> LyapunovSpectrum:
+    """Go on until the errors are small enough, or the budget is spent."""
+    chunk = max(1, min(CHUNK, int(most) // (FEWEST + 1)))
+    stretching = Stretching(problem, start, count, chunk=chunk, uneven=not system.forced)
+    done = 0.0
+
+    def watch(here: float) -> None:
+        if report is not None:
+            report(done + here)
+
+    def told(converged: bool) -> LyapunovSpectrum:
+        return _spectrum(system, problem, stretching, converged)
+
+    try:
+        stretching.turn(watch)
+        while True:
+            stretching.go_on(watch)
+            found = stretching.result
+            done = found.periods
+            alive = np.isfinite(found.per_period)
+            allowed = tolerance * np.maximum(np.abs(found.per_period[alive]), SMALL)
+            converged = bool((found.errors[alive] <= allowed).all())
+            if converged or done + 2 * chunk > most:
+                return told(converged)
+    except RunError as error:
+        error.trajectory = told(False)
+        raise
+    except KeyboardInterrupt:
+        raise RunInterrupted(told(False), done) from None
+
+
+def _spectrum(
+    system: System, problem: Problem, stretching: Stretching, converged: bool
+) -> LyapunovSpectrum:
+    """Return what is known, in the system's units, largest first."""
+    found, period = stretching.result, float(system.out("time", problem.period))
+    order = np.argsort(-found.per_period, kind="stable")
+    return LyapunovSpectrum(
+        system=system,
+        options=problem.options,
+        exponents=found.per_period[order] / period,
+        errors=found.errors[order] / period,
+        periods=found.periods,
+        period=period,
+        converged=converged,
+        moving=stretching.speed > STILL,
+        final=system.state_of(stretching.final),
+    )

@@ -1,0 +1,289 @@
+"""Lyapunov exponents of a run, from its variational equations with what events do to them.
+
+`Stretching` runs a problem chunk by chunk and carries columns along (`perturbed`); `largest` is for
+studies: a Problem and an Instant on the attractor in, the largest exponent per period, its standard
+error and the periods used out. It draws on nothing but its arguments, so that its result is the
+same to the last bit wherever and however often it is asked for; all integration releases the GIL.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from mems_impact.errors import RunError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.columns import stretched_flow
+from mems_impact.hybrid.passage import SCRATCH
+from mems_impact.hybrid.perturbed import END, Log, Perturbed, Setup, carry, flow_at, orthonormalize
+from mems_impact.hybrid.problem import Problem, bind
+from mems_impact.hybrid.run import run
+from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+from mems_impact.hybrid.variational import free_components
+
+CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
+FEWEST = 16  # chunks of which a standard error is told
+BLOCKS = 4  # into which they are joined at most
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+
+
+class Exponents(NamedTuple):
+    """Lyapunov exponents, largest first, as far as they are known.
+
+    Attributes
+    ----------
+    per_period : float array, shape (k,)
+        In one period of the problem; -inf where nothing is left of perturbations.
+    errors : float array, shape (k,)
+        Standard errors; nan as long as there are fewer than `FEWEST` chunks.
+    periods : float
+        Over which they were averaged.
+    """
+
+    per_period: Floats
+    errors: Floats
+    periods: float
+
+
+class Stretching:
+    """A run that goes on chunk by chunk, and what k perturbations of it have grown by.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+        On the attractor.
+    count : int, optional
+        k, up to the number of components that are not cyclic.
+    chunk : int, optional
+        Periods in one.
+    uneven : bool, optional
+        Whether chunks are of half to three halves of that length, all different: nothing forces the
+        system, and what it does may have a period near theirs.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        start: Instant,
+        count: int = 1,
+        *,
+        chunk: int = CHUNK,
+        uneven: bool = False,
+    ) -> None:
+        automaton, options = problem.automaton, problem.options
+        n, m = len(automaton.states), len(automaton.guards)
+        p = np.asarray(problem.parameters, dtype=float)
+        size = n * (1 + count)
+        extended = Automaton(
+            states=tuple(f"y{i}" for i in range(size)),
+            modes=automaton.modes,
+            guards=automaton.guards,
+            flow=stretched_flow(automaton.flow, n, count, p.size, automaton.step),
+            margins=automaton.margins,
+            transition=automaton.transition,
+            step=automaton.step,
+            bounds=automaton.bounds,
+        )
+        self.problem, self.final, self.chunk, self.uneven = problem, start, chunk, uneven
+        self.grown: list[Floats] = []
+        self.lengths: list[float] = []
+        self._bound = bind(
+            Problem(
+                automaton=extended,
+                parameters=np.concatenate([p, np.zeros(2 * n)]),
+                period=problem.period,
+                options=options,
+                time_scale=problem.time_scale,
+            )
+        )
+        scale = problem.time_scale or problem.period
+        self._setup = Setup(
+            n=n,
+            m=m,
+            k=count,
+            parameters=p.size,
+            max_steps=options.max_steps,
+            period=problem.period,
+            scale=scale,
+            width=automaton.step,
+            rtol=options.rtol,
+            atol=options.atol,
+            cyclic=np.array([int(i in automaton.cyclic) for i in range(n)]),
+            records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
+            switches=np.array(problem.switches, dtype=float),
+            minima=np.zeros((3, 2 * m)),
+            touches=np.zeros((m, size)),
+            margin=np.zeros((2 * m, n + 2)),
+            jump=np.zeros((n, n + 2)),
+            work=np.zeros((SCRATCH + 3, max(size, 2 * m, p.size))),
+        )
+        y = np.zeros(size)
+        free = list(free_components(automaton))
+        y[free] = np.asarray(start.y, dtype=float)[free]
+        self._at = Perturbed(
+            y=y,
+            place=np.array([start.cycle, start.mode], dtype=np.int64),
+            t=np.array([start.time]),
+            shifts=np.zeros(count),
+            growth=np.zeros(count),
+            alive=np.ones(count, dtype=np.int64),
+            length=np.array([scale]),
+        )
+        self._begin()
+
+    @property
+    def result(self) -> Exponents:
+        """What is known by now."""
+        grown = np.array(self.grown).reshape(-1, self._setup.k)
+        lengths, periods = np.array(self.lengths), sum(self.lengths)
+        known = grown.sum(axis=0) / periods if periods else np.full(self._setup.k, math.nan)
+        dead = self._at.alive == 0
+        return Exponents(
+            np.where(dead, -math.inf, known),
+            np.where(dead, 0.0, standard_errors(grown, lengths)),
+            periods,
+        )
+
+    @property
+    def speed(self) -> float:
+        """How fast the state changes now, in the units of the numerics."""
+        slope = np.abs(self._slopes()[0])
+        return float(slope[self._setup.cyclic == 0].max(initial=0.0))
+
+    def go_on(self, progress: Callable[[float], None] | None = None) -> None:
+        """Run one chunk more.
+
+        Raises
+        ------
+        RunError
+            If the run cannot go on.
+        RunInterrupted
+            On Ctrl-C.
+        """
+        part = GOLDEN * len(self.lengths) % 1.0
+        length = self.chunk * (0.5 + part) if self.uneven else float(self.chunk)
+        trajectory = run(self.problem, self.final, length, progress=progress)
+        self._at.growth[:] = 0.0
+        failed = self._bound.call(carry, _log(trajectory), self._at, self._setup)
+        if failed >= 0:
+            raise RunError(
+                reason="a perturbation of the run cannot be integrated",
+                remedy="check parameters and drive at this time; loosen or tighten rtol and atol",
+                cycle=int(self._at.place[0]),
+                phase_time=float(self._at.t[0]),
+                mode=self.problem.automaton.modes[int(self._at.place[1])],
+                state={},
+            )
+        self.grown.append(self._at.growth.copy())
+        self.lengths.append(length)
+        self.final = trajectory.final
+
+    def turn(self, progress: Callable[[float], None] | None = None) -> None:
+        """Run one chunk that does not count: the columns turn to where they grow most."""
+        self.go_on(progress)
+        self.grown.clear()
+        self.lengths.clear()
+
+    def _slopes(self) -> Floats:
+        """Return the derivatives of state and columns, shape (1 + k, n)."""
+        at, dy = self._at, np.zeros_like(self._at.y)
+        self._bound.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
+        return dy.reshape(-1, self._setup.n)
+
+    def _begin(self) -> None:
+        """Put the columns somewhere in general, but for what the mode of the start holds fixed."""
+        at, n, k = self._at, self._setup.n, self._setup.k
+        columns = at.y[n:].reshape(k, n)
+        for c in range(k):
+            columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)
+        columns[:, (self._slopes() == 0.0).all(axis=0)] = 0.0
+        orthonormalize(1e-6, at, self._setup)
+
+
+def largest(
+    problem: Problem,
+    start: Instant,
+    *,
+    tolerance: float,
+    sure: float,
+    periods: int,
+    chunk: int = 16,
+) -> tuple[float, float, int]:
+    """Return the largest exponent per period, its standard error, and the periods it took.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+        On the attractor.
+    tolerance : float
+        Done when the error is below.
+    sure : float
+        Done when the exponent is so many errors, and `tolerance`, away from zero: its sign is told.
+    periods : int
+        Done after so many.
+    chunk : int, optional
+        Periods between two looks; at least `FEWEST` of them are taken, and one before to let the
+        perturbation turn to where it grows most.
+
+    Raises
+    ------
+    RunError
+        If the run cannot go on.
+    """
+    stretching = Stretching(problem, start, chunk=chunk)
+    stretching.turn()
+    while True:
+        stretching.go_on()
+        (exponent,), (error,), done = stretching.result
+        told = abs(exponent) > max(sure * error, tolerance)
+        if error <= tolerance or told or done + chunk > periods:
+            return float(exponent), float(error), int(done)
+
+
+def standard_errors(grown: Floats, lengths: Floats) -> Floats:
+    """Return the standard errors of the rates at which columns grow.
+
+    Successive chunks depend on each other, so they are joined to longer and longer blocks, and the
+    largest estimate counts (Flyvbjerg and Petersen 1989).
+
+    Parameters
+    ----------
+    grown : float array, shape (N, k)
+        Logarithms, of N chunks of a run.
+    lengths : float array, shape (N,)
+    """
+    errors = np.full(grown.shape[1], math.nan)
+    if len(grown) < FEWEST:
+        return errors
+    while len(grown) >= BLOCKS:
+        rates = grown / lengths[:, None]
+        errors = np.fmax(errors, rates.std(axis=0, ddof=1) / math.sqrt(len(rates)))
+        even = len(grown) // 2 * 2
+        grown = grown[0:even:2] + grown[1:even:2]
+        lengths = lengths[0:even:2] + lengths[1:even:2]
+    return errors
+
+
+def _log(trajectory: Trajectory) -> Log:
+    """Return the rows of a trajectory, and one more for its end."""
+    events, final = trajectory.events, trajectory.final
+    integers = (events.cycle, events.kind, events.guard, events.mode_before, events.mode_after)
+    ends = (final.cycle, END, 0, final.mode, final.mode)
+    cycle, kind, guard, mode_before, mode_after = (
+        np.append(column, end) for column, end in zip(integers, ends, strict=True)
+    )
+    return Log(
+        cycle=cycle,
+        time=np.append(events.time, final.time),
+        kind=kind,
+        guard=guard,
+        mode_before=mode_before,
+        mode_after=mode_after,
+        before=np.concatenate([events.before, final.y[None]]),
+        after=np.concatenate([events.after, final.y[None]]),
+    )

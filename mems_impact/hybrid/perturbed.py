@@ -1,0 +1,387 @@
+"""Perturbations carried along a run that is known, over its arcs and through its events.
+
+Written over the engine's contract, for both forms, as `passage`. The run itself is not integrated
+again to find its events: they are rows of its log, and after each of them the state is the run's.
+So nothing that is asked of perturbations moves the run by a rounding.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from mems_impact.engines import contract
+from mems_impact.hybrid.guards import TOLERANCES
+from mems_impact.hybrid.passage import differentiate_event, integrate
+from mems_impact.hybrid.record import (
+    ACCUMULATION,
+    APPROACH,
+    HANDOVER,
+    REBASE,
+    SECTION_CROSSING,
+    SWITCH,
+    TRANSITION,
+)
+
+END = -1  # as the kind of the row that ends the log
+NEAREST = 1e-9  # room that is left to differences in time beside a switch of the drive
+SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbations know no bounds
+# A column of which an event leaves less than this part has nothing left: differences are no better.
+NOTHING = 1e-11
+# Columns that shrink, or turn into each other, by more than this between two orthonormalizations
+# lose digits: from then on these come twice as often.
+WORN = 1e-6
+
+
+class Log(NamedTuple):
+    """Rows of a run in order, as of `Events`; the last one, of kind END, is where it ends.
+
+    Attributes
+    ----------
+    cycle, kind, guard, mode_before, mode_after : int array, shape (N,)
+    time : float array, shape (N,)
+    before, after : float array, shape (N, n)
+    """
+
+    cycle: Any
+    time: Any
+    kind: Any
+    guard: Any
+    mode_before: Any
+    mode_after: Any
+    before: Any
+    after: Any
+
+
+class Perturbed(NamedTuple):
+    """A state of the run and k columns, with what has become of these; changed in place.
+
+    Attributes
+    ----------
+    y : float array, shape (n (1 + k),)
+        The state, its cyclic components zero, then the columns: orthonormal but for their cyclic
+        components.
+    place : int array, shape (2,)
+        Periods completed before the time base, and the mode.
+    t : float array, shape (1,)
+        Time since the time base.
+    shifts : float array, shape (k,)
+        How much sooner the events of this instant come for each column: the other way round, later.
+    growth : float array, shape (k,)
+        Logarithms of what each column has grown by.
+    alive : int array, shape (k,)
+        0 for a column that an event has left nothing of.
+    length : float array, shape (1,)
+        Time after which columns are made orthonormal again at the latest.
+    """
+
+    y: Any
+    place: Any
+    t: Any
+    shifts: Any
+    growth: Any
+    alive: Any
+    length: Any
+
+
+class Setup(NamedTuple):
+    """What of a problem is asked on the way, and scratch.
+
+    Attributes
+    ----------
+    n, m, k, parameters, max_steps : int
+        States, guards, columns, parameters; steps that an arc may take.
+    period, scale, width, rtol, atol : float
+        `scale` is the problem's time scale, `width` the step of differences.
+    cyclic : int array, shape (n,)
+        1 for a component that is cyclic.
+    records : int array, shape (m,)
+        1 for a guard that only records.
+    switches : float array, shape (s,)
+    minima, touches, margin, jump, work
+        See `passage`.
+    """
+
+    n: int
+    m: int
+    k: int
+    parameters: int
+    max_steps: int
+    period: float
+    scale: float
+    width: float
+    rtol: float
+    atol: float
+    cyclic: Any
+    records: Any
+    switches: Any
+    minima: Any
+    touches: Any
+    margin: Any
+    jump: Any
+    work: Any
+
+
+def carry(engine: Any, log: Any, at: Any, setup: Any) -> int:
+    """Carry the columns through all of a log; return the row to which they cannot be, or -1.
+
+    Parameters
+    ----------
+    engine
+        Of the extended flow (see `mems_impact.hybrid.columns`).
+    log : Log
+    at : Perturbed
+    setup : Setup
+    """
+    for i in range(log.kind.size):
+        kind = log.kind[i]
+        passes = kind == TRANSITION and setup.records[log.guard[i]] == 1
+        if passes or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
+            continue
+        if kind == ACCUMULATION:
+            # What is left of a sequence is told from its last impact on.
+            if not stands_at(log, i, at, setup):
+                if not go(engine, log, i, at, setup):
+                    return i
+                put(log.before[i], at, setup)
+            rest(engine, log.guard[i], at, setup)
+        if not go(engine, log, i, at, setup):
+            return i
+        put(log.before[i], at, setup)
+        if kind in (TRANSITION, SWITCH):
+            cross(engine, log, i, at, setup)
+        at.place[1] = log.mode_after[i]
+        put(log.after[i], at, setup)
+        if kind not in (REBASE, END):
+            orthonormalize(NOTHING, at, setup)
+    return -1
+
+
+def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
+    """Write the derivative of state and columns into `dy`."""
+    contract.flow(engine, mode, t, y, dy)
+
+
+def put(y: Any, at: Any, setup: Any) -> None:
+    """Put the state to `y`, but for what its cyclic components have gathered."""
+    for j in range(setup.n):
+        at.y[j] = 0.0 if setup.cyclic[j] == 1 else y[j]
+
+
+def stands_at(log: Any, i: int, at: Any, setup: Any) -> bool:
+    """Return whether the columns stand at the state before row `i`: it completes a sequence."""
+    same = True
+    for j in range(setup.n):
+        same = same and (setup.cyclic[j] == 1 or at.y[j] == log.before[i, j])
+    return same
+
+
+def go(engine: Any, log: Any, i: int, at: Any, setup: Any) -> bool:
+    """Integrate state and columns up to the instant of row `i`; return whether that went well.
+
+    They are made orthonormal on the way and at the end. An instant that has come is left as it is.
+    """
+    if log.time[i] + (log.cycle[i] - at.place[0]) * setup.period <= at.t[0]:
+        return True
+    while True:
+        while at.t[0] >= setup.period:
+            at.t[0] -= setup.period
+            at.place[0] += 1
+        left = log.time[i] + (log.cycle[i] - at.place[0]) * setup.period - at.t[0]
+        parts = math.ceil(left / at.length[0])
+        end = at.t[0] + left / parts
+        if parts <= 1:
+            end = log.time[i] + (log.cycle[i] - at.place[0]) * setup.period
+        mode = at.place[1]
+        went = end <= at.t[0] or integrate(
+            engine,
+            mode,
+            at.y,
+            at.t[0],
+            end,
+            setup.m,
+            setup.max_steps,
+            setup.minima,
+            setup.touches,
+            setup.work,
+        )
+        if not went:
+            return False
+        at.t[0] = end
+        for j in range(setup.k):
+            at.shifts[j] = 0.0
+        if orthonormalize(0.0, at, setup) < WORN:
+            at.length[0] *= 0.5
+        if parts <= 1:
+            return True
+
+
+def cross(engine: Any, log: Any, i: int, at: Any, setup: Any) -> None:
+    """Carry the columns through the transition of row `i`, by its saltation matrix.
+
+    A perturbed motion meets the guard sooner by w . grad h / (the rate of h). At a switch of the
+    drive it does not; nor at a guard that a transition of this instant has put beyond its zero:
+    that one fires when that transition comes.
+    """
+    n, m, k = setup.n, setup.m, setup.k
+    guard, switch = log.guard[i], log.kind[i] == SWITCH
+    mode, t = log.mode_before[i], at.t[0]
+    before, after = setup.work[8], setup.work[9]
+    # From the left, where a drive that switches now has not done so yet.
+    contract.flow(engine, mode, t - 1e-15 * abs(t), at.y, before)
+    differentiate(engine, mode, 2 * m if switch else guard, at, setup)
+    rate, beyond = 0.0, True
+    if not switch:
+        size = gain = 0.0
+        rate = setup.margin[guard, n + 1]
+        for j in range(n):
+            slope = setup.margin[guard, 1 + j]
+            rate += slope * before[j]
+            gain += abs(slope)
+            size += abs(slope * at.y[j])
+        error = setup.rtol * size + setup.atol * gain
+        far = TOLERANCES * error + 1e-6 * abs(rate) * setup.scale
+        beyond = setup.margin[guard, 0] < -far
+        rate = math.copysign(max(abs(rate), SLOWEST), rate)
+    state = setup.work[10]
+    for j in range(n):
+        state[j] = at.y[j]
+        at.y[j] = log.after[i, j]
+    contract.flow(engine, log.mode_after[i], t, at.y, after)
+    for j in range(n):
+        at.y[j] = state[j]
+    for c in range(k):
+        if not beyond:
+            at.shifts[c] = 0.0
+            for j in range(n):
+                at.shifts[c] += setup.margin[guard, 1 + j] * at.y[n * (1 + c) + j] / rate
+        apply(c, before, after, at, setup)
+
+
+def rest(engine: Any, guard: int, at: Any, setup: Any) -> None:
+    """Carry state and columns through the impact without rebound that ends a sequence at `guard`.
+
+    Sooner or later it comes for all perturbed motions, and leaves none of them a gap. The flights
+    that are left out are so low that the instant at which it is taken does not matter.
+    """
+    n, mode = setup.n, at.place[1]
+    none, after = setup.work[8], setup.work[9]
+    for j in range(n):
+        none[j] = after[j] = 0.0
+    differentiate(engine, mode, setup.m + guard, at, setup)
+    square = 0.0
+    for j in range(n):
+        square += setup.margin[guard, 1 + j] * setup.margin[guard, 1 + j]
+    for c in range(setup.k):
+        at.shifts[c] = 0.0
+        column = n * (1 + c)
+        gap = 0.0
+        for j in range(n):
+            gap += setup.margin[guard, 1 + j] * at.y[column + j]
+        for j in range(n):
+            at.y[column + j] -= gap * setup.margin[guard, 1 + j] / square if square > 0.0 else 0.0
+        apply(c, none, after, at, setup)
+    at.place[1] = contract.transition(engine, mode, setup.m + guard, at.t[0], at.y)
+
+
+def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> None:
+    """Differentiate margins and the transition `code` here and now, into MARGIN and JUMP."""
+    t, room = at.t[0], math.inf
+    for i in range(setup.switches.size):
+        since = abs(t - setup.switches[i]) % setup.period
+        room = max(min(room, since, setup.period - since), NEAREST)
+    differentiate_event(
+        engine,
+        mode,
+        code,
+        t,
+        at.y,
+        setup.n,
+        setup.m,
+        setup.parameters,
+        0,
+        setup.width,
+        room,
+        setup.margin,
+        setup.jump,
+        setup.work,
+    )
+
+
+def apply(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
+    """Apply the transition to column `c`, with the flow `before` and `after` it.
+
+    For a motion that comes to it sooner by its shift, the flow after it acts for so much longer and
+    the flow before it for so much less.
+    """
+    n, column, shift = setup.n, setup.n * (1 + c), at.shifts[c]
+    result = setup.work[10]
+    length = most = 0.0
+    for i in range(n):
+        kick = after[i] - setup.jump[i, n + 1]
+        parts = abs(after[i]) + abs(setup.jump[i, n + 1])
+        for j in range(n):
+            kick -= setup.jump[i, 1 + j] * before[j]
+            parts += abs(setup.jump[i, 1 + j] * before[j])
+        result[i] = kick * shift if shift != 0.0 else 0.0
+        parts = parts * abs(shift) if shift != 0.0 else 0.0
+        for j in range(n):
+            moved = setup.jump[i, 1 + j] * at.y[column + j]
+            result[i] += moved
+            parts += abs(moved)
+        if setup.cyclic[i] == 0:
+            length = max(length, abs(result[i]))
+            most = max(most, parts)
+    if length <= NOTHING * most:
+        at.alive[c] = 0
+    for i in range(n):
+        at.y[column + i] = result[i]
+
+
+def orthonormalize(nothing: float, at: Any, setup: Any) -> float:
+    """Make the columns orthonormal, and take down what they have grown by.
+
+    Each against those before it, twice, so that all digits are kept. Returns how much was left of
+    the column of which least was. One of which no more than the part `nothing` was is zero from
+    then on.
+    """
+    n, least = setup.n, 1.0
+    for c in range(setup.k):
+        column = n * (1 + c)
+        for i in range(n):
+            if setup.cyclic[i] == 1 or at.alive[c] == 0:
+                at.y[column + i] = 0.0
+        if at.alive[c] == 0:
+            at.shifts[c] = 0.0
+            continue
+        whole = length_of(at.y, column, n)
+        for _ in range(2):
+            for other in range(c):
+                former = n * (1 + other)
+                part = 0.0
+                for i in range(n):
+                    part += at.y[column + i] * at.y[former + i]
+                for i in range(n):
+                    at.y[column + i] -= part * at.y[former + i]
+                at.shifts[c] -= part * at.shifts[other]
+        length = length_of(at.y, column, n)
+        if not length > nothing * whole:
+            at.alive[c] = 0
+            at.shifts[c] = 0.0
+            for i in range(n):
+                at.y[column + i] = 0.0
+            continue
+        least = min(least, length, length / whole)
+        at.growth[c] += math.log(length)
+        at.shifts[c] /= length
+        for i in range(n):
+            at.y[column + i] /= length
+    return least
+
+
+def length_of(y: Any, column: int, n: int) -> float:
+    """Return the length of the n numbers of `y` from `column` on."""
+    square = 0.0
+    for i in range(n):
+        square += y[column + i] * y[column + i]
+    return math.sqrt(square)
