@@ -54,6 +54,7 @@ if TYPE_CHECKING:
     from mems_impact.analysis.parts.relay import Relay
     from mems_impact.analysis.parts.stopper import Stopper
     from mems_impact.analysis.parts.surface import Surface
+    from mems_impact.analysis.quantity import Quantity
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
@@ -89,7 +90,9 @@ if TYPE_CHECKING:
     from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.run import plot_run
+    from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -130,11 +133,13 @@ __all__ = [
     "OrbitError",
     "Run",
     "Part",
+    "Quantity",
     "Relay",
     "RingDown",
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
+    "Sensitivity",
     "SpecialPoint",
     "State",
     "Steps",
@@ -180,11 +185,13 @@ __all__ = [
     "plot_orbit",
     "plot_response",
     "plot_run",
+    "plot_sensitivity",
     "plot_sweep",
     "pull_in_voltage",
     "resolution",
     "resting_voltage",
     "ring_down",
+    "sensitivity",
     "simulate",
     "speed_over_voltage",
     "step_length",
@@ -237,7 +244,9 @@ _HOMES = {
     "analysis.equilibrium": ("Equilibrium", "EquilibriumPoint", "find_equilibria"),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
+    "plotting.sensitivity": ("plot_sensitivity",),
     "plotting.sweep": ("plot_sweep",),
+    "studies.sensitivity": ("Sensitivity", "sensitivity"),
     "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),
     "plotting.run": ("plot_run",),
@@ -265,6 +274,7 @@ _HOMES = {
     "analysis.parts.relay": ("Relay",),
     "analysis.parts.stopper": ("Stopper",),
     "analysis.parts.surface": ("Surface",),
+    "analysis.quantity": ("Quantity",),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),
