@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.quantity import Quantity, general_quantities
 from mems_impact.analysis.state import State
 from mems_impact.analysis.terms import Terms
 from mems_impact.hybrid.trajectory import Instant
@@ -33,11 +32,6 @@ class Shown(Terms):
     def quantities(self) -> Mapping[str, tuple[str, str]]:
         """The statistics that the figure of a sweep shows: column and words, by a short name."""
         return {each.name: (each.name, each.name) for each in self.observables}
-
-    @property
-    def orbit_quantities(self) -> tuple[Quantity, ...]:
-        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
-        return general_quantities(self)
 
     @property
     def symbols(self) -> Mapping[str, str]:

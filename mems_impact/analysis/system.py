@@ -14,6 +14,7 @@ from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.parts import text
 from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
+from mems_impact.analysis.quantity import Quantity, general_quantities
 from mems_impact.analysis.sizes import tell_of_orbits
 from mems_impact.analysis.state import State
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span, Watcher
@@ -209,6 +210,11 @@ class System(Numerics):
     def initial(self) -> State:
         """Where runs start if nothing else is said."""
         return self._initial
+
+    @property
+    def orbit_quantities(self) -> tuple[Quantity, ...]:
+        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
+        return general_quantities(self)
 
     def changed(self, **values: float) -> System:
         """Return the system with other values of some parameters.

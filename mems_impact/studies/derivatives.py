@@ -9,7 +9,7 @@ import numpy as np
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.quantity import Quantity
 from mems_impact.analysis.system import System
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.neighbours import Neighbours
@@ -18,6 +18,8 @@ from mems_impact.orbits.orbit import PeriodicOrbit
 __all__ = ["chosen_quantities", "derivatives"]
 
 STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in rounding
+SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
+"""Of orbits that are corrected, which leaves more than rounding; shorter where one ends nearby."""
 
 
 def derivatives(
@@ -53,14 +55,29 @@ def derivatives(
     for column, name in enumerate(parameters):
         beside = Neighbours(orbit.found, name)
         inner = orbit.found.family.value(name)
-        h = STEP * (abs(inner) if inner != 0.0 else 1.0)
-        for kind, at in ((False, beside.to_first_order), (True, beside.solved)):
+        size = abs(inner) if inner != 0.0 else 1.0
+        for kind in (False, True):
             rows = np.flatnonzero(of_solved == kind)
-            if rows.size:
-                wanted = [quantities[row] for row in rows.tolist()]
-                found[rows, column] = _central(orbit.system, wanted, at, h)
+            wanted = [quantities[row] for row in rows.tolist()]
+            if wanted and kind:
+                found[rows, column] = _along_solved(orbit.system, wanted, beside, size)
+            elif wanted:
+                found[rows, column] = _central(
+                    orbit.system, wanted, beside.to_first_order, STEP * size
+                )
         found[:, column] /= float(orbit.system.out(name, 1.0))
     return values, found
+
+
+def _along_solved(
+    system: System, quantities: Sequence[Quantity], beside: Neighbours, size: float
+) -> Floats:
+    for part in SOLVED_STEPS[:-1]:
+        try:
+            return _central(system, quantities, beside.solved, part * size)
+        except OrbitError:
+            continue
+    return _central(system, quantities, beside.solved, SOLVED_STEPS[-1] * size)
 
 
 def _central(
