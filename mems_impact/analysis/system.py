@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
-from mems_impact.analysis import checks, given
+from mems_impact.analysis import checks, given, quantity
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.checks.parted import check_parted
 from mems_impact.analysis.modes import Mode
@@ -14,7 +14,6 @@ from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.parts import text
 from mems_impact.analysis.parts.assembly import assembled
 from mems_impact.analysis.parts.part import Part, Quantity
-from mems_impact.analysis.quantity import Quantity, general_quantities
 from mems_impact.analysis.sizes import tell_of_orbits
 from mems_impact.analysis.state import State
 from mems_impact.analysis.statistics import Gatherer, Gathering, Span, Watcher
@@ -212,9 +211,9 @@ class System(Numerics):
         return self._initial
 
     @property
-    def orbit_quantities(self) -> tuple[Quantity, ...]:
+    def orbit_quantities(self) -> tuple[quantity.Quantity, ...]:
         """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
-        return general_quantities(self)
+        return quantity.general_quantities(self)
 
     def changed(self, **values: float) -> System:
         """Return the system with other values of some parameters.
