@@ -76,6 +76,7 @@ if TYPE_CHECKING:
         InvalidFile,
         InvalidParameter,
         MemsImpactError,
+        OptimizationInterrupted,
         OrbitError,
         RunError,
         RunInterrupted,
@@ -92,6 +93,8 @@ if TYPE_CHECKING:
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.margins import margins
+    from mems_impact.studies.optimize import Optimum, optimize
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.tables.sweep import sweep_summary
 
@@ -128,6 +131,8 @@ __all__ = [
     "LoadCurve",
     "MemsImpactError",
     "Observable",
+    "OptimizationInterrupted",
+    "Optimum",
     "Options",
     "Orbit",
     "OrbitError",
@@ -173,8 +178,10 @@ __all__ = [
     "load_actuator",
     "load_curve",
     "load_drive",
+    "margins",
     "modes",
     "operating_chart",
+    "optimize",
     "period_one_window",
     "plot_branch",
     "plot_chart",
@@ -224,6 +231,7 @@ _HOMES = {
         "InvalidFile",
         "InvalidParameter",
         "MemsImpactError",
+        "OptimizationInterrupted",
         "OrbitError",
         "RunError",
         "RunInterrupted",
@@ -246,6 +254,8 @@ _HOMES = {
     "analysis.orbit": ("Orbit",),
     "plotting.sensitivity": ("plot_sensitivity",),
     "plotting.sweep": ("plot_sweep",),
+    "studies.margins": ("margins",),
+    "studies.optimize": ("Optimum", "optimize"),
     "studies.sensitivity": ("Sensitivity", "sensitivity"),
     "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),
