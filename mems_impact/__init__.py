@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from mems_impact.analysis.parts.relay import Relay
     from mems_impact.analysis.parts.stopper import Stopper
     from mems_impact.analysis.parts.surface import Surface
+    from mems_impact.analysis.quantity import Quantity
     from mems_impact.analysis.run import Run
     from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
@@ -77,6 +78,7 @@ if TYPE_CHECKING:
         InvalidFile,
         InvalidParameter,
         MemsImpactError,
+        OptimizationInterrupted,
         OrbitError,
         RunError,
         RunInterrupted,
@@ -93,9 +95,13 @@ if TYPE_CHECKING:
     from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.run import plot_run
+    from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.margins import margins
     from mems_impact.studies.operating_map import OperatingMap, operating_map
-    from mems_impact.studies.stored import StoredStudy, read_study
+    from mems_impact.studies.optimize import Optimum, optimize
+    from mems_impact.studies.sensitivity import Sensitivity, sensitivity
+    from mems_impact.studies.stored_study import StoredStudy, read_study
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -133,17 +139,21 @@ __all__ = [
     "MemsImpactError",
     "Observable",
     "OperatingMap",
+    "OptimizationInterrupted",
+    "Optimum",
     "Options",
     "Orbit",
     "OrbitError",
     "Run",
     "Part",
+    "Quantity",
     "Relay",
     "RingDown",
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
     "Settling",
+    "Sensitivity",
     "SpecialPoint",
     "State",
     "Steps",
@@ -185,6 +195,8 @@ __all__ = [
     "modes",
     "operating_chart",
     "operating_map",
+    "margins",
+    "optimize",
     "period_one_window",
     "plot_branch",
     "plot_chart",
@@ -195,12 +207,14 @@ __all__ = [
     "plot_orbit",
     "plot_response",
     "plot_run",
+    "plot_sensitivity",
     "plot_sweep",
     "pull_in_voltage",
     "read_study",
     "resolution",
     "resting_voltage",
     "ring_down",
+    "sensitivity",
     "simulate",
     "speed_over_voltage",
     "step_length",
@@ -233,6 +247,7 @@ _HOMES = {
         "InvalidFile",
         "InvalidParameter",
         "MemsImpactError",
+        "OptimizationInterrupted",
         "OrbitError",
         "RunError",
         "RunInterrupted",
@@ -255,7 +270,11 @@ _HOMES = {
     "analysis.equilibrium": ("Equilibrium", "EquilibriumPoint", "find_equilibria"),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
+    "plotting.sensitivity": ("plot_sensitivity",),
     "plotting.sweep": ("plot_sweep",),
+    "studies.margins": ("margins",),
+    "studies.optimize": ("Optimum", "optimize"),
+    "studies.sensitivity": ("Sensitivity", "sensitivity"),
     "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),
     "plotting.run": ("plot_run",),
@@ -284,6 +303,7 @@ _HOMES = {
     "analysis.parts.stopper": ("Stopper",),
     "analysis.parts.surface": ("Surface",),
     "analysis.lyapunov": ("LyapunovSpectrum", "classify", "lyapunov"),
+    "analysis.quantity": ("Quantity",),
     "analysis.run": ("Run",),
     "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),
@@ -298,7 +318,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
-    "studies.stored": ("StoredStudy", "read_study"),
+    "studies.stored_study": ("StoredStudy", "read_study"),
     "tables.sweep": ("sweep_summary",),
 }
 

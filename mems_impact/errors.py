@@ -25,6 +25,7 @@ __all__ = [
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
+    "OptimizationInterrupted",
     "OrbitError",
     "RunError",
     "RunInterrupted",
@@ -379,6 +380,24 @@ class ChartInterrupted(Interrupted):
         self.total = total
         self.after = f"{done} of {total or 'all'} boundaries"
         super().__init__(f"chart interrupted after {self.after}; they are in .chart")
+
+
+class OptimizationInterrupted(Interrupted):
+    """A search was interrupted (Ctrl-C); the best point so far is kept.
+
+    Parameters
+    ----------
+    optimum : object
+        That point.
+    points : int
+        Number of points that it took.
+    """
+
+    def __init__(self, optimum: object, points: int) -> None:
+        self.optimum = optimum
+        self.points = points
+        self.after = f"{points} points"
+        super().__init__(f"search interrupted after {self.after}; the best is in .optimum")
 
 
 class EngineFallbackWarning(UserWarning):

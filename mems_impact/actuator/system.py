@@ -29,10 +29,12 @@ from mems_impact.actuator.modes import (
 )
 from mems_impact.actuator.numerics import ActuatorNumerics
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.quantities import actuator_quantities
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.tables import SWEEP_COLUMNS, SYMBOLS
 from mems_impact.actuator.validity import Validity
 from mems_impact.analysis.observable import Observable
+from mems_impact.analysis.quantity import Quantity
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.statistics import Gatherer, Span
 from mems_impact.analysis.system import System
@@ -211,6 +213,11 @@ class ActuatorSystem(ActuatorNumerics):
     def measure_names(self) -> tuple[str, ...]:
         """The headings of `measures`."""
         return MEASURES
+
+    @property
+    def orbit_quantities(self) -> tuple[Quantity, ...]:
+        """Step, speed and energies of an orbit, and what bounds them."""
+        return actuator_quantities(self.units)
 
     @property
     def symbols(self) -> Mapping[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
-from mems_impact.analysis import checks, given
+from mems_impact.analysis import checks, given, quantity
 from mems_impact.analysis.build import Build
 from mems_impact.analysis.checks.parted import check_parted
 from mems_impact.analysis.measures import measure_names, measures
@@ -211,6 +211,11 @@ class System(Numerics):
     def initial(self) -> State:
         """Where runs start if nothing else is said."""
         return self._initial
+
+    @property
+    def orbit_quantities(self) -> tuple[quantity.Quantity, ...]:
+        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
+        return quantity.general_quantities(self)
 
     def changed(self, **values: float) -> System:
         """Return the system with other values of some parameters.

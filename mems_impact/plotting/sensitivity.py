@@ -1,0 +1,108 @@
+"""A tornado chart: by how much each parameter moves a quantity of an orbit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.style import BLUE, ORANGE, new_figure, symbol, tidy
+
+if TYPE_CHECKING:
+    from mems_impact.studies.sensitivity import Sensitivity
+
+__all__ = ["plot_sensitivity"]
+
+NOTHING = 1e-9  # part of the longest bar: rounding
+MOST = 15  # bars that are read at a glance
+
+
+def plot_sensitivity(
+    found: Sensitivity,
+    quantity: str,
+    ax: Any = None,
+    *,
+    tolerances: Mapping[str, float] | None = None,
+) -> Any:
+    """Draw by how much a quantity of an orbit changes with each parameter, the most moving first.
+
+    To first order, so that a bar to one side is as long as that to the other. Parameters that
+    change nothing are left out.
+
+    Parameters
+    ----------
+    found : Sensitivity
+        From `mems_impact.sensitivity`.
+    quantity : str
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    tolerances : mapping of str to float, optional
+        By how much each parameter changes, in its units; 1 % of its value by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If there is no such quantity or parameter, or none changes it.
+
+    Examples
+    --------
+    >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
+    """
+    gradient = found.gradient(quantity)
+    for name, value in (tolerances or {}).items():
+        if name not in found.parameters:
+            raise InvalidParameter("tolerances", name, f"of one of {', '.join(found.parameters)}")
+        if not value > 0.0:
+            raise InvalidParameter(f"tolerance of {name}", value, "> 0")
+    system, symbols = found.system, found.system.symbols
+    sizes = {name: 0.01 * abs(system.value(name)) for name in found.parameters}
+    sizes = dict(sizes if tolerances is None else tolerances)
+    change = np.array([gradient[name] * size for name, size in sizes.items()])
+    longest = np.nanmax(np.abs(change), initial=0.0)
+    if not longest > 0.0:
+        raise InvalidParameter("quantity", quantity, "one that a parameter changes")
+    order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > NOTHING * longest][:MOST]
+    exponent = math.floor(math.log10(longest))
+    exponent = exponent if not -2 <= exponent <= 3 else 0
+    names, change = [list(sizes)[i] for i in order], change[order] / 10.0**exponent
+    longest /= 10.0**exponent
+    if ax is None:
+        ax = new_figure(3.5, 0.9 + 0.23 * len(names)).subplots()
+    places = np.arange(len(names))
+    words = ("+1 %", "-1 %") if tolerances is None else ("+ tolerance", "- tolerance")
+    for sign, color, label in ((1.0, BLUE, words[0]), (-1.0, ORANGE, words[1])):
+        ax.barh(places, sign * change, color=color, label=label.replace("-", "\N{MINUS SIGN}"))
+    ax.axvline(0.0, color="black", linewidth=0.8)
+    labels = {name: symbol(name, symbols) for name in names}
+    if tolerances is not None:
+        labels = {
+            name: f"{sign} ± {sizes[name]:.3g} {system.unit(name)}".rstrip()
+            for name, sign in labels.items()
+        }
+    ax.set_yticks(places, list(labels.values()))
+    ax.tick_params(axis="y", length=0)
+    ax.set(ylim=(len(names) - 0.4, -0.6), xlim=(-1.08 * longest, 1.08 * longest))
+    row = found.row(quantity)
+    unit = found.units[row]
+    start = f"{found.values[row]:.4g} {unit}".rstrip()
+    ax.set_xlabel(f"change of {quantity}{_told(unit, exponent)}\nfrom {start}")
+    # The corner where the last, shortest bars leave room.
+    ax.legend(frameon=False, loc="lower right", fontsize="small", handlelength=1.0)
+    tidy(ax)
+    ax.spines["left"].set_visible(False)
+    return ax
+
+
+def _told(unit: str, exponent: int) -> str:
+    """Return a unit times a power of ten in brackets, as far as there is one."""
+    power = f"$10^{{{exponent}}}$" if exponent else ""
+    told = " ".join(filter(None, (power, unit)))
+    return f" [{told}]" if told else ""

@@ -1,0 +1,112 @@
+"""What stands in the store of a study, read at any time: while it runs, too."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mems_impact.studies import parquet
+from mems_impact.studies.frames import frame
+from mems_impact.studies.layout import Part
+from mems_impact.studies.store import chunks_of, manifest_of, path_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["StoredStudy", "read_study"]
+
+
+@dataclass(frozen=True, eq=False)
+class StoredStudy:
+    """What a store held when it was read.
+
+    Attributes
+    ----------
+    path : str
+    kind : str
+        The verb of the study, such as ``"sweep"``.
+    done, total : int
+        Number of points that are done, and of all.
+    failed : int
+        Those that are done, but have no numbers.
+    identity : dict
+        What the numbers depend on: system, values, options, seeds.
+    attrs : dict
+        Of its table: units, versions.
+    """
+
+    path: str
+    kind: str
+    done: int
+    total: int
+    failed: int
+    identity: Mapping[str, Any]
+    attrs: Mapping[str, Any]
+    _schema: Mapping[str, str]
+    _parts: tuple[Part, ...]
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The rows of the points that are done, in their order.
+
+        Raises
+        ------
+        InvalidFile
+            If a file of the store is damaged.
+        """
+        directory = Path(self.path)
+        files = [path_of(directory, part) for part in self._parts]
+        chunks = [parquet.columns(file, self._schema) for file in files]
+        return frame(chunks, self._schema, self.attrs)
+
+    def __repr__(self) -> str:
+        return f"StoredStudy({self.kind}, {self.done} of {self.total} points, {self.path!r})"
+
+
+def read_study(path: str | os.PathLike[str]) -> StoredStudy:
+    """Read what is done of a study from its store, be it finished, running or broken off.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The directory that was given as ``store``.
+
+    Returns
+    -------
+    StoredStudy
+
+    Raises
+    ------
+    InvalidFile
+        If there is no study.
+    InvalidParameter
+        If pyarrow is not installed.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> study = mi.read_study("out/map")
+    >>> study.done, study.total
+    (1472, 40000)
+    >>> study.table["status"].value_counts()
+    """
+    parquet.check()
+    directory = Path(path)
+    manifest = manifest_of(directory)
+    found = {part: parquet.footer(path_of(directory, part)) for part in chunks_of(manifest)}
+    kept = {part: told for part, told in found.items() if told is not None}
+    return StoredStudy(
+        path=os.fspath(path),
+        kind=manifest["kind"],
+        done=sum(part.points for part in kept),
+        total=manifest["points"],
+        failed=sum(told["failed"] for told in kept.values()),
+        identity=manifest["identity"],
+        attrs=manifest["attrs"],
+        _schema=manifest["schema"],
+        _parts=tuple(kept),
+    )
