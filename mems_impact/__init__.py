@@ -93,6 +93,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.basins import Basins, basins
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.tables.sweep import sweep_summary
 
@@ -100,6 +101,7 @@ __all__ = [
     *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
+    "Basins",
     "Blows",
     "Branch",
     "Chart",
@@ -158,6 +160,7 @@ __all__ = [
     "Verification",
     "Window",
     "WorkersLost",
+    "basins",
     "blows",
     "continue_curve",
     "continue_equilibrium",
@@ -289,6 +292,7 @@ _HOMES = {
     "actuator.design.targets": ("Target",),
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
+    "studies.basins": ("Basins", "basins"),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "tables.sweep": ("sweep_summary",),
 }
