@@ -97,6 +97,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
+    from mems_impact.studies.basins import Basins, basins
     from mems_impact.studies.margins import margins
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.studies.optimize import Optimum, optimize
@@ -108,6 +109,7 @@ __all__ = [
     *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
+    "Basins",
     "Blows",
     "Branch",
     "Chart",
@@ -172,6 +174,7 @@ __all__ = [
     "Verification",
     "Window",
     "WorkersLost",
+    "basins",
     "blows",
     "classify",
     "continue_curve",
@@ -317,6 +320,7 @@ _HOMES = {
     "actuator.design.targets": ("Target",),
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
+    "studies.basins": ("Basins", "basins"),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "studies.stored_study": ("StoredStudy", "read_study"),
     "tables.sweep": ("sweep_summary",),

@@ -90,9 +90,13 @@ class Measuring:
         columns[STATUS] = _words([each.status for each in found])
         return columns
 
+    def lost(self, count: int, reason: str) -> list[Attractor]:
+        """Return what stands for points that could not be computed."""
+        return [Attractor(motion=FAILED, status=reason)] * count
+
     def failed(self, count: int, reason: str) -> Columns:
         """Return the columns of points that could not be computed."""
-        return self.columns([Attractor(motion=FAILED, status=reason)] * count)
+        return self.columns(self.lost(count, reason))
 
     def prepare(self) -> None:
         """Compile what points need, once in a process."""

@@ -47,7 +47,9 @@ __all__ = [
 CHATTER_ENDS = "chatter ends"
 DRIVE_SWITCHES = "drive switches"
 END = "end of the run"
-SUFFIXES = ("before", "after", "min", "max", "mean", "std", "apart", "from", "to", "gain")
+SUFFIXES = (
+    "before", "after", "min", "max", "mean", "std", "apart", "from", "to", "gain", "final",
+)  # fmt: skip
 TIMES = ("time", "t", "start", "end")
 
 

@@ -1,0 +1,351 @@
+"""Basins of attraction: what motions come to from many states, and which of that is the same."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mems_impact.analysis.attractor import STUDY_OPTIONS, Case, Settling
+from mems_impact.analysis.state import State, is_number, state_from
+from mems_impact.analysis.storing.identity import identity_of_state
+from mems_impact.analysis.system import System
+from mems_impact.analysis.values import Value
+from mems_impact.analysis.verbs import takes_system
+from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
+from mems_impact.studies import census
+from mems_impact.studies.axes import axis
+from mems_impact.studies.measuring import Measuring
+from mems_impact.studies.recognition import Recognition
+from mems_impact.studies.running import run_study
+from mems_impact.studies.sampling import Method, check_sample
+from mems_impact.studies.starts import Grid, Sample, Starts, box_of
+from mems_impact.studies.study import STATUS, Columns, Study
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Basins", "BasinsStudy", "basins"]
+
+ATTRACTOR = census.ATTRACTOR
+
+
+@dataclass(frozen=True, kw_only=True)
+class BasinsStudy(Study):
+    """Motions of one system from many states."""
+
+    starts: Starts
+    measuring: Measuring
+    recognition: Recognition
+    initial: State
+
+    kind: ClassVar[str] = "basins"
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return len(self.starts.points)
+
+    @property
+    def chunk(self) -> int:
+        """How many go together: about a second of work."""
+        return 256
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads may compute points at the same time."""
+        return self.measuring.threaded
+
+    def identity(self) -> Mapping[str, Any]:
+        """Return what the numbers depend on."""
+        return {
+            **self.measuring.identity(),
+            **self.starts.identity(),
+            "initial": identity_of_state(self.initial),
+        }
+
+    @property
+    def schema(self) -> Mapping[str, str]:
+        """The columns of the table."""
+        told = self.measuring.schema
+        status = {STATUS: told.pop(STATUS)}
+        starts = dict.fromkeys(self.starts.names, "float")
+        return {**starts, **told, **self.recognition.schema, **status}
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Units and captions of the table."""
+        told = self.measuring.attrs(tuple(self.schema))
+        return {**told, "starts": list(self.starts.names)}
+
+    def prepare(self) -> None:
+        """Compile what points need."""
+        self.measuring.prepare()
+
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute some points; see `Study`."""
+        places = self._places(first, last)
+        rows = zip(*(values.tolist() for values in places.values()), strict=True)
+        starts = [self.initial.replace(**dict(zip(places, row, strict=True))) for row in rows]
+        found = self.measuring.follow(
+            [Case(self.measuring.system, start) for start in starts], watch
+        )
+        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
+        return {**places, **columns}, None
+
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return rows of points that could not be computed."""
+        found = self.measuring.lost(last - first, reason)
+        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
+        return {**self._places(first, last), **columns}
+
+    def _places(self, first: int, last: int) -> Columns:
+        return dict(zip(self.starts.names, self.starts.points[first:last].T, strict=True))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Basins(Value):
+    """What motions come to from many states of one system.
+
+    Attributes
+    ----------
+    system : System
+    starts : Grid or Sample
+        Where motions start.
+    table : DataFrame
+        One row a point: the components in which starts differ; ``attractor``, its name;
+        ``motion``, ``period`` and what is measured, as `operating_map` tells it; the mean, smallest
+        and largest value of each component at the returns (``"v2 mean"``, …), by which attractors
+        are recognised; where the motion was left (``"v2 final"``); and ``status``.
+    attractors : DataFrame
+        One row an attractor, that of the most points first: its name, ``motion``, ``period``,
+        ``points``, ``share`` of all points and between which bounds it lies, ``low`` and ``high``;
+        then what the table tells of the first of its points.
+    returns : DataFrame
+        The states at the returns of each attractor, once round or as many as were followed.
+    """
+
+    system: System = field(repr=False)
+    starts: Grid | Sample = field(repr=False)
+    table: pd.DataFrame = field(repr=False)
+    attractors: pd.DataFrame = field(repr=False)
+    returns: pd.DataFrame = field(repr=False)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.starts.names)
+        return f"Basins({names}: {len(self.table)} points, {self._told()})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return where motions start, and what there is."""
+        points = self.starts.points
+        ends = zip(self.starts.names, points.min(axis=0), points.max(axis=0), strict=True)
+        return {
+            "system": repr(self.system),
+            **{self.system.label(name): f"{low:g} to {high:g}" for name, low, high in ends},
+            "points": len(self.table),
+            "attractors": self._told(),
+        }
+
+    def state(self, name: str) -> State:
+        """Return a state of an attractor, from which `simulate` and `find_orbit` go on.
+
+        Parameters
+        ----------
+        name : str
+            Of the attractor.
+
+        Raises
+        ------
+        InvalidParameter
+            If there is no such attractor.
+        """
+        names = self.attractors[ATTRACTOR]
+        if name not in set(names):
+            raise InvalidParameter("name", name, f"one of {', '.join(names)}")
+        return census.state_of(self.system, self.attractors[names == name].iloc[0])
+
+    def grid(self, column: str = ATTRACTOR) -> NDArray[Any]:
+        """Return a column of the table as an array.
+
+        Parameters
+        ----------
+        column : str, optional
+
+        Returns
+        -------
+        array, shape (values of y, values of x)
+            Or as many as x has values, without y.
+
+        Raises
+        ------
+        InvalidParameter
+            If the table has no such column, or the starts are a sample.
+        """
+        if not isinstance(self.starts, Grid):
+            problem = "the starts are a sample, not a grid: see table"
+            raise InvalidParameter("column", column, "", problem=problem)
+        if column not in self.table:
+            raise InvalidParameter("column", column, f"one of {', '.join(self.table.columns)}")
+        return np.asarray(self.table[column].to_numpy()).reshape(self.starts.shape)
+
+    def _told(self) -> str:
+        found = self.attractors
+        told = [
+            f"{name} {share:.1%}"
+            for name, share in zip(found[ATTRACTOR], found["share"], strict=True)
+        ]
+        lost = int((self.table[ATTRACTOR] == census.FAILED).sum())
+        return ", ".join([*told, *([f"{lost} failed"] if lost else [])])
+
+
+@takes_system(start="initial")
+def basins(
+    system: System,
+    *,
+    x: tuple[str, ArrayLike] | None = None,
+    y: tuple[str, ArrayLike] | None = None,
+    box: Mapping[str, tuple[float, float]] | None = None,
+    sample: int = 1000,
+    method: Method = "random",
+    seed: int = 0,
+    initial: State | Mapping[str, float] | None = None,
+    settle: Settling = Settling(),  # noqa: B008 - immutable
+    distance: float = 1e-3,
+    options: Options = STUDY_OPTIONS,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[float], None] = False,
+) -> Basins:
+    """Tell what motions come to from many states; ``basins(actuator, drive, …)``.
+
+    The states are a grid over one or two components, or a sample of a box in any number of them.
+    Motions that come to the same are recognised afterwards, over all points: those of one kind and
+    period that return to the same places. Of two motions that have not repeated themselves nothing
+    tells whether they are one for sure: they count as one where the boxes around their returns
+    meet.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    x, y : tuple of str and array_like
+        A component of the state and its values, in the units of the system: ``("v2", values)``.
+        One of them is enough.
+    box : mapping of str to (float, float), optional
+        In place of x and y, the ends of any components: a sample is drawn from what lies between.
+    sample : int, optional
+        How many states are drawn from the box.
+    method : {"random", "sobol", "lhs"}, optional
+        Independent states, Sobol's sequence or a Latin hypercube. The last two fill the box more
+        evenly; the bounds of shares are then wider than they need be.
+    seed : int, optional
+        Of the sample.
+    initial : State or mapping of str to float, optional
+        All other components; the system's own start by default.
+    settle : Settling, optional
+        How long motions are given, and when they count as periodic.
+    distance : float, optional
+        Within which two motions are one, relative to the size of each component: far above the
+        tolerance to which they settle, far below what attractors are apart.
+    options : Options, optional
+        How they are integrated; method "auto" by default.
+    store : str or os.PathLike, optional
+        A directory in which chunks of points are kept as they are done: a study that is
+        interrupted or killed goes on from there.
+    executor : concurrent.futures.Executor or callable, optional
+        What computes: threads by default; processes, a cluster's, or a function that makes one.
+    workers : int, optional
+        How many threads. No number depends on it.
+    progress : bool or callable, optional
+
+    Returns
+    -------
+    Basins
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range. A run that fails is a row with its reason.
+    StudyInterrupted
+        On Ctrl-C; its ``table`` holds the points done.
+
+    Notes
+    -----
+    Shares are those of all points, failed ones included. Of a sample, their bounds are the interval
+    of Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the
+    box lies with a probability of 95 %. A grid knows no chance: there the bounds are the share of
+    the points whose neighbours all come to the same, and of those that have such a neighbour or are
+    one. The truth lies between them as far as the grid resolves the basin, and where boundaries are
+    fractal they are far apart.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.16, omega=0.5)
+    >>> found = mi.basins(
+    ...     actuator, drive, x=("x2", np.linspace(-0.4, 0.4, 60)), y=("v2", np.linspace(-1, 1, 60))
+    ... )
+    >>> found.attractors[["attractor", "share", "low", "high"]]
+    >>> name = found.attractors["attractor"][0]
+    >>> mi.find_orbit(actuator, drive, guess=found.state(name))
+    """
+    starts = _starts(system, x, y, box, (sample, method, seed))
+    start = system.initial if initial is None else initial
+    if not isinstance(start, State):
+        start = state_from(start)
+    if not isinstance(settle, Settling):
+        raise InvalidParameter("settle", settle, "a Settling(…)")
+    if not (is_number(distance) and 0.0 < distance < 1.0):
+        raise InvalidParameter("distance", distance, "a number above 0 and below 1")
+    system.instant(start, system.problem(options))
+    study = BasinsStudy(
+        starts=starts,
+        measuring=Measuring(system=system, settle=settle, options=options),
+        recognition=Recognition(system=system, options=options, distance=distance),
+        initial=start,
+    )
+    table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
+    columns = {name: table[name].to_numpy() for name in table.columns}
+    labels = study.recognition.labels(columns, {name: columns[name] for name in starts.names})
+    table, attractors = census.taken(table, labels, starts)
+    return Basins(
+        system=system,
+        starts=starts,
+        table=table,
+        attractors=attractors,
+        returns=census.returns(attractors, study.measuring),
+    )
+
+
+def _starts(system: System, x: Any, y: Any, box: Any, sample: tuple[Any, Any, Any]) -> Any:
+    """Return where motions start, as it was given."""
+    if box is not None:
+        if x is not None or y is not None:
+            problem = "give a grid (x=…, y=…) or a box to sample, not both"
+            raise InvalidParameter("box", None, "", problem=problem)
+        count = check_sample("sample", *sample)
+        return Sample(box_of(box, system.states), count, sample[1], int(sample[2]))
+    if x is None and y is None:
+        problem = f'give a grid, x=("{system.states[0]}", values), or a box to sample'
+        raise InvalidParameter("x", None, "", problem=problem)
+    first = axis("x" if x is not None else "y", x if x is not None else y, system.states)
+    if x is None or y is None:
+        return Grid(first)
+    second = axis("y", y, system.states)
+    if second.name == first.name:
+        raise InvalidParameter("y", second.name, "another component than x")
+    return Grid(first, second)

@@ -1,0 +1,61 @@
+"""Samples of the unit cube, each a pure function of its size, its method and its seed."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from typing import Any, Literal
+
+import numpy as np
+from scipy.stats import qmc
+
+from mems_impact.analysis.state import is_number, whole
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.trajectory import Floats
+
+__all__ = ["METHODS", "Method", "check_sample", "digest_of", "unit_sample"]
+
+Method = Literal["sobol", "lhs", "random"]
+METHODS = ("sobol", "lhs", "random")
+
+
+def check_sample(field: str, n: Any, method: Any, seed: Any) -> int:
+    """Return the size of a sample; InvalidParameter if it, method or seed is out of range."""
+    if method not in METHODS:
+        raise InvalidParameter("method", method, f"one of {', '.join(METHODS)}")
+    if not is_number(seed) or seed < 0 or seed != int(seed):
+        raise InvalidParameter("seed", seed, "a whole number >= 0")
+    return whole(field, n, 1)
+
+
+def unit_sample(n: int, dimensions: int, method: str, seed: int) -> Floats:
+    """Return points of the unit cube.
+
+    Parameters
+    ----------
+    n, dimensions : int
+    method : {"sobol", "lhs", "random"}
+        Sobol's sequence, scrambled; a Latin hypercube; independent points.
+    seed : int
+
+    Returns
+    -------
+    array, shape (n, dimensions)
+        In (0, 1).
+    """
+    generator = np.random.default_rng(seed)
+    if method == "random":
+        points = generator.random((n, dimensions))
+    elif method == "lhs":
+        points = qmc.LatinHypercube(dimensions, seed=generator).random(n)
+    else:
+        with warnings.catch_warnings():  # that n is no power of two: it need not be
+            warnings.simplefilter("ignore", UserWarning)
+            points = qmc.Sobol(dimensions, seed=generator).random(n)
+    tiny = np.finfo(float).eps
+    return np.clip(points, tiny, 1.0 - tiny)  # at 0 and 1 distributions may be infinite
+
+
+def digest_of(points: Floats) -> str:
+    """Return what tells a sample from others, whatever library has made it."""
+    return hashlib.sha256(np.ascontiguousarray(points).tobytes()).hexdigest()
