@@ -14,6 +14,7 @@ from mems_impact.errors import (
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
+    OptimizationInterrupted,
     OrbitError,
     RunError,
     RunInterrupted,
@@ -50,6 +51,7 @@ INTERRUPTIONS = [
     (SweepInterrupted([1, 2], 2, 5), "2 of 5 values"),
     (StudyInterrupted([1, 2], 2, 5), "2 of 5 points"),
     (ChartInterrupted([1, 2], 1, 6), "1 of 6 boundaries"),
+    (OptimizationInterrupted([1, 2], 3), "3 points"),
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
+from mems_impact.analysis.lyapunov import LEAST, SURE, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid import settling
+from mems_impact.hybrid.lyapunov import largest
 from mems_impact.hybrid.problem import Numbers, Problem
 from mems_impact.hybrid.survey import Recipe, Settled, Survey
 from mems_impact.hybrid.trajectory import Floats, Instant
@@ -23,6 +26,11 @@ STUDY_OPTIONS = Options(method="auto")
 # What becomes of a motion. One that has not repeated itself in its time is unsettled until its
 # Lyapunov exponent says more.
 OFF, RESTING, PERIODIC, UNSETTLED, FAILED = "off", "resting", "periodic", "unsettled", "failed"
+CHAOTIC, QUASI_PERIODIC = "chaotic", "quasi-periodic"
+
+Exponents = Literal["unsettled", "all", "none"]
+# Periods between two looks at an exponent, and after which there is none.
+LOOK, MOST = 16, 3_000
 
 
 class Case(NamedTuple):
@@ -45,6 +53,9 @@ class Settling:
         Returns after which a motion may repeat itself: a period-n motion has n up to that.
     tolerance : float
         To which it has to, relative to the size of each component.
+    exponents : {"unsettled", "all", "none"}
+        Of which motions the largest Lyapunov exponent is computed: it tells whether one that has
+        not repeated itself is chaotic or quasi-periodic.
 
     Raises
     ------
@@ -56,6 +67,7 @@ class Settling:
     periods: float = 100
     longest: int = 16
     tolerance: float = 1e-6
+    exponents: Exponents = "unsettled"
 
     def __post_init__(self) -> None:
         for name, least in (("transient", ">= 0"), ("periods", "> 0")):
@@ -65,6 +77,9 @@ class Settling:
         whole("longest", self.longest, 1)
         if not (is_number(self.tolerance) and 0.0 < self.tolerance < 0.1):
             raise InvalidParameter("tolerance", self.tolerance, "a number above 0 and below 0.1")
+        if self.exponents not in get_args(Exponents):
+            allowed = f"one of {', '.join(get_args(Exponents))}"
+            raise InvalidParameter("exponents", self.exponents, allowed)
 
     def recipe(self, system: System, problem: Problem) -> Recipe:
         """Return how the points of a system are followed."""
@@ -92,7 +107,9 @@ class Attractor:
     ----------
     motion : str
         "periodic"; "off" if it is and nothing strikes, in a system with impacts; "resting" if
-        nothing moves; "unsettled" if it has not repeated itself; "failed".
+        nothing moves; "chaotic" or "quasi-periodic" by its largest exponent (see `classify`) if it
+        has not repeated itself, and "unsettled" if that does not tell, as where it approaches an
+        orbit slowly or repeats itself after more than `longest` returns; "failed".
     period : int
         Returns after which it repeats itself: forcing periods, or crossings of the section (events
         of the first guard, without one) where nothing forces the system. 0 if it does not.
@@ -105,6 +122,9 @@ class Attractor:
         many as a motion may take to repeat itself.
     measures : dict of str to float
         What was gathered of it, by heading (see `System.measures`).
+    exponent, error : float
+        The largest Lyapunov exponent in 1/time, and its standard error; NaN where it was not asked
+        for, -inf where events leave nothing of perturbations.
     status : str
         "ok", or why there is none.
     instant : Instant
@@ -117,6 +137,8 @@ class Attractor:
     final: State | None = None
     states: Floats | None = field(default=None, repr=False)
     measures: dict[str, float] = field(default_factory=dict)
+    exponent: float = math.nan
+    error: float = math.nan
     status: str = "ok"
     instant: Instant | None = field(default=None, repr=False)
 
@@ -204,7 +226,16 @@ def _attractor(
         motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
     else:
         motion = UNSETTLED
+    exponent, error = math.nan, math.nan
+    if settle.exponents == "all" or (settle.exponents == "unsettled" and motion == UNSETTLED):
+        exponent, error = _exponent(problem, settled.final)
+        if motion == UNSETTLED:
+            told = classify(exponent, error, returns=False)
+            # The exponent along the flow is zero of any motion that nothing forces.
+            if told == CHAOTIC or (told == QUASI_PERIODIC and system.forced):
+                motion = told
     units = [float(system.out(name, 1.0)) for name in system.states]
+    period = float(system.out("time", problem.period))
     return Attractor(
         motion=motion,
         period=settled.repeats,
@@ -212,8 +243,21 @@ def _attractor(
         final=system.state_of(settled.final),
         states=settled.states * units,
         measures=system.measures(settled, problem.period),
+        exponent=exponent / period,
+        error=error / period,
         instant=settled.final,
     )
+
+
+def _exponent(problem: Problem, start: Instant) -> tuple[float, float]:
+    """Return the largest exponent per period and its error; NaN if the run cannot go on."""
+    try:
+        exponent, error, _ = largest(
+            problem, start, tolerance=LEAST, sure=SURE, periods=MOST, chunk=LOOK
+        )
+    except RunError:
+        return math.nan, math.nan
+    return exponent, error
 
 
 def _reason(case: Case, settle: Settling, options: Options) -> str:

@@ -27,6 +27,7 @@ from mems_impact.tables.common import captions, unit_of
 __all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
 
 MOTION, PERIOD, RETURNS = "motion", "period", "returns"
+EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +54,8 @@ class Measuring:
     def schema(self) -> dict[str, str]:
         """The columns that tell of a motion."""
         names = dict.fromkeys(self.system.measure_names, "float")
-        return {MOTION: "str", PERIOD: "int", **names, RETURNS: "int", STATUS: "str"}
+        told = {EXPONENT: "float", ERROR: "float"} if self.settle.exponents != "none" else {}
+        return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
 
     def identity(self) -> dict[str, Any]:
         """Return what the numbers depend on."""
@@ -66,6 +68,8 @@ class Measuring:
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
         """Return the ``attrs`` of a table with these columns."""
         units = {name: unit_of(name, self.system.units) for name in columns}
+        if time := self.system.unit("time"):
+            units |= {name: f"1/{time}" for name in (EXPONENT, ERROR) if name in columns}
         return {
             "units": {name: unit for name, unit in units.items() if unit},
             "system": repr(self.system),
@@ -86,6 +90,9 @@ class Measuring:
         }
         for name in self.system.measure_names:
             columns[name] = np.array([each.measures.get(name, math.nan) for each in found])
+        if self.settle.exponents != "none":
+            columns[EXPONENT] = np.array([each.exponent for each in found])
+            columns[ERROR] = np.array([each.error for each in found])
         columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
         columns[STATUS] = _words([each.status for each in found])
         return columns
