@@ -6,9 +6,11 @@ the motion.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.composed import composed_automaton, voltages
@@ -93,7 +95,7 @@ def at_electrodes_of(
 
 
 @cache
-def accounted_automaton(
+def summing_automaton(
     kinds: tuple[TermKind, ...],
     voltage: Callable[..., float],
     voltage_rate: Callable[..., float],
@@ -101,7 +103,7 @@ def accounted_automaton(
     left_rate: Callable[..., float] | None = None,
     bounds: bool = True,
 ) -> Automaton:
-    """Return the automaton that follows one arc in its mode, and sums up works and losses.
+    """Return the automaton of an actuator that sums up works and losses along its arcs.
 
     Its states are those of the actuator, and a sum for each of `SUMMED` and of `Accounts.lost`.
 
@@ -129,20 +131,25 @@ def accounted_automaton(
         dy[first + 3] = p[eq.C] * speed * speed
         fill(v, w, y, p, dy)
 
-    states = (*plain.states, *(f"sum of {name}" for name in (*SUMMED, *lost)))
-    return unguarded(
-        Automaton(
-            states=states,
-            modes=plain.modes,
-            guards=plain.guards,
-            flow=flow,
-            margins=plain.margins,
-            transition=plain.transition,
-            cyclic=(*plain.cyclic, *range(first, len(states))),
-            bounds=bounds,
-            recipe=(accounted_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
-        )
+    states = (*plain.states, *map(sum_of, (*SUMMED, *lost)))
+    return replace(
+        plain,
+        states=states,
+        flow=flow,
+        cyclic=(*plain.cyclic, *range(first, len(states))),
+        recipe=(summing_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )
+
+
+@cache
+def accounted_automaton(*given: Any) -> Automaton:
+    """Return the same without its guards: it follows one arc in its mode."""
+    return unguarded(summing_automaton(*given))
+
+
+def sum_of(name: str) -> str:
+    """Return what the state is called in which something is summed up."""
+    return "sum_of_" + re.sub(r"\W+", "_", name).strip("_")
 
 
 def kinetic(y, p):  # type: ignore[no-untyped-def]

@@ -190,11 +190,21 @@ class ActuatorNumerics(System):
     def _device(self) -> Floats:
         """The numbers of actuator and terms, in the units of the numerics; room for scratch."""
         own = self.inner_actuator.to_array()
-        if not self._kinds:
+        if not self._composed:
             return own
         of_terms = [each for term in self.actuator.terms for each in term.numbers(self._scales)]
-        scratch = np.zeros(SCRATCH * len(self.states))
+        scratch = np.zeros(self._scratch)
         return np.concatenate([own, of_terms, scratch])
+
+    @property
+    def _composed(self) -> bool:
+        """Whether its equations are put together, and need scratch; the paper's alone do not."""
+        return bool(self._kinds)
+
+    @property
+    def _scratch(self) -> int:
+        """How many numbers of scratch there are."""
+        return SCRATCH * len(self.states)
 
     @cached_property
     def _term_places(self) -> dict[str, int]:

@@ -19,6 +19,7 @@ from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.ledger import LedgerSystem
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem, kind_of, own_functions
@@ -93,7 +94,12 @@ def _system(parts: dict[str, Any], reader: Reader) -> System:
     return system
 
 
+def _ledger(system: System) -> System:
+    return system.with_energy() if isinstance(system, ActuatorSystem) else system
+
+
 register(ActuatorSystem, parts=_parts, reading=_system)
+register(LedgerSystem, parts=_parts, reading=lambda parts, reader: _ledger(_system(parts, reader)))
 register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
 register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})
 register_run(ActuatorRun)

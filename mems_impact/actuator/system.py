@@ -12,7 +12,7 @@ import numpy as np
 from mems_impact.actuator.composed import composed_automaton
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import yields
-from mems_impact.actuator.design.measures import MEASURES, REDUCED, measures
+from mems_impact.actuator.design.measures import REDUCED, measure_names, measures
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.still import still_after
 from mems_impact.actuator.drive import Drive
@@ -212,7 +212,7 @@ class ActuatorSystem(ActuatorNumerics):
     @property
     def measure_names(self) -> tuple[str, ...]:
         """The headings of `measures`."""
-        return MEASURES
+        return measure_names(self)
 
     @property
     def orbit_quantities(self) -> tuple[Quantity, ...]:
@@ -223,6 +223,17 @@ class ActuatorSystem(ActuatorNumerics):
     def symbols(self) -> Mapping[str, str]:
         """The paper's f for the amplitude."""
         return SYMBOLS
+
+    def with_energy(self) -> ActuatorSystem:
+        """Return the system with account kept of the energy that the drive gives.
+
+        Its studies tell it per period and per impact.
+        """
+        from mems_impact.actuator.ledger import LedgerSystem  # which is one of these
+
+        other = object.__new__(LedgerSystem)
+        other._put(self.actuator, self.drive, self._scales)
+        return other
 
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""

@@ -31,11 +31,12 @@ __all__ = [
     "swings",
 ]
 
+ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
 COLUMN_UNITS = {
     "time": "s",
     **dict.fromkeys(["x1", "x2", "step", "displacement", "formula", "closest approach"], "m"),
     **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
-    **dict.fromkeys(["energy lost", "energy lost per period"], "J"),
+    **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
     **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
     "voltage": "V",
     "load": "N",

@@ -134,9 +134,9 @@ class OperatingMap(Value):
         Name and values of each parameter.
     table : DataFrame
         One row a point, the values of x first: the two parameters; ``motion`` ("periodic", "off",
-        "resting", "chaotic", "quasi-periodic", "unsettled", "failed"), ``period`` (forcing periods after which it repeats
-        itself, 0 if it does not), what is measured of it, ``returns`` for which it was followed,
-        and ``status``.
+        "resting", "chaotic", "quasi-periodic", "unsettled", "failed"), ``period`` (forcing periods
+        after which it repeats itself, 0 if it does not), what is measured of it, ``returns`` for
+        which it was followed, and ``status``.
     """
 
     figure: ClassVar[str] = ""

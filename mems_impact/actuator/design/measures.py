@@ -17,10 +17,10 @@ from mems_impact.hybrid.survey import Settled
 if TYPE_CHECKING:
     from mems_impact.actuator.system import ActuatorSystem
 
-__all__ = ["MEASURES", "REDUCED", "measures"]
+__all__ = ["REDUCED", "measure_names", "measures"]
 
 REDUCED: tuple[Literal["min", "mean", "max"], ...] = ("min", "mean", "max")
-MEASURES = (
+_MEASURES = (
     "impacts per period",
     "displacement per period",
     "displacement per period std",
@@ -33,8 +33,14 @@ MEASURES = (
     "share resting",
     "closest approach",
 )
+_ENERGY = ("energy in per period", "energy in per impact")  # where it is kept account of
 _IMPACT = [guard.impact for guard in GUARDS]
 _RESTING = np.array([side_of(mode) != 0 for mode in range(len(MODES))])
+
+
+def measure_names(system: ActuatorSystem) -> tuple[str, ...]:
+    """Return the headings of `measures`."""
+    return (*_MEASURES, *_ENERGY) if "energy in" in system.observed.gains else _MEASURES
 
 
 def measures(system: ActuatorSystem, settled: Settled, period: float) -> dict[str, float]:
@@ -47,8 +53,8 @@ def measures(system: ActuatorSystem, settled: Settled, period: float) -> dict[st
     hits = float(settled.counts[_IMPACT].sum())
     displacement, deviation = float(settled.gains[0]), float(settled.deviations[0])
     speeds = settled.marks[-1]
-    yields = len(settled.gains) > 1
-    lost = float(settled.gains[1]) if yields else float(settled.marks[0, TOTAL])
+    gains = dict(zip(system.observed.gains, settled.gains.tolist(), strict=True))
+    lost = gains.get("energy lost", float(settled.marks[0, TOTAL]))
     slipping = float(settled.lasted[SLIPPING].sum())
     resting = float(settled.lasted[_RESTING].sum())
     struck = speeds[NUMBER] > 0.0
@@ -66,6 +72,9 @@ def measures(system: ActuatorSystem, settled: Settled, period: float) -> dict[st
         "share slipping": ratio(slipping, settled.duration),
         "share resting": ratio(resting, settled.duration),
     }
+    if "energy in" in gains:
+        given = gains["energy in"]
+        values |= zip(_ENERGY, (ratio(given, periods), ratio(given, hits)), strict=True)
     found = {name: float(system.out(name, value)) for name, value in values.items()}
     touched = hits > 0.0
     found["closest approach"] = math.nan if touched else closest_approach(system, settled)
