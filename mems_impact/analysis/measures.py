@@ -64,15 +64,13 @@ def measures(system: System, settled: Settled, period: float) -> dict[str, float
     if len(system.modes) > 1:
         for mode, lasted in zip(system.modes, settled.lasted, strict=True):
             values[f"share {mode}"] = ratio(float(lasted), settled.duration)
-    gains, marks = 0, 0
     for observable in system.studied:
+        name = observable.name
         if observable.at:
-            values[observable.name] = _reduced(observable.reduce, settled.marks[marks], periods)
-            marks += 1
+            values[name] = _reduced(observable.reduce, settled.marks[name], periods)
         else:
-            values[observable.name] = ratio(float(settled.gains[gains]), periods)
-            values[f"{observable.name} std"] = float(settled.deviations[gains])
-            gains += 1
+            values[name] = ratio(settled.gains[name], periods)
+            values[f"{name} std"] = settled.deviations[name]
     for name in values:
         values[name] = float(system.out(name, values[name]))
     if any(guard.impact for guard in automaton.guards):

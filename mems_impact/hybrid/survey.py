@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,11 +89,11 @@ class Settled:
         Smallest margins at closest approaches; inf without any.
     lasted : float array, shape (modes,)
         Time in each mode.
-    gains, deviations : float array, shape (gains,)
-        What the observables of the state gained in all, and the standard deviation of the gains
+    gains, deviations : dict of str to float
+        What each observable of the state gained in all, and the standard deviation of its gains
         from return to return.
-    marks : float array, shape (marks, 4)
-        Of the observables at events: number, sum, smallest, largest.
+    marks : dict of str to float array, shape (4,)
+        Of each observable at events: number, sum, smallest, largest.
     states : float array, shape (k, n)
         The state at the last returns, the latest first: once round, or as many as are known.
     """
@@ -108,9 +109,9 @@ class Settled:
     counts: Floats
     closest: Floats
     lasted: Floats
-    gains: Floats
-    deviations: Floats
-    marks: Floats
+    gains: dict[str, float]
+    deviations: dict[str, float]
+    marks: dict[str, Floats]
     states: Floats
 
 
@@ -130,8 +131,8 @@ class Survey:
     def __init__(self, problem: Problem, recipe: Recipe, observed: Observed | None = None) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
-        gains = len(observed.gains) if observed else 0
-        marks = len(observed.marks) if observed else 0
+        self._observed = observed or NOTHING
+        gains, marks = len(self._observed.gains), len(self._observed.marks)
         self._problem = problem
         self._bound = bound = bind(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
@@ -164,7 +165,7 @@ class Survey:
                 "direction": direction,
             },
         )
-        observe = observed.function if observed and gains + marks else None
+        observe = self._observed.function if gains + marks else None
         places, self._kept = bound.links(clock, observe, n, gains + marks)
         self._work = bound.record(
             gathering.WORK,
@@ -184,6 +185,13 @@ class Survey:
             },
         )
         self._clock, self._longest = clock, recipe.longest
+        lengths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
+        lengths |= {"gains": gains, "marks": gathering.PARTS * marks, "squares": gains}
+        lengths = {"y": n, **lengths, "states": recipe.longest * n}
+        ends = np.cumsum([RESULTS, *lengths.values()]).tolist()
+        self._places = {
+            name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
+        }
         self._alive = table, events, samples
         self._memory = np.zeros(settling.memory_shape(n, m, len(automaton.modes), self._work))
         self._put("memory", "memory_width", self._memory)
@@ -244,13 +252,13 @@ class Survey:
         self._bound.engine.close()
 
     def _settled(self, result: Floats) -> Settled:
-        n, m, modes, gains, marks = self._sizes
-        counts = [n, 2, m, m, modes, gains, gathering.PARTS * marks, gains, self._longest * n]
-        parts = np.split(result, np.cumsum([RESULTS, *counts]))
-        y, (duration, endings), *gathered, values, squares, states = parts[1:10]
+        n, at = self._sizes[0], self._places
         measured, repeats = int(result[MEASURED]), int(result[REPEATS])
-        known = states.reshape(self._longest, n)
-        known = known[: repeats or self._longest]
+        known = result[at["states"]].reshape(self._longest, n)[: repeats or self._longest]
+        squares = result[at["squares"]] / measured if measured else result[at["squares"]] + math.nan
+        marks = result[at["marks"]].reshape(-1, gathering.PARTS)
+        gains, names = self._observed.gains, self._observed.marks
+        duration, endings = result[at["head"]].tolist()
         cycle, mode = int(result[END_CYCLE]), int(result[END_MODE])
         return Settled(
             outcome=int(result[OUTCOME]),
@@ -258,17 +266,20 @@ class Survey:
             returns=int(result[RETURNS]),
             measured=measured,
             still=bool(result[STILL]),
-            final=Instant(cycle, float(result[END_TIME]), mode, y),
-            duration=float(duration),
+            final=Instant(cycle, float(result[END_TIME]), mode, result[at["y"]]),
+            duration=duration,
             endings=int(endings),
-            counts=gathered[0],
-            closest=gathered[1],
-            lasted=gathered[2],
-            gains=gathered[3],
-            deviations=np.sqrt(squares / measured) if measured else np.full(gains, math.nan),
-            marks=values.reshape(marks, gathering.PARTS),
+            counts=result[at["counts"]],
+            closest=result[at["closest"]],
+            lasted=result[at["lasted"]],
+            gains=dict(zip(gains, result[at["gains"]].tolist(), strict=True)),
+            deviations=dict(zip(gains, np.sqrt(squares).tolist(), strict=True)),
+            marks=dict(zip(names, marks, strict=True)),
             states=known[~np.isnan(known).any(axis=1)],
         )
+
+
+NOTHING = Observed(lambda mode, code, t, states, p, out: None, (), ())
 
 
 def _row(numbers: Numbers, start: Instant) -> NDArray[np.float64]:

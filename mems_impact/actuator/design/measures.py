@@ -51,10 +51,10 @@ def measures(system: ActuatorSystem, settled: Settled, period: float) -> dict[st
     """
     periods = settled.duration / period
     hits = float(settled.counts[_IMPACT].sum())
-    displacement, deviation = float(settled.gains[0]), float(settled.deviations[0])
-    speeds = settled.marks[-1]
-    gains = dict(zip(system.observed.gains, settled.gains.tolist(), strict=True))
-    lost = gains.get("energy lost", float(settled.marks[0, TOTAL]))
+    gains, marks = settled.gains, settled.marks
+    displacement, deviation = gains["step"], settled.deviations["step"]
+    speeds = marks["impact speed mean"]
+    lost = gains["energy lost"] if "energy lost" in gains else float(marks["energy lost"][TOTAL])
     slipping = float(settled.lasted[SLIPPING].sum())
     resting = float(settled.lasted[_RESTING].sum())
     struck = speeds[NUMBER] > 0.0
