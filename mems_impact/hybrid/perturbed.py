@@ -29,7 +29,7 @@ SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbatio
 # A column of which an event leaves less than this part has nothing left: differences are no better.
 NOTHING = 1e-11
 # Columns that shrink, or turn into each other, by more than this between two orthonormalizations
-# lose digits: from then on these come twice as often.
+# lose digits: then these come twice as often, until they are no longer needed.
 WORN = 1e-6
 
 
@@ -72,7 +72,7 @@ class Perturbed(NamedTuple):
     alive : int array, shape (k,)
         0 for a column that an event has left nothing of.
     length : float array, shape (1,)
-        Time after which columns are made orthonormal again at the latest.
+        Time after which columns are made orthonormal again at the latest, up to the time scale.
     """
 
     y: Any
@@ -145,6 +145,7 @@ def carry(engine: Any, log: Any, at: Any, setup: Any) -> int:
                     return i
                 put(log.before[i], at, setup)
             rest(engine, log.guard[i], at, setup)
+            orthonormalize(NOTHING, at, setup)
         if not go(engine, log, i, at, setup):
             return i
         put(log.before[i], at, setup)
@@ -210,8 +211,11 @@ def go(engine: Any, log: Any, i: int, at: Any, setup: Any) -> bool:
         at.t[0] = end
         for j in range(setup.k):
             at.shifts[j] = 0.0
-        if orthonormalize(0.0, at, setup) < WORN:
+        least = orthonormalize(0.0, at, setup)
+        if least < WORN:
             at.length[0] *= 0.5
+        elif least > WORN**0.25 and at.length[0] < setup.scale:
+            at.length[0] *= 2.0
         if parts <= 1:
             return True
 
@@ -318,6 +322,7 @@ def apply(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
     result = setup.work[10]
     length = most = 0.0
     for i in range(n):
+        most = max(most, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
         kick = after[i] - setup.jump[i, n + 1]
         parts = abs(after[i]) + abs(setup.jump[i, n + 1])
         for j in range(n):
