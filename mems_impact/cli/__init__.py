@@ -35,6 +35,7 @@ COMMANDS = (
     "fit",
     "orbit",
     "pull-in",
+    "sensitivity",
     "simulate",
     "sweep",
     "terms",

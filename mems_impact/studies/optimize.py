@@ -120,7 +120,7 @@ def optimize(
     A local search by the gradients of `sensitivity`: sequential quadratic programming with a trust
     region. The orbit is followed from point to point, and keeps its impacts; where it would lose
     one, graze, fold or double its period, the search turns back. It stays stable: if nothing else
-    is said, the largest modulus of its multipliers at most 0.99. For other local optima begin with
+    is said, the largest modulus of its multipliers at most 0.95. For other local optima begin with
     other orbits.
 
     Parameters
@@ -134,7 +134,7 @@ def optimize(
         first order, "scatter of mean speed".
     subject_to : mapping of str to tuple of float, optional
         By quantity its lowest and highest value, None for none: ``{"largest multiplier": (None,
-        0.9), "closest approach": (0.05, None)}``.
+        0.9), "closest approach": (0.05, None)}``. With two of None it is only shown in `history`.
     tolerances : mapping of str to float, optional
         Standard deviations of parameters, in their units, for "scatter of …".
     iterations : int, optional
