@@ -50,11 +50,11 @@ class Limit:
 
         What an orbit does not have does not limit it.
         """
+        signs = np.array([sign for sign, _ in self.sides])
+        bounds = np.array([bound for _, bound in self.sides])
         if math.isnan(value):
-            return np.ones(len(self.sides)), np.zeros((len(self.sides), gradient.size))
-        rows = [(sign * (value - bound), sign * gradient) for sign, bound in self.sides]
-        margins = np.array([margin for margin, _ in rows]) / self.scale
-        return margins, np.array([rates for _, rates in rows]) / self.scale
+            return np.ones(signs.size), np.zeros((signs.size, gradient.size))
+        return signs * (value - bounds) / self.scale, np.outer(signs, gradient) / self.scale
 
     def words(self, unit: str) -> list[str]:
         """Return what each limit demands, in words."""

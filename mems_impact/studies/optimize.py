@@ -278,12 +278,11 @@ class _Aim:
             each.margins(value, gradient)
             for each, value, gradient in zip(self.limits, values[1:], gradients[1:], strict=True)
         ]
-        empty = np.zeros((0, len(self.over)))
         return Local(
             value=self.sign * float(values[0]) / self.scale,
             gradient=self.sign * gradients[0] / self.scale,
-            margins=np.concatenate([margin for margin, _ in parts] or [np.zeros(0)]),
-            by_margin=np.vstack([rates for _, rates in parts] or [empty]),
+            margins=np.concatenate([margin for margin, _ in parts]),
+            by_margin=np.vstack([rates for _, rates in parts]),
         )
 
     def optimum(self, found: Search[Orbit], taken: list[Search[Orbit]]) -> Optimum:
