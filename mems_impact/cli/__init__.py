@@ -33,6 +33,7 @@ COMMANDS = (
     "devices",
     "drive",
     "fit",
+    "optimize",
     "orbit",
     "pull-in",
     "sensitivity",

@@ -64,18 +64,23 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
+    from mems_impact.studies.derivatives import chosen_quantities
+    from mems_impact.studies.sensitivity import check_tolerances
 
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial)
+    system = actuator.under(drive)
+    told = {each.name: each for each in chosen_quantities(system, None)}
+    told |= {each.name: each for each in chosen_quantities(system, [quantity])}
+    check_tolerances(tolerances, tuple(system.parameters))
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "sensitivity") as files:
         orbit = mi.find_orbit(
             actuator, drive, guess=guess, periods=periods, transient=transient, options=options
         )
-        found = mi.sensitivity(orbit)
-        found.gradient(quantity)  # a wrong name is told before anything is written
+        found = mi.sensitivity(orbit, quantities=tuple(told.values()))
         tables = {"table": found.table}
         if tolerances:
             tables["scatter"] = found.scatter(tolerances)

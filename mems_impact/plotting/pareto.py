@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, tidy, with_unit
+from mems_impact.plotting.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    in_brackets,
+    new_figure,
+    power_of_ten,
+    tidy,
+)
 from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
@@ -50,23 +59,33 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     if ax is None:
         ax = new_figure(3.5, 3.0).subplots()
     first, second = aims
+    begin = _begin(start, aims) if start is not None else {}
+    powers, units = {}, table.attrs.get("units", {})
+    for name in aims:
+        powers[name] = power_of_ten(max(table[name].abs().max(), abs(begin.get(name, 0.0))))
     ax.plot(
-        table[second], table[first], color=BLUE, marker="o", markersize=4, label="Pareto front",
-        zorder=3,
+        table[second] / 10.0 ** powers[second], table[first] / 10.0 ** powers[first],
+        color=BLUE, marker="o", markersize=4, label="Pareto front", zorder=3,
     )  # fmt: skip
-    if start is not None:
-        known = {each.name: each for each in start.system.orbit_quantities}
-        if first in known and second in known:
-            place = known[second](start), known[first](start)
-            ax.plot(*place, color=ORANGE, marker="s", linestyle="none", label="start", zorder=4)
-    ax.set_xlabel(f"{with_unit(second, table, second)}, {_better(aims[second])}")
-    ax.set_ylabel(f"{with_unit(first, table, first)}, {_better(aims[first])}")
-    ax.ticklabel_format(scilimits=(-2, 4), useMathText=True)
+    if begin:
+        ax.plot(
+            begin[second] / 10.0 ** powers[second], begin[first] / 10.0 ** powers[first],
+            color=ORANGE, marker="s", linestyle="none", label="start", zorder=4,
+        )  # fmt: skip
+    for name, label in ((second, ax.set_xlabel), (first, ax.set_ylabel)):
+        unit = in_brackets(units.get(name, ""), powers[name])
+        label(f"{name}{unit}\n{_better(aims[name])}")
     ax.margins(0.08)
     ax.grid(color=GREY, alpha=0.25, linewidth=0.5)
     ax.legend(frameon=False, fontsize="small")
     tidy(ax)
     return ax
+
+
+def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
+    """Return the aims of the orbit where searches began, as far as they have names."""
+    known = {each.name: each for each in start.system.orbit_quantities}
+    return {name: known[name](start) for name in aims} if set(aims) <= set(known) else {}
 
 
 def _better(sense: str) -> str:

@@ -25,7 +25,7 @@ __all__ = ["ParetoFront", "pareto_front"]
 
 Sense = Literal["maximize", "minimize"]
 SENSES = ("maximize", "minimize")
-EQUAL = 1e-6  # part of the front's extent by which one point must beat another
+EQUAL = 1e-6  # part of its size by which one point must beat another in an aim
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,13 +181,14 @@ def _front(
     """Return the points that no other beats, in order of the second aim, the best of it first."""
     signs = [-1.0 if sense == "maximize" else 1.0 for sense in aims.values()]
     costs = np.array([[_value(each, name) for name in aims] for each in found]) * signs
-    slack = EQUAL * np.ptp(costs, axis=0)
+    slack = EQUAL * np.abs(costs).max(axis=0)
     kept = [
         i
         for i, cost in enumerate(costs)
         if not any(
             (other <= cost + slack).all() and (other < cost - slack).any() for other in costs
         )
+        and not any((np.abs(other - cost) <= slack).all() for other in costs[:i])
     ]
     order = sorted(kept, key=lambda i: (costs[i, 1], costs[i, 0]))
     return ParetoFront(

@@ -30,3 +30,46 @@ def test_sensitivity(cli, tmp_path):
 def test_bad_input(cli, arguments, named, tmp_path):
     assert named in cli("sensitivity", *POINT, *NEAR, *arguments).complaint()
     assert not (tmp_path / "out").exists()
+
+
+OPTIMIZE = ["optimize", *POINT, *NEAR, "--over", "omega=0.49:0.51"]
+
+
+@pytest.mark.slow
+def test_optimize(cli, tmp_path):
+    limit = ["--subject-to", "impact speed=:0.17"]
+    done = cli(*OPTIMIZE, "--maximize", "mean speed", *limit, "--no-figure")
+    assert done.status == 0
+    assert "held by     impact speed at most 0.17" in done.out
+    out = tmp_path / "out"
+    history = pd.read_csv(out / "optimize-history.csv")
+    assert history["impact speed"].iloc[-1] == pytest.approx(0.17)
+    margins = pd.read_csv(out / "optimize-margins.csv")
+    assert margins["what"].to_list() == ["period-doubling", "fold"]
+
+
+@pytest.mark.slow
+def test_front(cli, tmp_path):
+    aims = ["--maximize", "mean speed", "--minimize", "impact speed", "--points", "3"]
+    done = cli(*OPTIMIZE, *aims)
+    assert done.status == 0
+    front = pd.read_csv(tmp_path / "out" / "optimize-front.csv")
+    assert front["omega"].is_monotonic_increasing
+    assert len(front) == 3
+    assert (tmp_path / "out" / "optimize.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ([], "--maximize"),
+        (["--maximize", "a", "--minimize", "a"], "--maximize"),
+        (["--maximize", "speedy"], "mean speed"),
+        (["--maximize", "mean speed", "--over", "omega=1"], "NAME=LOW:HIGH"),
+        (["--maximize", "mean speed", "--over", "omega=:1"], "NAME=LOW:HIGH"),
+        (["--maximize", "mean speed", "--subject-to", "speed=:"], "NAME=LOW:HIGH"),
+        (["--maximize", "mean speed", "--subject-to", "speed=:1"], "mean speed"),
+    ],
+)
+def test_bad_input_of_optimize(cli, arguments, named):
+    assert named in cli(*OPTIMIZE, *arguments).complaint()

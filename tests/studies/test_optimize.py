@@ -76,12 +76,7 @@ def test_interrupted(heated):
 
 
 def test_an_orbit_moves_while_events_pass_the_beginning_of_a_period(orbit):
-    # The voltage shifted in time shifts all; half a period on, the impact lies in the next one.
-    there = moved(orbit, {"phase": -2.0})
-    assert there.step == pytest.approx(orbit.step, rel=1e-8)
-    assert there.impacts["phase"][0] == pytest.approx(
-        (orbit.impacts["phase"][0] + 2.0 / math.pi) % 1.0
-    )
+    # The voltage shifted in time shifts all; so far, that the impact lies in the period before.
     there = moved(orbit, {"phase": 1.0})
     assert there.impacts["phase"][0] == pytest.approx(
         (orbit.impacts["phase"][0] - 1.0 / math.pi) % 1.0
@@ -89,6 +84,7 @@ def test_an_orbit_moves_while_events_pass_the_beginning_of_a_period(orbit):
     assert there.step == pytest.approx(orbit.step, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_an_orbit_is_not_moved_past_its_fold(orbit):
     with pytest.raises(mi.OrbitError, match="fold"):
         moved(orbit, {"amplitude": 0.17})
@@ -173,6 +169,7 @@ def test_margins_of_what_ends_nowhere(heated):
         mi.margins(heated, ["x"])
 
 
+@pytest.mark.slow
 def test_a_value(heated, tmp_path):
     best = mi.optimize(heated, maximize="period", over={"q": (2.5, 6.0)})
     assert best == mi.optimize(heated, maximize="period", over={"q": (2.5, 6.0)})
