@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.orbit import plot_orbit
+    from mems_impact.plotting.pareto import plot_pareto
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
@@ -101,6 +102,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.margins import margins
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.studies.optimize import Optimum, optimize
+    from mems_impact.studies.pareto import ParetoFront, pareto_front
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.studies.stored_study import StoredStudy, read_study
     from mems_impact.tables.sweep import sweep_summary
@@ -147,6 +149,7 @@ __all__ = [
     "Orbit",
     "OrbitError",
     "Run",
+    "ParetoFront",
     "Part",
     "Quantity",
     "Relay",
@@ -200,6 +203,7 @@ __all__ = [
     "operating_map",
     "margins",
     "optimize",
+    "pareto_front",
     "period_one_window",
     "plot_branch",
     "plot_chart",
@@ -209,6 +213,7 @@ __all__ = [
     "plot_load",
     "plot_orbit",
     "plot_response",
+    "plot_pareto",
     "plot_run",
     "plot_sensitivity",
     "plot_sweep",
@@ -273,10 +278,12 @@ _HOMES = {
     "analysis.equilibrium": ("Equilibrium", "EquilibriumPoint", "find_equilibria"),
     "analysis.finding": ("find_orbit",),
     "analysis.orbit": ("Orbit",),
+    "plotting.pareto": ("plot_pareto",),
     "plotting.sensitivity": ("plot_sensitivity",),
     "plotting.sweep": ("plot_sweep",),
     "studies.margins": ("margins",),
     "studies.optimize": ("Optimum", "optimize"),
+    "studies.pareto": ("ParetoFront", "pareto_front"),
     "studies.sensitivity": ("Sensitivity", "sensitivity"),
     "plotting.curve": ("plot_curve",),
     "plotting.orbit": ("plot_orbit",),

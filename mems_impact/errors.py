@@ -383,12 +383,12 @@ class ChartInterrupted(Interrupted):
 
 
 class OptimizationInterrupted(Interrupted):
-    """A search was interrupted (Ctrl-C); the best point so far is kept.
+    """A search was interrupted (Ctrl-C); what was found is kept.
 
     Parameters
     ----------
     optimum : object
-        That point.
+        The best point so far, and all before it.
     points : int
         Number of points that it took.
     """
@@ -397,7 +397,7 @@ class OptimizationInterrupted(Interrupted):
         self.optimum = optimum
         self.points = points
         self.after = f"{points} points"
-        super().__init__(f"search interrupted after {self.after}; the best is in .optimum")
+        super().__init__(f"search interrupted after {self.after}; they are in .optimum")
 
 
 class EngineFallbackWarning(UserWarning):

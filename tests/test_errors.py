@@ -53,6 +53,7 @@ INTERRUPTIONS = [
     (ChartInterrupted([1, 2], 1, 6), "1 of 6 boundaries"),
     (OptimizationInterrupted([1, 2], 3), "3 points"),
     (ChartInterrupted([], 0, 0), "0 of all boundaries"),
+    (OptimizationInterrupted("best", 4), "4 points"),
     (SuiteInterrupted([1, 2], 2, 6), "2 of 6 figures"),
 ]
 

@@ -19,25 +19,12 @@ from mems_impact.cli.options import (
     state_from,
     transient_option,
 )
+from mems_impact.cli.ranges import ranges_option
 
 if TYPE_CHECKING:
     import mems_impact as mi
 
 TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
-
-
-def _bounds(
-    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, tuple[float, float]]:
-    bounds = {}
-    for text in texts:
-        name, _, limits = (part.strip() for part in text.partition("="))
-        low, _, high = limits.partition(":")
-        try:
-            bounds[name] = (float(low), float(high))
-        except ValueError:
-            raise click.BadParameter(f"{text!r} must be NAME=LOW:HIGH, such as k=1:10") from None
-    return bounds
 
 
 @click.command(short_help="Fit parameters of a device to measured numbers.")
@@ -50,10 +37,9 @@ def _bounds(
     "--free", multiple=True, required=True, metavar="NAME",
     help="A parameter of the device to be fitted. May be repeated.",
 )  # fmt: skip
-@click.option(
-    "--bounds", multiple=True, metavar="NAME=LOW:HIGH", callback=_bounds,
+@ranges_option(
+    "--bounds", "k=1:10", "Between which values it is looked for.",
     show_default="a tenth to ten times the value of DEVICE",
-    help="Between which values it is looked for. May be repeated.",
 )  # fmt: skip
 @drive_options
 @transient_option("Forcing periods to wait in a run.", 2)

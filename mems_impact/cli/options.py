@@ -77,6 +77,16 @@ parameter_option = click.option(
 )
 
 
+tolerance_option = click.option(
+    "--tolerance",
+    "tolerances",
+    multiple=True,
+    metavar="NAME=NUMBER",
+    callback=_assignments,
+    help="Standard deviation of a parameter, such as delta=0.005. May be repeated.",
+)
+
+
 def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None) -> Decorator:
     """Return the options of where a varied parameter starts and stops.
 

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, ORANGE, new_figure, symbol, tidy
+from mems_impact.plotting.style import (
+    BLUE,
+    ORANGE,
+    in_brackets,
+    new_figure,
+    power_of_ten,
+    symbol,
+    tidy,
+)
 
 if TYPE_CHECKING:
     from mems_impact.studies.sensitivity import Sensitivity
@@ -70,10 +77,9 @@ def plot_sensitivity(
     if not longest > 0.0:
         raise InvalidParameter("quantity", quantity, "one that a parameter changes")
     order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > NOTHING * longest][:MOST]
-    exponent = math.floor(math.log10(longest))
-    exponent = exponent if not -2 <= exponent <= 3 else 0
-    names, change = [list(sizes)[i] for i in order], change[order] / 10.0**exponent
-    longest /= 10.0**exponent
+    power = power_of_ten(longest)
+    names, change = [list(sizes)[i] for i in order], change[order] / 10.0**power
+    longest /= 10.0**power
     if ax is None:
         ax = new_figure(3.5, 0.9 + 0.23 * len(names)).subplots()
     places = np.arange(len(names))
@@ -93,16 +99,9 @@ def plot_sensitivity(
     row = found.row(quantity)
     unit = found.units[row]
     start = f"{found.values[row]:.4g} {unit}".rstrip()
-    ax.set_xlabel(f"change of {quantity}{_told(unit, exponent)}\nfrom {start}")
+    ax.set_xlabel(f"change of {quantity}{in_brackets(unit, power)}\nfrom {start}")
     # The corner where the last, shortest bars leave room.
     ax.legend(frameon=False, loc="lower right", fontsize="small", handlelength=1.0)
     tidy(ax)
     ax.spines["left"].set_visible(False)
     return ax
-
-
-def _told(unit: str, exponent: int) -> str:
-    """Return a unit times a power of ten in brackets, as far as there is one."""
-    power = f"$10^{{{exponent}}}$" if exponent else ""
-    told = " ".join(filter(None, (power, unit)))
-    return f" [{told}]" if told else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -14,7 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BLUE", "GREEN", "GREY", "MODE_COLORS", "ORANGE",
-    "crosses", "new_figure", "on_section", "parameter_label", "symbol", "tidy", "with_unit",
+    "crosses", "in_brackets", "new_figure", "on_section", "parameter_label", "power_of_ten",
+    "symbol", "tidy", "with_unit",
 ]  # fmt: skip
 
 # Distinct in grey and to the colour-blind (after Wong, Nature Methods 8, 441, 2011).
@@ -109,6 +111,23 @@ def parameter_label(table: pd.DataFrame, name: str) -> str:
     symbols = table.attrs.get("symbols", {})
     sign, told = symbol(name, symbols), name not in symbols
     return with_unit(sign if told else f"{name} {sign}", table, name)
+
+
+def power_of_ten(largest: float) -> int:
+    """Return the power of ten in which an axis up to `largest` is best told; 0 for plain numbers.
+
+    Matplotlib puts it at the end of the axis, where a long label stands.
+    """
+    if not (largest > 0.0 and math.isfinite(largest)):
+        return 0
+    power = math.floor(math.log10(largest))
+    return 0 if -2 <= power <= 3 else power
+
+
+def in_brackets(unit: str, power: int) -> str:
+    """Return a power of ten and a unit in brackets for a label, as far as there are any."""
+    told = " ".join(filter(None, (f"$10^{{{power}}}$" if power else "", unit)))
+    return f" [{told}]" if told else ""
 
 
 def crosses(captions: Mapping[str, Any]) -> str:

@@ -21,6 +21,9 @@ STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in roun
 SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
 """Of orbits that are corrected, which leaves more than rounding; shorter where one ends nearby."""
 
+ROUNDING = np.array([1e-10, 1e-8])
+"""Parts of a value that differences leave: by first order, and of corrected orbits."""
+
 
 def derivatives(
     orbit: Orbit, quantities: Sequence[Quantity], parameters: Sequence[str]
@@ -65,6 +68,11 @@ def derivatives(
                 found[rows, column] = _central(
                     orbit.system, wanted, beside.to_first_order, STEP * size
                 )
+        # A parameter that changes nothing has the derivative zero.
+        nothing = np.abs(found[:, column]) * size <= ROUNDING[of_solved.astype(int)] * np.abs(
+            values
+        )
+        found[nothing, column] = 0.0
         found[:, column] /= float(orbit.system.out(name, 1.0))
     return values, found
 

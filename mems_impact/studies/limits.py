@@ -16,7 +16,7 @@ from mems_impact.hybrid.trajectory import Floats
 
 __all__ = ["Limit", "limits_of"]
 
-STABLE = 0.99  # largest modulus of a multiplier, where nothing else is said
+STABLE = 0.95  # largest modulus of a multiplier, where nothing else is said: folds are near one
 CLOSEST = "closest approach"
 
 
@@ -50,11 +50,11 @@ class Limit:
 
         What an orbit does not have does not limit it.
         """
+        signs = np.array([sign for sign, _ in self.sides])
+        bounds = np.array([bound for _, bound in self.sides])
         if math.isnan(value):
-            return np.ones(len(self.sides)), np.zeros((len(self.sides), gradient.size))
-        rows = [(sign * (value - bound), sign * gradient) for sign, bound in self.sides]
-        margins = np.array([margin for margin, _ in rows]) / self.scale
-        return margins, np.array([rates for _, rates in rows]) / self.scale
+            return np.ones(signs.size), np.zeros((signs.size, gradient.size))
+        return signs * (value - bounds) / self.scale, np.outer(signs, gradient) / self.scale
 
     def words(self, unit: str) -> list[str]:
         """Return what each limit demands, in words."""
@@ -68,6 +68,8 @@ def limits_of(
     orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[Limit, ...]:
     """Return the limits on an orbit: those that are given, stability, and no penetration.
+
+    A pair of None limits nothing; the quantity is only shown.
 
     Raises
     ------
@@ -94,7 +96,7 @@ def _checked(name: str, pair: tuple[float | None, float | None]) -> tuple[float,
         low, high = pair
     except (TypeError, ValueError):
         low, high = math.nan, math.nan
-    if not all(each is None or is_number(each) for each in (low, high)) or low is high is None:
+    if not all(each is None or is_number(each) for each in (low, high)):
         raise InvalidParameter(f"subject_to {name}", pair, "(lowest, highest), None for none")
     bounds = -math.inf if low is None else float(low), math.inf if high is None else float(high)
     if not bounds[0] < bounds[1]:

@@ -120,7 +120,7 @@ def optimize(
     A local search by the gradients of `sensitivity`: sequential quadratic programming with a trust
     region. The orbit is followed from point to point, and keeps its impacts; where it would lose
     one, graze, fold or double its period, the search turns back. It stays stable: if nothing else
-    is said, the largest modulus of its multipliers at most 0.99. For other local optima begin with
+    is said, the largest modulus of its multipliers at most 0.95. For other local optima begin with
     other orbits.
 
     Parameters
@@ -134,7 +134,7 @@ def optimize(
         first order, "scatter of mean speed".
     subject_to : mapping of str to tuple of float, optional
         By quantity its lowest and highest value, None for none: ``{"largest multiplier": (None,
-        0.9), "closest approach": (0.05, None)}``.
+        0.9), "closest approach": (0.05, None)}``. With two of None it is only shown in `history`.
     tolerances : mapping of str to float, optional
         Standard deviations of parameters, in their units, for "scatter of …".
     iterations : int, optional
@@ -278,12 +278,11 @@ class _Aim:
             each.margins(value, gradient)
             for each, value, gradient in zip(self.limits, values[1:], gradients[1:], strict=True)
         ]
-        empty = np.zeros((0, len(self.over)))
         return Local(
             value=self.sign * float(values[0]) / self.scale,
             gradient=self.sign * gradients[0] / self.scale,
-            margins=np.concatenate([margin for margin, _ in parts] or [np.zeros(0)]),
-            by_margin=np.vstack([rates for _, rates in parts] or [empty]),
+            margins=np.concatenate([margin for margin, _ in parts]),
+            by_margin=np.vstack([rates for _, rates in parts]),
         )
 
     def optimum(self, found: Search[Orbit], taken: list[Search[Orbit]]) -> Optimum:

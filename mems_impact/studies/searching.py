@@ -23,7 +23,7 @@ SHARE = 0.3  # of what meeting constraints is worth, that a step must promise
 EDGE = 1e-12  # nearer to a side of the box is on it
 FIRST, SMALLEST = 0.1, 1e-9  # size of the trust region, in parts of the ranges
 GOOD, POOR = 0.75, 0.25  # what a step brings by what it promised, to widen or narrow the region
-GAIN = 1e-10  # that a model must promise for the search to go on
+GAIN = 1e-8  # that a model must promise for the search to go on
 HOLDS = 1e-6  # within which a constraint is met
 
 
@@ -119,11 +119,11 @@ def search(
         if met > 0.0:
             penalty = max(penalty, -gained / ((1.0 - SHARE) * met))
         promised = gained + penalty * met
-        if promised < GAIN * max(1.0, abs(here.local.merit(penalty))):
-            return replace(here, ended="converged", lost=lost)
         length = float(np.abs(step).max())
-        if length < SMALLEST:
-            return replace(here, ended="lost" if lost else "small", lost=lost)
+        if promised < GAIN * max(1.0, abs(here.local.merit(penalty))) or length < SMALLEST:
+            held = length > 0.99 * radius  # by the region alone, which has shrunk
+            ended = ("lost" if lost else "small") if held else "converged"
+            return replace(here, ended=ended, lost=lost if held else "")
         try:
             there = _at(here, _boxed(here.x + step), move, look)
             ratio = (here.local.merit(penalty) - there.local.merit(penalty)) / promised

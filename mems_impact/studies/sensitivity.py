@@ -65,7 +65,7 @@ class Sensitivity(Value):
         q, p = len(self.quantities), len(self.parameters)
         at = np.array([self.system.value(name) for name in self.parameters])
         with np.errstate(divide="ignore", invalid="ignore"):
-            elasticity = self.derivatives * at / self.values[:, None]
+            elasticity = self.derivatives * at / self.values[:, None] + 0.0
         columns = {
             "quantity": np.repeat(self.quantities, p),
             "value": np.repeat(self.values, p),

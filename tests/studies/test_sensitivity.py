@@ -63,7 +63,7 @@ def test_by_all_parameters_of_device_and_drive(orbit, found):
 def test_parameters_without_influence(found):
     # The frame breaks away in the impact, and a shift of the voltage in time shifts all.
     for name in ("mu_s", "phase"):
-        assert found.derivatives[:, found.parameters.index(name)] == pytest.approx(0.0, abs=1e-8)
+        assert not found.derivatives[:, found.parameters.index(name)].any()
 
 
 def test_friction_and_weight_act_together(found):

@@ -1,0 +1,158 @@
+"""`mems-impact optimize`: the drive or the device that does best, or what two aims cost."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    guess_options,
+    orbit_integrator_options,
+    output_options,
+    progress_option,
+    state_from,
+    tolerance_option,
+)
+from mems_impact.cli.ranges import ranges_option
+from mems_impact.cli.showing import show_lines, text_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    import mems_impact as mi
+
+
+@click.command(short_help="Look for the best drive or device near an orbit.")
+@device_options
+@click.option(
+    "--maximize", multiple=True, metavar="QUANTITY", help="What shall be large: 'mean speed'."
+)
+@click.option(
+    "--minimize",
+    multiple=True,
+    metavar="QUANTITY",
+    help="What shall be small: 'energy lost per period', 'scatter of mean speed'. Two aims in all "
+    "give a Pareto front.",
+)
+@ranges_option(
+    "--over", "omega=0.45:0.55", "A parameter to vary, and between which values.", required=True
+)
+@ranges_option(
+    "--subject-to",
+    "'largest multiplier=:0.9'",
+    "Between which values a quantity must stay.",
+    half_open=True,
+)
+@tolerance_option
+@click.option(
+    "--points",
+    type=click.IntRange(2, 1000),
+    default=9,
+    show_default=True,
+    help="Number of points on a Pareto front.",
+)
+@drive_options
+@guess_options
+@orbit_integrator_options
+@progress_option
+@output_options
+def command(
+    *,
+    device: str,
+    changes: dict[str, float],
+    maximize: tuple[str, ...],
+    minimize: tuple[str, ...],
+    over: dict[str, tuple[float, float]],
+    subject_to: dict[str, tuple[float | None, float | None]],
+    tolerances: dict[str, float],
+    points: int,
+    initial: dict[str, float],
+    transient: float,
+    periods: int | None,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    progress: bool,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    """Look for the best orbit over some parameters, near the one that a run of DEVICE leads to.
+
+    It stays stable and keeps its impacts. Writes the way there, the margins to the next
+    bifurcations, and the motion as a figure; of two aims the Pareto front.
+
+    \b
+    Example:
+      mems-impact optimize zhao2004 --amplitude 0.24 --omega 0.5 --maximize "mean speed" \\
+        --over amplitude=0.2:0.3 --over omega=0.45:0.6
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    aims = {**dict.fromkeys(maximize, "maximize"), **dict.fromkeys(minimize, "minimize")}
+    if not 1 <= len(maximize) + len(minimize) <= 2 or len(aims) != len(maximize) + len(minimize):
+        raise click.UsageError("give --maximize or --minimize: one quantity, or two for a front")
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = drive_from()
+    guess = state_from(initial)
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    given: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
+    with Output(output, figure, no_figure, "optimize") as files:
+        orbit = mi.find_orbit(
+            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+        )
+        try:
+            found: Any
+            if len(aims) == 2:
+                found = mi.pareto_front(
+                    orbit,
+                    aims,  # type: ignore[arg-type]
+                    points=points,
+                    progress=progress,
+                    **given,
+                )
+            else:
+                given |= {sense: name for name, sense in aims.items()}
+                found = mi.optimize(orbit, progress=progress, **given)
+        except mi.OptimizationInterrupted as interruption:
+            files.tables(_found(interruption.optimum))
+            raise
+        if isinstance(found, mi.ParetoFront):
+            files.tables(_found(found))
+            files.draw(lambda: mi.plot_pareto(found).figure)
+            click.echo(text_of(found.table, 6) + "\n")
+        else:
+            margins = found.margins
+            files.tables({**_found(found), "margins": margins})
+            files.draw(lambda: mi.plot_orbit(found.orbit).figure)
+            _show(found, margins)
+        click.echo(files.said())
+
+
+def _found(found: Any) -> dict[str, pd.DataFrame]:
+    """Return the table of a front, or of the way to an optimum."""
+    return {"history": found.history} if hasattr(found, "history") else {"front": found.table}
+
+
+def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
+    label = best.system.label
+    begin = best.history[best.quantity].iloc[0]
+    unit = best.history.attrs.get("units", {}).get(best.quantity, "")
+    told = best.system.scales.label(best.quantity, unit)
+    show_lines(
+        {
+            told: f"{best.value:.9g}, from {begin:.6g}",
+            **{label(name): f"{value:.9g}" for name, value in best.values.items()},
+            "held by": "; ".join(best.active) or "nothing",
+            "ended": best.ended,
+        }
+    )
+    click.echo("\nTo the next bifurcation:\n" + text_of(margins, 6) + "\n")

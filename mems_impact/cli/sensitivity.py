@@ -1,0 +1,104 @@
+"""`mems-impact sensitivity`: how the numbers of an orbit move with the parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    guess_options,
+    orbit_integrator_options,
+    output_options,
+    state_from,
+    tolerance_option,
+)
+from mems_impact.cli.showing import text_of
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+
+@click.command(short_help="Tell which parameters move an orbit's numbers.")
+@device_options
+@drive_options
+@click.option(
+    "--quantity",
+    default="mean speed",
+    show_default=True,
+    help="What the figure shows, such as 'displacement per period' or 'impact speed'.",
+)
+@tolerance_option
+@guess_options
+@orbit_integrator_options
+@output_options
+def command(
+    *,
+    device: str,
+    changes: dict[str, float],
+    quantity: str,
+    tolerances: dict[str, float],
+    initial: dict[str, float],
+    transient: float,
+    periods: int | None,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    """Differentiate the numbers of the orbit that a run of DEVICE leads to by all parameters.
+
+    Writes derivatives, and with tolerances the scatter to first order, as CSV tables, and a tornado
+    chart of one quantity.
+
+    \b
+    Example:
+      mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 --tolerance delta=0.005
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+    from mems_impact.studies.derivatives import chosen_quantities
+    from mems_impact.studies.sensitivity import check_tolerances
+
+    show_warnings_briefly()
+    actuator = actuator_from(device, changes)
+    drive = drive_from()
+    guess = state_from(initial)
+    system = actuator.under(drive)
+    told = {each.name: each for each in chosen_quantities(system, None)}
+    told |= {each.name: each for each in chosen_quantities(system, [quantity])}
+    check_tolerances(tolerances, tuple(system.parameters))
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    with Output(output, figure, no_figure, "sensitivity") as files:
+        orbit = mi.find_orbit(
+            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
+        )
+        found = mi.sensitivity(orbit, quantities=tuple(told.values()))
+        tables = {"table": found.table}
+        if tolerances:
+            tables["scatter"] = found.scatter(tolerances)
+        files.tables(tables)
+        chosen = tolerances or None
+        files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)
+        _show(found, quantity)
+        if tolerances:
+            click.echo(text_of(tables["scatter"].iloc[:, :4], 6) + "\n")
+        click.echo(files.said())
+
+
+def _show(found: mi.Sensitivity, quantity: str) -> None:
+    row = found.row(quantity)
+    label = found.system.scales.label(quantity, found.units[row])
+    click.echo(f"{label}: {found.values[row]:.9g}\n")
+    table = found.table
+    shown = table[table["quantity"] == quantity].sort_values(
+        "per cent", key=lambda column: -column.abs()
+    )
+    click.echo(text_of(shown[["parameter", "at", "derivative", "elasticity"]], 6) + "\n")

@@ -1,0 +1,74 @@
+"""The search itself, on functions with known minima."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from mems_impact.errors import OrbitError
+from mems_impact.studies.searching import Local, search
+
+
+def functions(x):
+    """Rosenbrock's valley over [-2, 2]^2, within a circle."""
+    a, b = 4.0 * x - 2.0
+    gradient = 4.0 * np.array([-2.0 * (1.0 - a) - 400.0 * a * (b - a * a), 200.0 * (b - a * a)])
+    value = (1.0 - a) ** 2 + 100.0 * (b - a * a) ** 2
+    margins, by_margin = np.array([1.5 - a * a - b * b]), np.array([[-8.0 * a, -8.0 * b]])
+    return Local(value, gradient, margins, by_margin)
+
+
+def searched(start, look=functions, move=lambda _, x: x):
+    taken = []
+    start = np.array(start)
+    found = search(start, start, move=move, look=look, report=taken.append, iterations=300)
+    return found, taken
+
+
+@pytest.mark.parametrize("start", [[0.2, 0.8], [0.5, 0.5], [0.95, 0.95]])
+def test_a_constrained_minimum(start):
+    found, taken = searched(start)
+    circle = {"type": "ineq", "fun": lambda v: 1.5 - v @ v}
+    best = minimize(
+        lambda v: (1.0 - v[0]) ** 2 + 100.0 * (v[1] - v[0] ** 2) ** 2,
+        [0.9, 0.8],
+        constraints=[circle],
+        options={"ftol": 1e-14},
+    )
+    assert found.ended == "converged"
+    assert 4.0 * found.x - 2.0 == pytest.approx(best.x, abs=1e-4)
+    assert found.local.violation < 1e-8
+    assert taken[-1].x == pytest.approx(found.x)
+
+
+def test_a_minimum_at_a_side():
+    slope = Local(0.0, np.array([1.0, -2.0]), np.zeros(0), np.zeros((0, 2)))
+
+    def look(x):
+        return Local(float(slope.gradient @ x), slope.gradient, slope.margins, slope.by_margin)
+
+    found, _ = searched([0.5, 0.5], look)
+    assert found.x.tolist() == [0.0, 1.0]
+    assert found.ended == "converged"
+
+
+def test_points_that_do_not_exist():
+    def move(_, x):
+        if x[0] > 0.7:
+            raise OrbitError("it ends there", "stay away")
+        return x
+
+    def look(x):
+        return Local(-float(x[0]), np.array([-1.0]), np.zeros(0), np.zeros((0, 1)))
+
+    found, _ = searched([0.1], look, move)
+    assert found.x[0] == pytest.approx(0.7, abs=1e-7)
+    assert (found.ended, found.lost) == ("lost", "it ends there")
+
+
+def test_no_point_meets_the_constraint():
+    def look(x):
+        return Local(float(x[0]), np.array([1.0]), x[:1] - 2.0, np.array([[1.0]]))
+
+    found, _ = searched([0.3], look)
+    assert found.x[0] == 1.0  # where it is missed least
+    assert found.local.violation == pytest.approx(1.0)
