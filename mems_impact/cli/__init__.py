@@ -33,6 +33,7 @@ COMMANDS = (
     "devices",
     "drive",
     "fit",
+    "map",
     "orbit",
     "pull-in",
     "simulate",

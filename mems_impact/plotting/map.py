@@ -1,4 +1,4 @@
-"""Maps over two parameters: kinds of motions, or a quantity, with curves of continuation over them."""
+"""Maps over two parameters: kinds of motions or a quantity, and curves of continuation."""
 
 from __future__ import annotations
 
@@ -219,6 +219,7 @@ def _draw_column(
         mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
         bar = ax.figure.colorbar(mesh, ax=ax)
         bar.set_label(with_unit(column, table, column), **({"fontsize": LABEL} if own else {}))
+        bar.formatter.set_powerlimits((-2, 4))
         if own:
             bar.ax.tick_params(labelsize=TICK)
             bar.ax.yaxis.offsetText.set_fontsize(TICK)
