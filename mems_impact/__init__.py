@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.load import plot_load
     from mems_impact.actuator.figures.response import plot_response
     from mems_impact.actuator.parameters import Actuator, load_actuator
+    from mems_impact.actuator.study_file import load_study
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
     from mems_impact.actuator.term import Term
@@ -93,6 +94,7 @@ if TYPE_CHECKING:
     from mems_impact.hybrid.automaton import Guard, Impact
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
+    from mems_impact.plotting.map import plot_map
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.pareto import plot_pareto
     from mems_impact.plotting.run import plot_run
@@ -100,6 +102,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.basins import Basins, basins
     from mems_impact.studies.margins import margins
+    from mems_impact.studies.motions import map_summary
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.studies.optimize import Optimum, optimize
     from mems_impact.studies.pareto import ParetoFront, pareto_front
@@ -198,6 +201,8 @@ __all__ = [
     "load_curve",
     "load_drive",
     "lyapunov",
+    "load_study",
+    "map_summary",
     "modes",
     "operating_chart",
     "operating_map",
@@ -211,6 +216,7 @@ __all__ = [
     "plot_drive",
     "plot_energy",
     "plot_load",
+    "plot_map",
     "plot_orbit",
     "plot_response",
     "plot_pareto",
@@ -242,6 +248,7 @@ _HOMES = {
     "actuator.figures.energy": ("plot_energy",),
     "actuator.figures.load": ("plot_load",),
     "actuator.parameters": ("Actuator", "load_actuator"),
+    "actuator.study_file": ("load_study",),
     "engines.options": ("Options",),
     "errors": (
         "ChartInterrupted",
@@ -286,6 +293,7 @@ _HOMES = {
     "studies.pareto": ("ParetoFront", "pareto_front"),
     "studies.sensitivity": ("Sensitivity", "sensitivity"),
     "plotting.curve": ("plot_curve",),
+    "plotting.map": ("plot_map",),
     "plotting.orbit": ("plot_orbit",),
     "plotting.run": ("plot_run",),
     "actuator.design.blows": ("Blows", "blows"),
@@ -328,6 +336,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.basins": ("Basins", "basins"),
+    "studies.motions": ("map_summary",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "studies.stored_study": ("StoredStudy", "read_study"),
     "tables.sweep": ("sweep_summary",),

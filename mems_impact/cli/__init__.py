@@ -34,6 +34,7 @@ COMMANDS = (
     "drive",
     "fit",
     "optimize",
+    "map",
     "orbit",
     "pull-in",
     "sensitivity",

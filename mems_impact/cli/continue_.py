@@ -9,6 +9,7 @@ import click
 from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import say, show_warnings_briefly
 from mems_impact.cli.options import (
+    Initial,
     actuator_from,
     device_options,
     guess_options,
@@ -58,7 +59,7 @@ def command(
     start: float,
     stop: float,
     back: float | None,
-    initial: dict[str, float],
+    initial: Initial,
     transient: float,
     periods: int | None,
     through_grazing: bool,
@@ -89,7 +90,7 @@ def command(
     if parameter not in drive.names:
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
-    guess = state_from(initial)
+    guess = state_from(initial, actuator)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "continue") as files:
         orbit = mi.find_orbit(

@@ -86,8 +86,7 @@ drive_options = combined(
         is_flag=True,
         callback=_collect,
         expose_value=False,
-        help="Run the Python code that a drive file names. It can do all that you can: read it "
-        "first.",
+        help="Run the Python code that a file names. It can do all that you can: read it first.",
     ),
     *map(_number, NUMBERS),
 )
@@ -113,6 +112,11 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     if described_by_options(choice):
         return _of_kind(choice, given, varied or {})
     return _of_file(choice, given, varied or {}, allow_code)
+
+
+def code_is_allowed() -> bool:
+    """Return whether the running command may run the Python code that a file names."""
+    return bool(click.get_current_context().meta.get(KEY, {}).get("allow_code"))
 
 
 def in_fields(given: Mapping[str, float]) -> dict[str, float]:

@@ -9,6 +9,7 @@ import click
 from mems_impact.cli.drives import drive_from, drive_options, in_fields
 from mems_impact.cli.failures import FAILED, show_warnings_briefly
 from mems_impact.cli.options import (
+    Initial,
     actuator_from,
     assignment,
     device_options,
@@ -58,7 +59,7 @@ def command(
     bounds: dict[str, tuple[float, float]],
     transient: int,
     periods: int,
-    initial: dict[str, float],
+    initial: Initial,
     method: str,
     rtol: float,
     atol: float,
@@ -101,7 +102,7 @@ def command(
             bounds=bounds,
             transient=transient,
             periods=periods,
-            initial=state_from(initial),
+            initial=state_from(initial, actuator),
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from mems_impact.analysis.state import State
 
 Decorator = Callable[[Any], Any]
+
+EXECUTORS = ("threads", "processes")  # of `mems_impact.studies.words`, which is slow to import
 
 
 def combined(*decorators: Decorator) -> Decorator:
@@ -59,13 +61,22 @@ device_options = combined(
     ),
 )
 
+Initial = dict[str, float] | Literal["kicked"]
+KICKED: Literal["kicked"] = "kicked"
+
+
+def _initial(ctx: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> Initial:
+    return KICKED if texts == (KICKED,) else _assignments(ctx, parameter, texts)
+
+
 initial_option = click.option(
     "--initial",
     multiple=True,
     metavar="NAME=NUMBER",
-    callback=_assignments,
+    callback=_initial,
     help="A component of the initial state, such as x2=0.1: x1, x2 [m], v1, v2 [m/s], or time [s] "
-    "since the forcing period began. May be repeated.",
+    "since the forcing period began. May be repeated. Or kicked: the block passes the middle fast "
+    "enough to strike a stopper.",
     show_default="0 each",
 )
 
@@ -156,9 +167,58 @@ def _integrator(method: str, rtol: float, atol: float) -> Decorator:
     )
 
 
+AXIS = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
+
+
+def axis_options(first: str, second: str) -> Decorator:
+    """Return the options of what a study is over, with these help texts."""
+    return combined(
+        *(
+            click.option(option, type=AXIS, metavar="NAME START STOP POINTS", help=text)
+            for option, text in (("--x", first), ("--y", second))
+        )
+    )
+
+
+settle_options = combined(
+    transient_option("Forcing periods in which a motion may become periodic.", 300),
+    periods_option("Forcing periods over which it is measured then, if it has not.", 100),
+    click.option(
+        "--longest",
+        type=int,
+        default=16,
+        show_default=True,
+        help="Forcing periods after which a motion may repeat itself, at most.",
+    ),
+    click.option(
+        "--tolerance",
+        type=float,
+        default=1e-6,
+        show_default=True,
+        help="To which it has to, relative to the size of each state.",
+    ),
+)
+
+study_options = combined(
+    click.option(
+        "--store",
+        type=click.Path(),
+        metavar="DIR",
+        help="Keep points there as they are done; the same command goes on from them.",
+    ),
+    click.option(
+        "--executor",
+        type=click.Choice(EXECUTORS),
+        show_default=EXECUTORS[0],
+        help="What computes: threads, or processes of their own.",
+    ),
+    workers_option("How many of them.", show_default="as many as there are cores"),
+)
+
 integrator_options = _integrator(Options.method, Options.rtol, Options.atol)
-# Those of `mems_impact.analysis.finding`, which is slow to import.
+# Those of `mems_impact.analysis.finding` and `attractor`, which are slow to import.
 orbit_integrator_options = _integrator("auto", 1e-11, 1e-13)
+study_integrator_options = _integrator("auto", Options.rtol, Options.atol)
 
 
 guess_options = combined(
@@ -227,11 +287,15 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
     return actuator.setting(changes)
 
 
-def state_from(initial: dict[str, float]) -> State:
+def state_from(initial: Initial, actuator: Actuator) -> State:
     """Return the state that ``--initial`` describes."""
     from mems_impact.actuator.modes import STATES
+    from mems_impact.actuator.system import kicked
     from mems_impact.analysis.state import state_from as state_of
 
+    if initial == KICKED:
+        return kicked(actuator)
+    assert isinstance(initial, dict)
     for name in initial:
         if name not in (*STATES, "time"):
             raise click.UsageError(f"--initial {name}: must be one of {', '.join(STATES)}, time")

@@ -9,6 +9,7 @@ import click
 from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
+    Initial,
     actuator_from,
     device_options,
     guess_options,
@@ -32,7 +33,7 @@ def command(
     *,
     device: str,
     changes: dict[str, float],
-    initial: dict[str, float],
+    initial: Initial,
     transient: float,
     periods: int | None,
     method: str,
@@ -58,7 +59,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    guess = state_from(initial)
+    guess = state_from(initial, actuator)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "orbit") as files:
         orbit = mi.find_orbit(

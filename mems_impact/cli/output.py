@@ -88,13 +88,13 @@ class Output:
                 with_units(table).to_csv(stack.enter_context(replacing(path)), index=False)
         self.written += paths
 
-    def draw(self, draw: Callable[[], Any]) -> None:
+    def draw(self, draw: Callable[[], Any], dpi: int = 150) -> None:
         """Write the figure that `draw` makes, if one is wanted."""
         if self.figure is None:
             return
         figure = draw()
         with replacing(self.figure) as temporary:
-            figure.savefig(temporary, dpi=150)
+            figure.savefig(temporary, dpi=dpi)
         self.written.append(self.figure)
 
     def said(self) -> str:

@@ -9,6 +9,7 @@ import click
 from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import FAILED, show_warnings_briefly
 from mems_impact.cli.options import (
+    Initial,
     actuator_from,
     device_options,
     initial_option,
@@ -55,7 +56,7 @@ def command(
     device: str,
     changes: dict[str, float],
     periods: float,
-    initial: dict[str, float],
+    initial: Initial,
     window: tuple[float, float] | None,
     method: str,
     rtol: float,
@@ -85,7 +86,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    state = state_from(initial)
+    state = state_from(initial, actuator)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         try:

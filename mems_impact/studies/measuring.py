@@ -21,13 +21,15 @@ from mems_impact.analysis.storing.identity import identity, identity_of_options
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.problem import is_compiled
+from mems_impact.studies.motions import MOTION, PERIOD
 from mems_impact.studies.study import STATUS, Columns
 from mems_impact.tables.common import captions, unit_of
 
-__all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
+__all__ = ["RETURNS", "Measuring"]
 
 MOTION, PERIOD, RETURNS = "motion", "period", "returns"
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
+RETURNS = "returns"
 
 
 @dataclass(frozen=True, kw_only=True)

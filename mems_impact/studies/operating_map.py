@@ -20,7 +20,8 @@ from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.axes import Axis, axis, check_apart, identity_of_axis
-from mems_impact.studies.measuring import MOTION, PERIOD, Measuring
+from mems_impact.studies.measuring import Measuring
+from mems_impact.studies.motions import in_order, motions
 from mems_impact.studies.running import run_study
 from mems_impact.studies.study import Columns, Study
 
@@ -139,7 +140,6 @@ class OperatingMap(Value):
         which it was followed, and ``status``.
     """
 
-    figure: ClassVar[str] = ""
     system: System = field(repr=False)
     x: Axis = field(repr=False)
     y: Axis = field(repr=False)
@@ -179,10 +179,8 @@ class OperatingMap(Value):
         return np.asarray(values).reshape(len(self.y.values), len(self.x.values))
 
     def _counted(self) -> str:
-        kinds = self.table[MOTION].astype(str)
-        periodic = (kinds == "periodic") & (self.table[PERIOD] > 0)
-        kinds = kinds.where(~periodic, "period " + self.table[PERIOD].astype(str))
-        return ", ".join(f"{count} {kind}" for kind, count in kinds.value_counts().items())
+        counts = motions(self.table).value_counts()
+        return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(counts.index))
 
 
 @takes_system(start="initial")

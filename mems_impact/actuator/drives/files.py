@@ -5,9 +5,10 @@ from __future__ import annotations
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
+from mems_impact.actuator.code import Wanted, code_path, run_code
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.custom import Custom
@@ -15,14 +16,18 @@ from mems_impact.actuator.drives.sampled import Sampled
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms import TERMS
 from mems_impact.errors import InvalidFile, InvalidParameter
-from mems_impact.wording import shown
 
-__all__ = ["TABLES", "drive_of_kind", "load_drive"]
+__all__ = ["TABLES", "drive_in_table", "drive_of_kind", "load_drive"]
 
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
 
-PYTHON = "Python file with functions voltage(t, q) and voltage_rate(t, q)"
+CODE = Wanted(
+    field="source",
+    what="Python file with functions voltage(t, q) and voltage_rate(t, q)",
+    kind="drive file",
+    reader="load_drive",
+)
 REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
 _BESIDE = ("name", "description", "units", "parameters", *TERMS)  # what a device file holds
 _LARGEST_FILE = 10_000_000  # bytes
@@ -78,9 +83,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
                 raise InvalidParameter(name, value, "in the table [drive]")
         if not isinstance(content.get("drive"), dict):
             raise InvalidFile(source, "holds no table [drive]", REMEDY)
-        drive = _drive(content["drive"], Path(source), allow_code)
-        drive.check()
-        return drive
+        return drive_in_table(content["drive"], Path(source), allow_code)
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
 
@@ -94,6 +97,13 @@ def drive_of_kind(kind: str) -> type[Drive]:
     return waveform
 
 
+def drive_in_table(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
+    """Return the drive of a table ``[drive]``; what it names is relative to the file it is in."""
+    drive = _drive(table, file, allow_code)
+    drive.check()
+    return drive
+
+
 def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     values = dict(table)
     if "kind" not in values:
@@ -103,7 +113,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     if kind is Sampled and "file" in values:
         return _measured(values, file.parent)
     if kind is Custom:
-        code = _code(values.pop("source", None), file, allow_code)
+        code = code_path(values.pop("source", None), file, allow_code, CODE)
         values.update(_functions(code))
     for name, field in kind.model_fields.items():
         if field.annotation is Drive and isinstance(values.get(name), dict):
@@ -128,42 +138,12 @@ def _measured(values: dict[str, Any], folder: Path) -> Sampled:
     return Sampled.from_csv(folder / file, **values)
 
 
-def _code(source: Any, file: Path, allowed: bool) -> Path:
-    """Return the Python file `source` that the drive file `file` names, if it may be run."""
-    if not isinstance(source, str) or not source.endswith(".py"):
-        raise InvalidParameter("source", source, f"a {PYTHON}")
-    if not allowed:
-        reason = f"names Python code, source = {shown(source)}, which would be run"
-        remedy = "read it, then allow it (--allow-code, or allow_code=True in load_drive)"
-        raise InvalidFile(file, reason, remedy)
-    try:
-        path = (file.parent / source).resolve()
-        inside = path.is_relative_to(file.parent.resolve())
-    except (OSError, RuntimeError, ValueError) as error:  # links in a circle, a null character
-        reason = f"source = {shown(source)} is no path ({error})"
-        raise InvalidFile(file, reason, f"give a {PYTHON}") from None
-    if not inside:
-        reason = f"source = {shown(source)} lies outside the folder of the drive file"
-        raise InvalidFile(file, reason, "read it, then copy it into that folder")
-    if not path.is_file():
-        raise InvalidFile(path, "no such file", f"give a {PYTHON}")
-    return path
-
-
 def _functions(path: Path) -> dict[str, FunctionType]:
     """Run the Python file `path` and return its functions."""
-    remedy = f"give a {PYTHON}"
-    # Not imported: two files may have the same name, and compiled code kept beside the file need
-    # not be that of the text that was read.
-    module = ModuleType(f"mems_impact_drive_{path.stem}")
-    module.__file__ = str(path)
-    try:
-        exec(compile(path.read_bytes(), str(path), "exec", dont_inherit=True), vars(module))
-    except (Exception, SystemExit) as error:
-        raise InvalidFile(path, f"fails ({type(error).__name__}: {error})", remedy) from None
+    module = run_code(path, CODE)
     found = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
         if not isinstance(getattr(module, name, None), FunctionType):
-            raise InvalidFile(path, f"holds no function {name}", remedy)
+            raise InvalidFile(path, f"holds no function {name}", f"give a {CODE.what}")
         found[field] = getattr(module, name)
     return found

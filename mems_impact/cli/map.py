@@ -1,0 +1,218 @@
+"""`mems-impact map`: what motions come to over two parameters."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.drives import code_is_allowed, drive_from, drive_options
+from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.options import (
+    Initial,
+    actuator_from,
+    axis_options,
+    device_options,
+    initial_option,
+    output_options,
+    progress_option,
+    settle_options,
+    state_from,
+    study_integrator_options,
+    study_options,
+)
+from mems_impact.cli.showing import text_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    import mems_impact as mi
+
+KIND = "map"
+DPI = 300  # the figure is as wide as a column
+SHOWN_FAILURES = 3
+CURVES = ("amplitude", "omega")
+# What may stand beside a study file; all other options say what the study is.
+BESIDE = (
+    *("device", "drive_allow_code", "column", "curves", "store", "executor", "workers"),
+    *("progress", "output", "figure", "no_figure"),
+)
+Axis = tuple[str, float, float, int]
+
+
+@click.command(short_help="Map what motions come to over two parameters.")
+@device_options
+@axis_options(
+    "The parameter to the right, of drive or device, or of a term.", "The parameter upwards."
+)
+@drive_options
+@initial_option
+@settle_options
+@study_integrator_options
+@click.option(
+    "--column",
+    metavar="NAME",
+    show_default="kinds of motions",
+    help="What the figure shows: a column of the table, such as 'mean speed'.",
+)
+@click.option(
+    "--curves",
+    is_flag=True,
+    help="Draw over it where DEVICE switches on and off, followed as curves; of maps over "
+    "amplitude and omega.",
+)
+@study_options
+@progress_option
+@output_options
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    x: Axis | None,
+    y: Axis | None,
+    initial: Initial,
+    transient: int,
+    periods: int,
+    longest: int,
+    tolerance: float,
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    column: str | None,
+    curves: bool,
+    store: str | None,
+    executor: str | None,
+    workers: int | None,
+    progress: bool,
+    output: str,
+    figure: str | None,
+    no_figure: bool,
+) -> None:
+    """Map what the motions of DEVICE come to over two parameters, each point from its own start.
+
+    Tells at every point whether the device is off, walks with period 1, 2, …, or never repeats
+    itself, with step, scatter, speed, impacts and energy. Writes all of it and a summary as CSV
+    tables, and a figure. With --store nothing is lost that was done.
+
+    In place of DEVICE a study file may stand: TOML that names system, study and store.
+
+    \b
+    Examples:
+      mems-impact map zhao2004 --x amplitude 0.16 0.30 200 --y omega 0.44 0.51 200 \\
+        --workers 2 --store out/map
+      mems-impact map study.toml
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.actuator.study_file import holds_study
+    from mems_impact.cli.output import Output
+    from mems_impact.studies.words import executor_named, range_axis
+
+    show_warnings_briefly()
+    given: dict[str, Any]
+    if holds_study(device):
+        system, given = _from_file(ctx, device)
+    else:
+        varied = {axis[0]: axis[1] for axis in (x, y) if axis is not None}
+        terms = {name: value for name, value in varied.items() if "." in name}
+        actuator = actuator_from(device, {**terms, **changes})  # it may not have the term yet
+        if x is None or y is None:
+            raise click.UsageError(f"missing option '--{'x' if x is None else 'y'}'")
+        system = actuator.under(drive_from(varied))
+        given = {
+            "x": range_axis(*x),
+            "y": range_axis(*y),
+            "initial": state_from(initial, actuator) if initial else None,
+            "settle": mi.Settling(
+                transient=transient, periods=periods, longest=longest, tolerance=tolerance
+            ),
+            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
+        }
+    if store is not None:
+        given["store"] = store
+    if workers is not None:
+        given["workers"] = workers
+    if executor is not None:
+        given["executor"] = executor_named(executor, given.get("workers"))
+    _check_column(column, system)
+    with Output(output, figure, no_figure, KIND) as files:
+        chart = _chart(system, given, progress) if curves else None
+        try:
+            found = mi.operating_map(system, **given, progress=progress)
+        except (mi.StudyInterrupted, mi.WorkersLost) as error:
+            if error.done > 0:
+                files.tables(_tables(error.table))
+            raise
+        files.tables({**_tables(found.table), **({"curves": chart.table} if chart else {})})
+        boundaries = chart or ()
+        files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure, DPI)
+        _show(found.table)
+        click.echo(files.said())
+
+
+def _from_file(ctx: click.Context, path: str) -> tuple[mi.System, dict[str, Any]]:
+    """Return system and arguments of a study file."""
+    import mems_impact as mi
+
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in BESIDE:
+            option = parameter.opts[0]
+            raise click.UsageError(f"{option}: {path} says what the study is; leave it out")
+    study = mi.load_study(path, allow_code=code_is_allowed())
+    if study.kind != KIND:
+        raise click.UsageError(f"{path} holds a study of another kind: mems-impact {study.kind}")
+    return study.system, study.arguments
+
+
+def _check_column(column: str | None, system: mi.System) -> None:
+    """Refuse a column that the table will not have, before it is computed."""
+    from mems_impact.studies.measuring import Measuring
+
+    schema = Measuring(system=system).schema
+    numbers = [name for name, kind in schema.items() if kind != "str"]
+    if column is not None and column not in numbers:
+        raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")
+
+
+def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.Chart:
+    """Return the curves along which the device switches on and off, in the range of the map."""
+    import mems_impact as mi
+    from mems_impact.actuator.system import ActuatorSystem
+
+    axes = dict([given["x"], given["y"]])
+    if set(axes) != set(CURVES) or not isinstance(system, ActuatorSystem):
+        raise click.UsageError(f"--curves: of maps of a device over {' and '.join(CURVES)}")
+    omega = axes[CURVES[1]]
+    chart = mi.operating_chart(
+        system.actuator,
+        system.drive,
+        omega=(float(min(omega)), float(max(omega))),
+        crises=0,  # they are in the map itself
+        progress=say if progress else False,
+    )
+    for note in chart.notes:
+        say(f"warning: {note}")
+    return chart
+
+
+def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    from mems_impact.studies.motions import map_summary
+
+    return {"table": table, "summary": map_summary(table)}
+
+
+def _show(table: pd.DataFrame) -> None:
+    """Show how many points there are of each kind, where, and why points have failed."""
+    from mems_impact.studies.motions import map_summary
+
+    click.echo(text_of(map_summary(table), 6))
+    failed = table[table["status"] != "ok"]
+    x, y = table.columns[:2]
+    rows = zip(failed[x], failed[y], failed["status"], strict=True)
+    for a, b, reason in islice(rows, SHOWN_FAILURES):
+        click.echo(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
+    click.echo("")

@@ -1,0 +1,283 @@
+"""Maps over two parameters: kinds of motions or a quantity, and curves of continuation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.style import new_figure, parameter_label, with_unit
+from mems_impact.studies.motions import MOTION, SILENT, in_order, motions, period_of
+from mems_impact.studies.operating_map import OperatingMap
+from mems_impact.studies.stored import StoredStudy
+from mems_impact.tables.common import bare
+
+__all__ = ["plot_map"]
+
+WIDTH, HEIGHT = 3.4, 3.2  # in, a column of a journal
+LABEL, TICK = 8.0, 7.0  # pt
+
+
+class Paint(NamedTuple):
+    """How the cells of one kind are filled."""
+
+    color: str
+    hatch: str = ""
+    ink: str = "0.4"  # of hatching and, in the legend, of the border
+
+
+# Periods get darker; what does not repeat itself is warm and hatched, so that it is told from them
+# in grey too, and by the colour-blind.
+PERIODS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
+MOTIONS = {
+    "off": Paint("0.93"),
+    "resting": Paint("0.93", "..."),
+    "quasi-periodic": Paint("#f0d24a", "////", "#8c6d00"),
+    "chaotic": Paint("#e8874a", "xxxx", "#7a2e00"),
+    "unsettled": Paint("#ecb0cc", "\\\\\\\\", "#94486d"),
+    "failed": Paint("black"),
+}
+OTHERS = Paint("#009e73", "++", "#004d38")
+LINES: tuple[Any, ...] = ("-", (0, (1, 1.1)), (0, (4, 1.5)), (0, (4, 1.2, 1, 1.2)))
+
+
+class Cells(NamedTuple):
+    """The points of a map on their grid; where there is none yet, `row` is -1."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    row: NDArray[np.int64]  # of the table, shape (len(y), len(x))
+
+
+def plot_map(
+    found: OperatingMap | StoredStudy | pd.DataFrame,
+    column: str | None = None,
+    boundaries: Any = (),
+    ax: Any = None,
+) -> Any:
+    """Draw what motions come to over two parameters: their kinds, or one column of the table.
+
+    Parameters
+    ----------
+    found : OperatingMap, StoredStudy or DataFrame
+        A map; the store of one, be it still running; or the table of either. Points that are not
+        there yet stay white.
+    column : str, optional
+        What to draw: a column of numbers. Where it has none, or is 0 since the device is off, the
+        map is grey. Kinds of motions by default; from the fifth on, longer periods share a colour.
+    boundaries : Curve, Chart, DataFrame, or a sequence of these, optional
+        Curves over the same two parameters, or their tables, drawn over the map; inadmissible
+        parts are left out. Of a chart both its boundaries: where it switches on, and off.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default, as wide as a column of a journal.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `found` is no map, there is no such column of numbers, or a boundary is over other
+        parameters.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> chart = mi.operating_chart(actuator, drive, crises=0)
+    >>> mi.plot_map(found, boundaries=chart).figure.savefig("map.png")
+    >>> mi.plot_map(mi.read_study("out/map"), "mean speed").figure.savefig("speed.png")
+    """
+    table, cells = _given(found)
+    x, y = table.columns[:2]
+    curves = list(_curves(boundaries, x, y))  # before a figure is begun
+    own = ax is None
+    if own:
+        ax = new_figure(WIDTH, HEIGHT).subplots()
+    edges = _edges(cells.x), _edges(cells.y)
+    if column is None:
+        handles = _draw_motions(ax, edges, table, cells)
+    else:
+        handles = _draw_column(ax, edges, table, cells, column, own)
+    handles += _draw_curves(ax, curves)
+    ax.set_xlim(edges[0][0], edges[0][-1])
+    ax.set_ylim(edges[1][0], edges[1][-1])
+    sizes = {"fontsize": LABEL} if own else {}
+    ax.set_xlabel(parameter_label(table, x), **sizes)
+    ax.set_ylabel(parameter_label(table, y), **sizes)
+    if own:
+        ax.tick_params(labelsize=TICK)
+    if handles:
+        ax.legend(
+            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False,
+            ncols=min(3, len(handles)), fontsize=TICK + 0.5, handlelength=1.6, handleheight=1.1,
+            columnspacing=1.2, handletextpad=0.5, labelspacing=0.3,
+        )  # fmt: skip
+    return ax
+
+
+def _given(found: Any) -> tuple[pd.DataFrame, Cells]:
+    """Return the table of a map and its cells."""
+    values: list[Any] = [None, None]
+    table = found
+    if isinstance(found, OperatingMap):
+        table, values = found.table, [found.x.values, found.y.values]
+    elif isinstance(found, StoredStudy):
+        table = found.table
+        values = [found.identity.get(name, {}).get("values") for name in ("x", "y")]
+    if not isinstance(table, pd.DataFrame) or MOTION not in tuple(bare(table).columns)[2:]:
+        allowed = "an OperatingMap, as mems_impact.operating_map returns it, or its table or store"
+        raise InvalidParameter("found", type(found).__name__, allowed)
+    table = bare(table)
+    places = []
+    for i, given in enumerate(values):
+        there = table.iloc[:, i].to_numpy(dtype=float)
+        values[i] = np.unique(there if given is None else np.asarray(given, dtype=float))
+        places.append(np.searchsorted(values[i], there))
+    if not all(map(len, values)):
+        raise InvalidParameter("found", None, "", problem="there is no point to draw yet")
+    row = np.full((len(values[1]), len(values[0])), -1)
+    row[places[1], places[0]] = np.arange(len(table))
+    return table, Cells(values[0], values[1], row)
+
+
+def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the borders of cells about ascending values: halfway between neighbours."""
+    if len(values) == 1:
+        half = 0.05 * (abs(values[0]) or 1.0)
+        return np.array([values[0] - half, values[0] + half])
+    middles = 0.5 * (values[1:] + values[:-1])
+    first, last = 2.0 * values[0] - middles[0], 2.0 * values[-1] - middles[-1]
+    return np.concatenate([[first], middles, [last]])
+
+
+def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> list[Any]:
+    """Draw the kinds of motions; return what the legend shows."""
+    kinds = _shared(motions(table))
+    return [_fill(ax, edges, _where(cells, kinds == kind), kind, _paint(kind))
+            for kind in in_order(kinds)]  # fmt: skip
+
+
+def _shared(kinds: pd.Series) -> pd.Series:
+    """Return kinds of motions, those periods as one that share the last colour."""
+    long = sorted(period for period in map(period_of, kinds.unique()) if period >= len(PERIODS))
+    if len(long) < 2:
+        return kinds
+    return kinds.mask(kinds.map(period_of) >= long[0], f"period {long[0]} and more")
+
+
+def _paint(kind: str) -> Paint:
+    period = period_of(kind)
+    if period:
+        return Paint(PERIODS[min(period, len(PERIODS)) - 1])
+    return MOTIONS.get(kind, OTHERS)
+
+
+def _where(cells: Cells, chosen: pd.Series) -> NDArray[np.bool_]:
+    """Return the cells whose rows are chosen."""
+    return (cells.row >= 0) & chosen.to_numpy(dtype=bool)[cells.row]
+
+
+def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Paint) -> Any:
+    """Fill cells; return what stands for them in the legend."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    shown = np.ma.masked_where(~where, np.zeros(where.shape))
+    ax.pcolormesh(*edges, shown, cmap=ListedColormap([paint.color]), rasterized=True)
+    if paint.hatch:
+        # A mesh has no hatching, and contours about the middles of cells do not end at their edges.
+        ax.pcolor(
+            *edges, shown, cmap=ListedColormap(["none"]), hatch=paint.hatch, edgecolor=paint.ink,
+            linewidth=0.0, rasterized=True,
+        )  # fmt: skip
+    return Patch(facecolor=paint.color, hatch=paint.hatch, edgecolor=paint.ink, linewidth=0.4,
+                 label=label)  # fmt: skip
+
+
+def _draw_column(
+    ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column: str, own: bool
+) -> list[Any]:
+    """Draw a column of numbers, and in grey where it has none; return what the legend shows."""
+    numbers = [str(name) for name in table.columns[2:] if table[name].dtype.kind in "fiub"]
+    if column not in numbers:
+        raise InvalidParameter("column", column, f"one of {', '.join(numbers)}")
+    values = table[column].astype(float)
+    silent = table[MOTION].isin(SILENT)
+    without = values.isna() | (silent & (values == 0.0))
+    shown = np.ma.masked_where(~_where(cells, ~without), values.to_numpy()[cells.row])
+    handles = []
+    if without.any():
+        label = ", ".join(in_order(table[MOTION][without].astype(str)))
+        handles.append(_fill(ax, edges, _where(cells, without), label, MOTIONS["off"]))
+    if shown.count():
+        mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
+        bar = ax.figure.colorbar(mesh, ax=ax)
+        bar.set_label(with_unit(column, table, column), **({"fontsize": LABEL} if own else {}))
+        bar.formatter.set_powerlimits((-2, 4))
+        if own:
+            bar.ax.tick_params(labelsize=TICK)
+            bar.ax.yaxis.offsetText.set_fontsize(TICK)
+    return handles
+
+
+class Line(NamedTuple):
+    """A boundary: its kind, and points along it, NaN where it is broken."""
+
+    kind: str
+    points: NDArray[np.float64]  # shape (n, 2)
+
+
+def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
+    """Give the lines of all boundaries in the parameters of the map."""
+    single = isinstance(boundaries, pd.DataFrame) or hasattr(boundaries, "table")
+    given: Iterable[Any] = [boundaries] if single else boundaries
+    if not isinstance(given, Sequence):
+        raise _no_boundary(boundaries, x, y)
+    for each in given:
+        table = each if isinstance(each, pd.DataFrame) else getattr(each, "table", None)
+        if not isinstance(table, pd.DataFrame):
+            raise _no_boundary(each, x, y)
+        table = bare(table)
+        if not {x, y} <= set(table.columns):
+            raise _no_boundary(each, x, y)
+        if "boundary" in table:  # of a chart
+            for name, rows in table.groupby("boundary", sort=False):
+                along = rows.sort_values(_abscissa(rows, x, y))
+                yield Line(f"switching {name}", along[[x, y]].to_numpy(dtype=float))
+        else:
+            points = table[[x, y]].astype(float)
+            if "admissible" in table:
+                points = points.where(table["admissible"].astype(bool))
+            yield Line(getattr(each, "kind", "boundary"), points.to_numpy())
+
+
+def _abscissa(rows: pd.DataFrame, x: str, y: str) -> str:
+    """Return the parameter over which a chart is: the first of its columns."""
+    return next(name for name in rows.columns if name in (x, y))
+
+
+def _no_boundary(given: Any, x: str, y: str) -> InvalidParameter:
+    allowed = f"curves over {x} and {y}: of continue_curve or operating_chart, or their tables"
+    return InvalidParameter("boundaries", type(given).__name__, allowed)
+
+
+def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
+    """Draw boundaries, black on white; return what the legend shows."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    styles = dict.fromkeys(line.kind for line in curves)
+    for i, kind in enumerate(styles):
+        styles[kind] = LINES[i % len(LINES)]
+    drawn = {}
+    for kind, points in curves:
+        (drawn[kind],) = ax.plot(
+            *points.T, color="black", linewidth=1.2, linestyle=styles[kind], label=kind, zorder=4,
+            path_effects=[Stroke(linewidth=2.6, foreground="white"), Normal()],
+        )  # fmt: skip
+    return list(drawn.values())

@@ -1,0 +1,149 @@
+"""Studies in words, as files and the command line tell them: the arguments of the verbs in Python.
+
+A word of the table ``[study]`` is an argument of the verb of its kind, and has its default. What is
+no plain value there has a reader here; a settings object, such as `Settling`, is a table of what
+differs from the default.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+
+from mems_impact.analysis.state import State, is_number, state_from
+from mems_impact.errors import InvalidParameter
+from mems_impact.studies.executors import cores
+
+__all__ = ["EXECUTORS", "KINDS", "arguments", "executor_named", "range_axis", "verb_of"]
+
+KINDS = {"map": "mems_impact.studies.operating_map:operating_map"}
+"""What a study may be, and the verb that runs it."""
+
+EXECUTORS = ("threads", "processes")
+
+_AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
+
+
+def verb_of(kind: Any) -> Callable[..., Any]:
+    """Return the verb that runs studies of a kind; InvalidParameter if there is none."""
+    if not isinstance(kind, str) or kind not in KINDS:
+        problem = f"missing, must be one of {', '.join(KINDS)}" if kind is None else None
+        raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}", problem=problem)
+    verb: Callable[..., Any] = resolve_name(KINDS[kind])
+    return verb
+
+
+def arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the arguments of a verb that a table tells.
+
+    Parameters
+    ----------
+    kind : str
+    table : mapping
+        Arguments by name, in values of TOML.
+    folder : Path
+        To which paths in it are relative.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is unknown, missing or of the wrong kind.
+    """
+    known = {
+        name: parameter.default
+        for name, parameter in inspect.signature(verb_of(kind)).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    for name in table:
+        if name not in known:
+            raise _unknown(name, table[name], known)
+    for name, default in known.items():
+        if default is inspect.Parameter.empty and name not in table:
+            allowed = _AXIS if _READERS.get(name) is _axis else "given"
+            raise InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
+    given = {name: _argument(name, value, known[name]) for name, value in table.items()}
+    if "store" in given:
+        given["store"] = folder / given["store"]
+    if "executor" in given:
+        given["executor"] = executor_named(given["executor"], given.get("workers"))
+    return given
+
+
+def range_axis(name: str, start: float, stop: float, points: int) -> tuple[str, Any]:
+    """Return an axis of evenly spaced values, ends included."""
+    return name, np.linspace(start, stop, points)
+
+
+def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | None:
+    """Return what makes the executor of that name; None for the threads that there are anyway."""
+    if name not in EXECUTORS:
+        raise InvalidParameter("executor", name, f"one of {', '.join(EXECUTORS)}")
+    if name == "threads":
+        return None
+    return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
+
+
+def _argument(name: str, value: Any, default: Any) -> Any:
+    if name in _READERS:
+        return _READERS[name](name, value)
+    if is_dataclass(default) and not isinstance(default, type):
+        return _settings(name, value, default)
+    return value
+
+
+def _axis(name: str, value: Any) -> tuple[str, Any]:
+    match value:
+        case [str(parameter), list(values)]:
+            return parameter, values
+        case [str(parameter), start, stop, points] if is_number(start) and is_number(stop):
+            if isinstance(points, int) and points > 0:
+                return range_axis(parameter, start, stop, points)
+    raise InvalidParameter(name, value, _AXIS)
+
+
+def _state(name: str, value: Any) -> State:
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, "a table of components of the state: {x2 = 0.1}")
+    return state_from(value)
+
+
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise InvalidParameter(name, value, "a text")
+    return value
+
+
+def _settings(name: str, value: Any, default: Any) -> Any:
+    known = [each.name for each in fields(default)]
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, f"a table of some of {', '.join(known)}")
+    for word in value:
+        if word not in known:
+            raise _unknown(f"{name}.{word}", value[word], known)
+    try:
+        return replace(default, **value)
+    except InvalidParameter as error:
+        raise error.located(owner=name) from None
+
+
+def _unknown(name: str, value: Any, known: Any) -> InvalidParameter:
+    allowed = f"one of {', '.join(known)}"
+    return InvalidParameter(name, value, allowed, problem=f"unknown name, must be {allowed}")
+
+
+_READERS: dict[str, Callable[[str, Any], Any]] = {
+    "x": _axis,
+    "y": _axis,
+    "initial": _state,
+    "store": _text,
+    "executor": _text,
+}
