@@ -102,7 +102,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    guess = state_from(initial)
+    guess = state_from(initial, actuator)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     given: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
     with Output(output, figure, no_figure, "optimize") as files:

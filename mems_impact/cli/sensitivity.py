@@ -70,7 +70,7 @@ def command(
     show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
-    guess = state_from(initial)
+    guess = state_from(initial, actuator)
     system = actuator.under(drive)
     told = {each.name: each for each in chosen_quantities(system, None)}
     told |= {each.name: each for each in chosen_quantities(system, [quantity])}

@@ -13,7 +13,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import new_figure, parameter_label, with_unit
 from mems_impact.studies.motions import MOTION, SILENT, in_order, motions, period_of
 from mems_impact.studies.operating_map import OperatingMap
-from mems_impact.studies.stored import StoredStudy
+from mems_impact.studies.stored_study import StoredStudy
 from mems_impact.tables.common import bare
 
 __all__ = ["plot_map"]

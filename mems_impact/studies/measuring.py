@@ -25,9 +25,9 @@ from mems_impact.studies.motions import MOTION, PERIOD
 from mems_impact.studies.study import STATUS, Columns
 from mems_impact.tables.common import captions, unit_of
 
-__all__ = ["RETURNS", "Measuring"]
+__all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
 
-MOTION, PERIOD, RETURNS = "motion", "period", "returns"
+
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
 
