@@ -255,7 +255,9 @@ def lyapunov(
         raise InvalidParameter("count", count, f"1 to {free}: as many states are not cyclic")
     if not (is_number(tolerance) and tolerance > 0.0):
         raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
-    start, most = _start(system, problem, initial, transient, options), PERIODS
+    if transient is not None and not (is_number(transient) and transient >= 0.0):
+        raise InvalidParameter("transient", transient, "a finite number >= 0")
+    most = PERIODS
     for name, value in (("periods", periods), ("duration", duration)):
         if value is not None and not (is_number(value) and value > 0.0):
             raise InvalidParameter(name, value, "a finite number > 0")
@@ -267,6 +269,7 @@ def lyapunov(
         most = float(periods)
     elif duration is not None:
         most = float(system.into("time", duration)) / problem.period
+    start = _start(system, problem, initial, transient, options)
     with progress_bar(progress, "periods", most) as report:
         return _averaged(system, problem, start, count, most, tolerance, report)
 
@@ -279,8 +282,6 @@ def _start(
     options: Options,
 ) -> Instant:
     """Return where the transient ends."""
-    if transient is not None and not (is_number(transient) and transient >= 0.0):
-        raise InvalidParameter("transient", transient, "a finite number >= 0")
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:

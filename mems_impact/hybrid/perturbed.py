@@ -30,7 +30,7 @@ SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbatio
 NOTHING = 1e-11
 # Columns that shrink, or turn into each other, by more than this between two orthonormalizations
 # lose digits: then these come twice as often, until they are no longer needed.
-WORN = 1e-6
+WORN = 1e-3
 
 
 class Log(NamedTuple):

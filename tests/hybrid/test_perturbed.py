@@ -1,0 +1,167 @@
+"""What arcs and events do to perturbations, against differences of whole runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.hybrid.lyapunov import Stretching, largest, standard_errors
+from mems_impact.hybrid.run import run
+from tests.analysis.systems import oscillator
+
+FAST = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+PLAIN = mi.Options(method="dop853", rtol=1e-12, atol=1e-14, engine="interpreted")
+
+
+def carried(problem, start, periods, column, h=1e-5):
+    """Return what becomes of a perturbation, by the difference of two neighbouring runs."""
+    ends = [
+        run(problem, replace(start, y=start.y + shift * column), periods).final.y
+        for shift in (h, -h)
+    ]
+    return (ends[0] - ends[1]) / (2.0 * h)
+
+
+def check(problem, start, periods, tolerance=1e-5):
+    """Compare what one perturbation grows by, and the volume of all, with neighbouring runs."""
+    n = start.y.size
+    free = [i for i in range(n) if i not in problem.automaton.cyclic]
+    one = Stretching(problem, start, 1, chunk=periods)
+    moved = carried(problem, start, periods, one._at.y[n:].copy())[free]
+    one.go_on()
+    assert one.grown[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
+    every = Stretching(problem, start, len(free), chunk=periods)
+    columns = every._at.y[n:].reshape(-1, n)[every._at.alive == 1]
+    moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
+    every.go_on()
+    volume = 0.5 * math.log(np.linalg.det(np.array(moved) @ np.array(moved).T))
+    assert every.grown[0][every._at.alive == 1].sum() == pytest.approx(volume, abs=tolerance)
+
+
+FIRST, SECOND, THIRD = mi.modes("first", "second", "third")
+
+
+def _turning(mode, t, y, p):
+    push = 1.0 if mode == FIRST else (-0.4 if mode == SECOND else 0.2)
+    return y.v + 0.3 * push * y.x, push - 0.2 * y.x + 0.3 * math.cos(t)
+
+
+def _beyond_one(mode, t, y, p):
+    return 1.0 - y.x - 0.1 * math.sin(t)
+
+
+def _to_second(mode, t, y, p):
+    return SECOND, (y.x - 0.3, 0.8 * y.v + 0.2 * y.x)
+
+
+def _at_once(mode, t, y, p):  # negative wherever the second mode begins
+    return y.x - 5.0
+
+
+def _to_third(mode, t, y, p):
+    return THIRD, (y.x, y.v - 0.5 * y.x + 0.1 * math.sin(t))
+
+
+def _back(mode, t, y, p):
+    return y.x + 0.2
+
+
+def _to_first(mode, t, y, p):
+    return FIRST, (y.x, 0.1 - 0.5 * y.v)
+
+
+def _middle(mode, t, y, p):
+    return y.v - 0.05 * y.x
+
+
+def handed_on():
+    """A state that one transition puts beyond the guard of the next; and a guard that records."""
+    return mi.System(
+        states=("x", "v"),
+        flow=_turning,
+        period=2.0 * math.pi,
+        guards=[
+            mi.Guard("one", _beyond_one, _to_second, modes=(FIRST,)),
+            mi.Guard("at once", _at_once, _to_third, modes=(SECOND,)),
+            mi.Guard("back", _back, _to_first, modes=(THIRD,)),
+            mi.Guard("middle", _middle),
+        ],
+        initial={"x": 0.1, "v": 0.2},
+    )
+
+
+def test_a_transition_that_another_sets_off_comes_when_that_one_does():
+    system = handed_on()
+    problem = system.problem(PLAIN)
+    start = system.instant(None, problem)
+    kinds = [problem.automaton.guards[i].name for i in run(problem, start, 3).events.guard]
+    assert {"one", "at once", "back", "middle"} <= set(kinds)
+    check(problem, start, 3)
+
+
+def test_impacts():
+    system = oscillator(A=1.0, e=0.7)
+    problem = system.problem(FAST)
+    start = run(problem, system.instant(None, problem), 20.3).final
+    assert run(problem, start, 4).events.impacts(problem.automaton).sum() >= 3
+    check(problem, start, 4)
+
+
+def test_at_rest_nothing_is_left():
+    system = oscillator(A=2.0, omega=0.2, e=0.5)
+    problem = system.problem(FAST)
+    start = system.instant(None, problem)
+    stretching = Stretching(problem, start, 2, chunk=2)
+    stretching.go_on()
+    assert stretching.result.per_period.tolist() == [-math.inf, -math.inf]
+    assert stretching.result.errors.tolist() == [0.0, 0.0]
+
+
+def test_the_same_to_the_last_bit():
+    system = oscillator(A=0.5)
+    problem = system.problem(FAST)
+    start = run(problem, system.instant(None, problem), 300).final
+    how = {"tolerance": 1e-2, "sure": 4.0, "periods": 1000}
+    exponent, error, periods = largest(problem, start, **how)
+    assert largest(problem, start, **how) == (exponent, error, periods)
+    orbit = mi.find_orbit(system, guess=system.state_of(start))
+    expected = math.log(abs(orbit.multipliers[0])) / orbit.periods
+    assert abs(exponent - expected) < 3.0 * error < 0.1
+    assert periods == 256
+
+
+def test_errors_of_parts_that_depend_on_each_other():
+    random = np.random.default_rng(1)
+    noise = random.normal(size=(4096, 1))
+    told = standard_errors(noise, np.ones(4096))[0] * 64.0
+    assert 0.95 < told < 2.0
+    slow = np.zeros((4096, 1))
+    for i in range(1, 4096):
+        slow[i] = 0.95 * slow[i - 1] + noise[i]
+    # The sum of what one kick leaves behind is 1/(1 - 0.95).
+    assert 0.7 * 20.0 < standard_errors(slow, np.ones(4096))[0] * 64.0 < 2.0 * 20.0
+    assert np.isnan(standard_errors(noise[:15], np.ones(15))).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "drive",
+    [
+        mi.Sine(amplitude=0.28, omega=0.46),
+        mi.Square(amplitude=0.26, omega=0.9, duty=0.4),
+        mi.Pulse(amplitude=0.4, period=14.0, width=5.0, rise=0.5, fall=0.5),
+    ],
+    ids=lambda drive: type(drive).__name__,
+)
+def test_actuator(drive):
+    zhao = mi.load_actuator("zhao2004")
+    system = zhao.under(drive)
+    problem = system.problem(FAST)
+    start = run(problem, system.instant(mi.kicked(zhao), problem), 20.4).final
+    events = run(problem, start, 4).events
+    assert events.impacts(problem.automaton).sum() >= 2
+    check(problem, start, 4)
