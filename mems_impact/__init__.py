@@ -92,6 +92,7 @@ if TYPE_CHECKING:
         WorkersLost,
     )
     from mems_impact.hybrid.automaton import Guard, Impact
+    from mems_impact.plotting.basins import plot_basins
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.map import plot_map
@@ -210,6 +211,7 @@ __all__ = [
     "optimize",
     "pareto_front",
     "period_one_window",
+    "plot_basins",
     "plot_branch",
     "plot_chart",
     "plot_curve",
@@ -274,6 +276,7 @@ _HOMES = {
         "ValidityWarning",
         "WorkersLost",
     ),
+    "plotting.basins": ("plot_basins",),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),
     "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),

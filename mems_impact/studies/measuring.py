@@ -25,7 +25,7 @@ from mems_impact.studies.motions import MOTION, PERIOD
 from mems_impact.studies.study import STATUS, Columns
 from mems_impact.tables.common import captions, unit_of
 
-__all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
+__all__ = ["ERROR", "EXPONENT", "MOTION", "PERIOD", "RETURNS", "Measuring"]
 
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
