@@ -70,7 +70,7 @@ def test_one_component(tmp_path):
 
 
 def test_what_is_wrong_is_named():
-    with pytest.raises(mi.InvalidParameter, match="as mems_impact.basins returns them"):
+    with pytest.raises(mi.InvalidParameter, match=r"as mems_impact\.basins returns"):
         mi.plot_basins(pd.DataFrame())
     starts = Grid(Axis("x", (0.0, 1.0)), Axis("v", (0.0, 1.0)))
     with pytest.raises(mi.InvalidParameter, match="one of x, v"):

@@ -321,7 +321,8 @@ def test_a_chaotic_attractor_is_one():
     # Ueda's: a hardening spring in a chaotic state, in which every motion ends.
     system = duffing(d=0.05, f=7.5, beta=0.0)
     settle = mi.Settling(transient=50, periods=50)
-    found = mi.basins(system, box={"x": (0.0, 4.0), "v": (-4.0, 4.0)}, sample=40, settle=settle)
+    box = {"x": (0.0, 4.0), "v": (-4.0, 4.0)}
+    found = mi.basins(system, box=box, sample=40, settle=settle, options=FAST)
     assert found.attractors["attractor"].tolist() == ["chaotic"]
     assert set(found.table["motion"]) == {"unsettled"}
     assert found.attractors["lyapunov exponent"][0] > 0.05
