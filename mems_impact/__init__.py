@@ -107,6 +107,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.studies.optimize import Optimum, optimize
     from mems_impact.studies.pareto import ParetoFront, pareto_front
+    from mems_impact.studies.scatter import Scatter, scatter
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.studies.stored_study import StoredStudy, read_study
     from mems_impact.tables.sweep import sweep_summary
@@ -161,6 +162,7 @@ __all__ = [
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
+    "Scatter",
     "Settling",
     "Sensitivity",
     "SpecialPoint",
@@ -230,6 +232,7 @@ __all__ = [
     "resolution",
     "resting_voltage",
     "ring_down",
+    "scatter",
     "sensitivity",
     "simulate",
     "speed_over_voltage",
@@ -339,6 +342,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.basins": ("Basins", "basins"),
+    "studies.scatter": ("Scatter", "scatter"),
     "studies.motions": ("map_summary",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "studies.stored_study": ("StoredStudy", "read_study"),

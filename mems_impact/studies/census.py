@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from mems_impact.analysis import attractor
 from mems_impact.analysis.attractor import Attractor, Case
@@ -17,6 +16,7 @@ from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.system import System
 from mems_impact.studies.measuring import ERROR, EXPONENT, MOTION, PERIOD, RETURNS, Measuring
 from mems_impact.studies.recognition import LEFT, MODE, Recognition
+from mems_impact.studies.sampling import wilson
 from mems_impact.studies.starts import Grid, Starts
 from mems_impact.studies.study import STATUS
 
@@ -34,7 +34,6 @@ __all__ = [
 ATTRACTOR = "attractor"
 FAILED = attractor.FAILED
 FEW = 0.01  # of all points: attractors of fewer are looked at again
-LEVEL = 0.95  # of the intervals of shares
 
 
 def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
@@ -193,8 +192,7 @@ def _letters(number: int) -> str:
 def _bounds(own: NDArray[np.bool_], starts: Starts) -> tuple[float, float]:
     """Return between what the share of an attractor lies; see `basins`."""
     if not isinstance(starts, Grid):
-        interval = binomtest(int(own.sum()), len(own)).proportion_ci(LEVEL, method="wilson")
-        return float(interval.low), float(interval.high)
+        return wilson(int(own.sum()), len(own))
     cells = own.reshape(starts.shape)
     inner, outer = cells.copy(), cells.copy()
     for place in range(cells.ndim):
