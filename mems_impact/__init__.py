@@ -92,6 +92,7 @@ if TYPE_CHECKING:
         WorkersLost,
     )
     from mems_impact.hybrid.automaton import Guard, Impact
+    from mems_impact.plotting.basins import plot_basins
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
     from mems_impact.plotting.map import plot_map
@@ -106,6 +107,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.operating_map import OperatingMap, operating_map
     from mems_impact.studies.optimize import Optimum, optimize
     from mems_impact.studies.pareto import ParetoFront, pareto_front
+    from mems_impact.studies.scatter import Scatter, scatter
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.studies.stored_study import StoredStudy, read_study
     from mems_impact.tables.sweep import sweep_summary
@@ -160,6 +162,7 @@ __all__ = [
     "RunError",
     "RunInterrupted",
     "ScaleWarning",
+    "Scatter",
     "Settling",
     "Sensitivity",
     "SpecialPoint",
@@ -210,6 +213,7 @@ __all__ = [
     "optimize",
     "pareto_front",
     "period_one_window",
+    "plot_basins",
     "plot_branch",
     "plot_chart",
     "plot_curve",
@@ -228,6 +232,7 @@ __all__ = [
     "resolution",
     "resting_voltage",
     "ring_down",
+    "scatter",
     "sensitivity",
     "simulate",
     "speed_over_voltage",
@@ -274,6 +279,7 @@ _HOMES = {
         "ValidityWarning",
         "WorkersLost",
     ),
+    "plotting.basins": ("plot_basins",),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),
     "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),
@@ -336,6 +342,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.basins": ("Basins", "basins"),
+    "studies.scatter": ("Scatter", "scatter"),
     "studies.motions": ("map_summary",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "studies.stored_study": ("StoredStudy", "read_study"),

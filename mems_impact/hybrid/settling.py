@@ -371,6 +371,8 @@ def end(engine: Any, s: Any, w: Any) -> None:
             result[RESULTS + j] = last[WHERE + j]
         total(s, w)
     else:
+        whole = math.floor(time / s.period + 1e-12)  # where nothing happens the loop counts on
+        cycle, time = cycle + whole, max(0.0, time - whole * s.period)
         for j in range(n):
             result[RESULTS + j] = y[j] + row(s, OFFSET)[j]
     result[MEASURED] = w.measured

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -132,7 +132,9 @@ class Basins(Value):
     attractors : DataFrame
         One row an attractor, that of the most points first: its name, ``motion``, ``period``,
         ``points``, ``share`` of all points and between which bounds it lies, ``low`` and ``high``;
-        then what the table tells of the first of its points.
+        the largest Lyapunov exponent if `Settling` asks for it, computed once an attractor, by
+        which one that does not repeat itself is "chaotic" or "quasi-periodic"; then what the table
+        tells of the first of its points.
     returns : DataFrame
         The states at the returns of each attractor, once round or as many as were followed.
     """
@@ -283,6 +285,9 @@ def basins(
 
     Notes
     -----
+    A periodic motion that no more than 1 % of the points come to is an attractor only if motions
+    from beside it come back: a start may happen to lie where it is led to a saddle.
+
     Shares are those of all points, failed ones included. Of a sample, their bounds are the interval
     of Wilson (*J. American Statistical Association* 22, 209, 1927), in which the share of the
     box lies with a probability of 95 %. A grid knows no chance: there the bounds are the share of
@@ -312,22 +317,23 @@ def basins(
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
     system.instant(start, system.problem(options))
+    measuring = Measuring(system=system, settle=settle, options=options)
     study = BasinsStudy(
         starts=starts,
-        measuring=Measuring(system=system, settle=settle, options=options),
+        measuring=replace(measuring, settle=replace(settle, exponents="none")),
         recognition=Recognition(system=system, options=options, distance=distance),
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    columns = {name: table[name].to_numpy() for name in table.columns}
-    labels = study.recognition.labels(columns, {name: columns[name] for name in starts.names})
-    table, attractors = census.taken(table, labels, starts)
+    labels = census.recognised(table, starts.names, study.recognition, study.measuring)
+    found = census.followed(census.representatives(table, labels), measuring)
+    table, attractors = census.taken(table, labels, found, starts)
     return Basins(
         system=system,
         starts=starts,
         table=table,
         attractors=attractors,
-        returns=census.returns(attractors, study.measuring),
+        returns=census.returns(attractors, found, system),
     )
 
 

@@ -2,32 +2,104 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.stats import binomtest
 
 from mems_impact.analysis import attractor
-from mems_impact.analysis.attractor import Case
+from mems_impact.analysis.attractor import Attractor, Case
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.system import System
-from mems_impact.studies.measuring import MOTION, PERIOD, RETURNS, Measuring
-from mems_impact.studies.recognition import LEFT, MODE
+from mems_impact.studies.measuring import ERROR, EXPONENT, MOTION, PERIOD, RETURNS, Measuring
+from mems_impact.studies.recognition import LEFT, MODE, Recognition
+from mems_impact.studies.sampling import wilson
 from mems_impact.studies.starts import Grid, Starts
 from mems_impact.studies.study import STATUS
 
-__all__ = ["ATTRACTOR", "FAILED", "LEVEL", "returns", "state_of", "taken"]
+__all__ = [
+    "ATTRACTOR",
+    "FAILED",
+    "followed",
+    "recognised",
+    "representatives",
+    "returns",
+    "state_of",
+    "taken",
+]
 
 ATTRACTOR = "attractor"
 FAILED = attractor.FAILED
-LEVEL = 0.95  # of the intervals of shares
+FEW = 0.01  # of all points: attractors of fewer are looked at again
+
+
+def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
+    """Return the row of the first point of each attractor, that of the most points first."""
+    known, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
+    order = np.lexsort((firsts, -counts))
+    return table.iloc[firsts[order[known[order] >= 0]]]
+
+
+def recognised(
+    table: pd.DataFrame, names: Sequence[str], rules: Recognition, measuring: Measuring
+) -> NDArray[np.int64]:
+    """Return a number for each point, the same for the same attractor; -1 if it has failed.
+
+    A start that lies near enough to the stable manifold of a saddle stays there for as long as it
+    is followed. So periodic motions that few points come to are followed once more, from beside
+    them: those that lead elsewhere attract nothing, and their points count as where they lead.
+
+    Parameters
+    ----------
+    table : DataFrame
+    names : sequence of str
+        The components in which starts differ.
+    rules : Recognition
+    measuring : Measuring
+    """
+    system, count = measuring.system, len(table)
+    columns = {name: table[name].to_numpy() for name in table}
+    starts = {name: columns[name] for name in names}
+    labels = rules.labels(columns, starts)
+    rows = representatives(table, labels)
+    few = np.array([(labels == labels[i]).sum() <= max(1.0, FEW * count) for i in rows.index])
+    rows = rows[few & rows[MOTION].isin([attractor.PERIODIC, attractor.OFF]).to_numpy()]
+    beside = [Case(system, rules.nudged(state_of(system, row))) for _, row in rows.iterrows()]
+    if not beside:
+        return labels
+    found = measuring.follow(beside)
+    more = {**measuring.columns(found), **rules.columns(found)}
+    both = rules.labels(
+        {name: np.concatenate([columns[name], values]) for name, values in more.items()}, starts
+    )
+    labels, led = both[:count], both[count:]
+    known = set(labels.tolist()) - {-1}
+    for i, label in zip(rows.index, led.tolist(), strict=True):
+        if label in known:
+            labels[labels == labels[i]] = label
+    return labels
+
+
+def followed(rows: pd.DataFrame, measuring: Measuring) -> list[Attractor]:
+    """Return the motions that go on from where those of rows were left.
+
+    With the states at as many returns as are measured, of those that do not repeat themselves.
+    """
+    settle = measuring.settle
+    longest = max(settle.longest, int(settle.periods))
+    further = replace(measuring, settle=replace(settle, longest=longest))
+    system = measuring.system
+    return further.follow([Case(system, state_of(system, row)) for _, row in rows.iterrows()])
 
 
 def taken(
-    table: pd.DataFrame, labels: NDArray[np.int64], starts: Starts
+    table: pd.DataFrame,
+    labels: NDArray[np.int64],
+    found: Sequence[Attractor],
+    starts: Starts,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the table of all points with the names of their attractors, and that of attractors.
 
@@ -36,30 +108,39 @@ def taken(
     table : DataFrame
     labels : array of int
         Of each point, as `Recognition` tells them.
+    found : sequence of Attractor
+        As `followed` returns them of the `representatives`.
     starts : Starts
         Bounds of shares depend on whether they are a grid.
     """
-    known, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
-    order = [i for i in np.lexsort((firsts, -counts)) if known[i] >= 0]
-    rows = table.iloc[firsts[order]].reset_index(drop=True)
-    names = _names([_kind(motion, period) for motion, period in rows[[MOTION, PERIOD]].to_numpy()])
-    bounds = [_bounds(labels == known[i], starts) for i in order]
+    rows = representatives(table, labels)
+    own = labels[rows.index]
+    kinds = [
+        _told_later(one) if motion == attractor.UNSETTLED else (motion, period)
+        for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
+    ]
+    names = _names([_kind(*each) for each in kinds])
+    members = [labels == label for label in own]
+    bounds = [_bounds(each, starts) for each in members]
     told = {
         ATTRACTOR: np.array(names, dtype=object),
-        MOTION: rows[MOTION],
-        PERIOD: rows[PERIOD],
-        "points": counts[order],
-        "share": counts[order] / max(1, len(table)),
+        MOTION: np.array([motion for motion, _ in kinds], dtype=object),
+        PERIOD: np.array([period for _, period in kinds], dtype=np.int64),
+        "points": np.array([each.sum() for each in members], dtype=np.int64),
+        "share": np.array([each.mean() for each in members]),
         "low": np.array([low for low, _ in bounds]),
         "high": np.array([high for _, high in bounds]),
+        EXPONENT: np.array([one.exponent for one in found]),
+        ERROR: np.array([one.error for one in found]),
     }
-    left = [n for n in rows if n not in (*told, *starts.names, RETURNS, STATUS)]
-    attractors = pd.DataFrame({**told, **{name: rows[name] for name in left}})
-    by_label = dict(zip(known[order].tolist(), names, strict=True))
+    more = [name for name in rows if name not in (*told, *starts.names, RETURNS, STATUS)]
+    attractors = pd.DataFrame({**told, **{name: rows[name].to_numpy() for name in more}})
     named = table.copy(deep=False)
-    column = np.array([by_label.get(label, FAILED) for label in labels.tolist()], dtype=object)
+    column = np.full(len(table), FAILED, dtype=object)
+    for name, each in zip(names, members, strict=True):
+        column[each] = name
     named.insert(len(starts.names), ATTRACTOR, column)
-    named.attrs = attractors.attrs = dict(table.attrs)
+    named.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
     return named, attractors
 
 
@@ -69,25 +150,22 @@ def state_of(system: System, row: Any) -> State:
     return state_from(components, float(row[f"time {LEFT}"]), row[MODE] or None)
 
 
-def returns(attractors: pd.DataFrame, measuring: Measuring) -> pd.DataFrame:
-    """Return the states at the returns of each attractor, from where it was left.
-
-    Of one that does not repeat itself as many as are measured of it.
-    """
-    system, settle = measuring.system, measuring.settle
-    longest = max(settle.longest, int(settle.periods))
-    further = replace(measuring, settle=replace(settle, longest=longest))
-    found = further.follow(
-        [Case(system, state_of(system, row)) for _, row in attractors.iterrows()]
-    )
-    seen = [
-        np.empty((0, len(system.states))) if one.states is None else one.states for one in found
-    ]
+def returns(attractors: pd.DataFrame, found: Sequence[Attractor], system: System) -> pd.DataFrame:
+    """Return the table of the states at the returns of attractors."""
+    none = np.empty((0, len(system.states)))
+    seen = [none if one.states is None else one.states for one in found]
     names = np.repeat(attractors[ATTRACTOR].to_numpy(), [len(states) for states in seen])
-    values = np.concatenate([np.empty((0, len(system.states))), *seen])
-    table = pd.DataFrame({ATTRACTOR: names.astype(object), **dict(zip(system.states, values.T))})
+    columns = dict(zip(system.states, np.concatenate([none, *seen]).T, strict=True))
+    table = pd.DataFrame({ATTRACTOR: names.astype(object), **columns})
     table.attrs = dict(attractors.attrs)
     return table
+
+
+def _told_later(found: Attractor) -> tuple[str, int]:
+    """Return motion and period of an attractor that was unsettled as it was reached."""
+    if found.motion == FAILED:
+        return attractor.UNSETTLED, 0
+    return found.motion, found.period
 
 
 def _kind(motion: str, period: int) -> str:
@@ -106,7 +184,7 @@ def _names(kinds: list[str]) -> list[str]:
 
 
 def _letters(number: int) -> str:
-    """Return a, b, …, z, aa, ab, …"""
+    """Return the letters of a number: a, b, …, z, aa, ab."""
     before, letter = divmod(number, 26)
     return (_letters(before - 1) if before else "") + chr(ord("a") + letter)
 
@@ -114,8 +192,7 @@ def _letters(number: int) -> str:
 def _bounds(own: NDArray[np.bool_], starts: Starts) -> tuple[float, float]:
     """Return between what the share of an attractor lies; see `basins`."""
     if not isinstance(starts, Grid):
-        interval = binomtest(int(own.sum()), len(own)).proportion_ci(LEVEL, method="wilson")
-        return float(interval.low), float(interval.high)
+        return wilson(int(own.sum()), len(own))
     cells = own.reshape(starts.shape)
     inner, outer = cells.copy(), cells.copy()
     for place in range(cells.ndim):

@@ -20,12 +20,13 @@ from mems_impact.analysis.attractor import (
 from mems_impact.analysis.storing.identity import identity, identity_of_options
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.studies.motions import MOTION, PERIOD
 from mems_impact.studies.study import STATUS, Columns
 from mems_impact.tables.common import captions, unit_of
 
-__all__ = ["MOTION", "PERIOD", "RETURNS", "Measuring"]
+__all__ = ["ERROR", "EXPONENT", "MOTION", "PERIOD", "RETURNS", "Measuring"]
 
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
@@ -83,6 +84,28 @@ class Measuring:
     ) -> list[Attractor]:
         """Return what the motions from many points come to."""
         return attractors(cases, self.settle, self.options, watch)
+
+    def follow_some(
+        self,
+        numbers: range,
+        case: Callable[[int], Case],
+        watch: Callable[[float], None] | None = None,
+    ) -> list[Attractor]:
+        """Return what the motions of numbered points come to; one that is refused has failed."""
+        cases: list[Case] = []
+        refused: dict[int, str] = {}
+        for number in numbers:
+            try:
+                cases.append(case(number))
+            except InvalidParameter as error:
+                refused[number] = str(error)
+        followed = iter(self.follow(cases, watch))
+        return [
+            Attractor(motion=FAILED, status=refused[number])
+            if number in refused
+            else next(followed)
+            for number in numbers
+        ]
 
     def columns(self, found: Sequence[Attractor]) -> Columns:
         """Return the columns of `schema`."""

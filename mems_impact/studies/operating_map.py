@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import FAILED, STUDY_OPTIONS, Attractor, Case, Settling
+from mems_impact.analysis.attractor import STUDY_OPTIONS, Case, Settling
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.storing.identity import identity_of_state
 from mems_impact.analysis.system import System
@@ -89,20 +89,9 @@ class MapStudy(Study):
         watch: Callable[[float], None] | None = None,
     ) -> tuple[Columns, Any]:
         """Compute some points; see `Study`."""
-        cases: list[Case] = []
-        refused: dict[int, str] = {}
-        for number in range(first, last):
-            try:
-                cases.append(Case(self._system(number), self.initial))
-            except InvalidParameter as error:
-                refused[number] = str(error)
-        followed = iter(self.measuring.follow(cases, watch))
-        found = [
-            Attractor(motion=FAILED, status=refused[number])
-            if number in refused
-            else next(followed)
-            for number in range(first, last)
-        ]
+        found = self.measuring.follow_some(
+            range(first, last), lambda number: Case(self._system(number), self.initial), watch
+        )
         return {**self._places(first, last), **self.measuring.columns(found)}, None
 
     def failed(self, first: int, last: int, reason: str) -> Columns:

@@ -17,6 +17,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mems_impact.analysis.attractor import FAILED, RESTING, UNSETTLED, Attractor
+from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.trajectory import Floats
@@ -70,6 +71,15 @@ class Recognition:
         columns[MODE] = np.array(modes, dtype=object)
         return columns
 
+    def nudged(self, state: State) -> State:
+        """Return a state a tenth of the distance away in each component."""
+        least = self.options.atol / self.options.rtol
+        sizes = {
+            name: max(abs(state[name]), float(self.system.out(name, least))) for name in self.names
+        }
+        off = {name: state[name] + 0.1 * self.distance * size for name, size in sizes.items()}
+        return state.replace(**off)
+
     def labels(self, columns: Columns, starts: Columns) -> Integers:
         """Return a number for each motion, the same for the same attractor; -1 if it has failed.
 
@@ -109,9 +119,9 @@ class Recognition:
         least = self.options.atol / self.options.rtol
         sizes = [float(self.system.out(name, least)) for name in self.names]
         for i, name in enumerate(self.names):
-            values = [columns[f"{name} min"], columns[f"{name} max"], starts.get(name, [])]
+            values = [columns[f"{name} min"], columns[f"{name} max"], starts.get(name, np.empty(0))]
             known = np.abs(np.concatenate(values))
-            sizes[i] = max([sizes[i], *known[~np.isnan(known)]])
+            sizes[i] = max(sizes[i], np.max(known, initial=0.0, where=~np.isnan(known)))
         return self.distance * np.array(sizes)
 
     def _row(self, found: Attractor) -> list[float]:
@@ -128,7 +138,7 @@ class Recognition:
 
 
 def _near(places: Floats) -> Integers:
-    """Number groups of points, in which each is near another: in the next cell of a grid."""
+    """Return groups of points, in which each is near another: in the next cell of a grid."""
     cells, which = np.unique(np.rint(places), axis=0, return_inverse=True)
     pairs = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray")
     ones = np.ones(len(pairs))
@@ -138,7 +148,7 @@ def _near(places: Floats) -> Integers:
 
 
 def _meeting(low: Floats, high: Floats) -> Integers:
-    """Number groups of boxes, so that the hulls of no two groups meet: the finest such groups."""
+    """Return groups of boxes, the finest ones of which no two have hulls that meet."""
     hulls: list[tuple[Floats, Floats]] = []
     for below, above in zip(low, high, strict=True):
         grown = True

@@ -7,16 +7,17 @@ import warnings
 from typing import Any, Literal
 
 import numpy as np
-from scipy.stats import qmc
+from scipy.stats import binomtest, qmc
 
 from mems_impact.analysis.state import is_number, whole
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Floats
 
-__all__ = ["METHODS", "Method", "check_sample", "digest_of", "unit_sample"]
+__all__ = ["METHODS", "Method", "check_sample", "digest_of", "unit_sample", "wilson"]
 
 Method = Literal["sobol", "lhs", "random"]
 METHODS = ("sobol", "lhs", "random")
+LEVEL = 0.95  # of intervals
 
 
 def check_sample(field: str, n: Any, method: Any, seed: Any) -> int:
@@ -59,3 +60,9 @@ def unit_sample(n: int, dimensions: int, method: str, seed: int) -> Floats:
 def digest_of(points: Floats) -> str:
     """Return what tells a sample from others, whatever library has made it."""
     return hashlib.sha256(np.ascontiguousarray(points).tobytes()).hexdigest()
+
+
+def wilson(count: int, points: int) -> tuple[float, float]:
+    """Return Wilson's interval of a share of which `count` of some points are an estimate."""
+    interval = binomtest(count, points).proportion_ci(LEVEL, method="wilson")
+    return float(interval.low), float(interval.high)

@@ -1,4 +1,4 @@
-"""Where the motions of a study start: a grid over one or two components of the state, or a sample."""
+"""Where the motions of a study start: a grid over components of the state, or a sample."""
 
 from __future__ import annotations
 

@@ -1,0 +1,174 @@
+"""Basins of attraction: which attractor is reached from where, and where the attractors are."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.style import new_figure, parameter_label, tidy
+from mems_impact.studies.census import ATTRACTOR, FAILED
+
+__all__ = ["plot_basins"]
+
+# Pale enough for black marks upon them, and of lightness that alternates: distinct in grey and to
+# the colour-blind (after Okabe and Ito). Further attractors, with small shares, have one grey.
+COLORS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#0072b2", "#d55e00")
+OTHERS, LOST = "0.6", "white"
+MARKERS = "os^Dv<>"
+SMALL = 3.4  # inches: the width of a column
+
+
+class Found(Protocol):
+    """What `plot_basins` needs of a `Basins`."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a point."""
+
+    @property
+    def attractors(self) -> pd.DataFrame:
+        """One row an attractor, the largest share first."""
+
+    @property
+    def returns(self) -> pd.DataFrame:
+        """The states at the returns of each attractor."""
+
+
+def plot_basins(
+    basins: Found, ax: Any = None, *, x: str | None = None, y: str | None = None
+) -> Any:
+    """Draw which attractor is reached from where, with the attractors over it.
+
+    A grid is drawn as cells, a sample as dots. The legend gives shares; the marks are the states at
+    the returns of each attractor. Points that failed stay white.
+
+    Parameters
+    ----------
+    basins : Basins
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure of a column's width by default.
+    x, y : str, optional
+        Components of the state on the axes; those in which starts differ, in their order. Of one
+        component alone a strip is drawn.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `basins` is none, or starts do not differ in a component.
+
+    Examples
+    --------
+    >>> mi.plot_basins(found).figure.savefig("basins.png")
+    """
+    if not hasattr(basins, "returns"):
+        allowed = "Basins, as mems_impact.basins returns them"
+        raise InvalidParameter("basins", type(basins).__name__, allowed)
+    table = basins.table
+    starts = table.attrs["starts"]
+    for field, name in (("x", x), ("y", y)):
+        if name is not None and name not in starts:
+            raise InvalidParameter(field, name, f"one of {', '.join(starts)}")
+    across = x or next(name for name in starts if name != y)
+    up = y or next((name for name in starts if name != across), None)
+    if ax is None:
+        height = 3.6 if up else 1.5
+        ax = new_figure(SMALL, height).subplots()
+    styles = _styles(basins.attractors)
+    codes = table[ATTRACTOR].map({name: i for i, name in enumerate(styles)}).to_numpy()
+    look = _look([color for color, _ in styles.values()])
+    if up is None:
+        order = np.argsort(table[across].to_numpy(), kind="stable")
+        places, strip = table[across].to_numpy()[order], np.stack([codes[order]] * 2)
+        ax.pcolormesh(places, [0.0, 1.0], strip, shading="nearest", rasterized=True, **look)
+        ax.set(ylim=(0.0, 1.0), yticks=[])
+    else:
+        _draw_plane(ax, table, (across, up), codes, look)
+        _draw_returns(ax, basins.returns, (across, up), styles)
+        ax.set_ylabel(parameter_label(table, up))
+    ax.set_xlabel(parameter_label(table, across))
+    _legend(ax, basins, styles, marked=up is not None)
+    return ax
+
+
+def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
+    """Return colour and marker of each attractor, and of failed points."""
+    styles = {}
+    for i, name in enumerate(attractors[ATTRACTOR]):
+        own = i < len(COLORS)
+        styles[name] = (COLORS[i] if own else OTHERS, MARKERS[i % len(MARKERS)] if own else ".")
+    return {**styles, FAILED: (LOST, "")}
+
+
+def _look(colors: list[str]) -> dict[str, Any]:
+    """Return how the numbers of attractors become colours."""
+    from matplotlib.colors import ListedColormap
+
+    return {"cmap": ListedColormap(colors), "vmin": -0.5, "vmax": len(colors) - 0.5}
+
+
+def _draw_plane(
+    ax: Any, table: pd.DataFrame, names: tuple[str, str], codes: Any, look: dict[str, Any]
+) -> None:
+    """Draw cells of a grid, or the dots of a sample."""
+    x, y = (table[name].to_numpy() for name in names)
+    xs, ys = np.unique(x), np.unique(y)
+    if len(xs) * len(ys) == len(table) and min(len(xs), len(ys)) > 1:
+        cells = np.empty((len(ys), len(xs)))
+        cells[np.searchsorted(ys, y), np.searchsorted(xs, x)] = codes
+        ax.pcolormesh(xs, ys, cells, shading="nearest", rasterized=True, **look)
+        return
+    size = float(np.clip(4000.0 / len(table), 1.5, 14.0))
+    ax.scatter(x, y, c=codes, s=size, linewidths=0.0, rasterized=len(x) > 20_000, **look)
+    tidy(ax)
+
+
+def _draw_returns(
+    ax: Any, returns: pd.DataFrame, names: tuple[str, str], styles: dict[str, tuple[str, str]]
+) -> None:
+    """Mark where the attractors return, as far as that lies among the starts."""
+    limits = ax.get_xlim(), ax.get_ylim()
+    for name, (color, marker) in styles.items():
+        seen = returns[returns[ATTRACTOR] == name]
+        if not len(seen) or color == OTHERS:
+            continue
+        many = len(seen) > 20
+        ax.plot(
+            seen[names[0]], seen[names[1]], linestyle="none", marker="." if many else marker,
+            markersize=2.0 if many else 5.5, color="black" if many else color,
+            markeredgecolor="black", markeredgewidth=0.0 if many else 1.0, zorder=4,
+        )  # fmt: skip
+    ax.set_xlim(limits[0])
+    ax.set_ylim(limits[1])
+
+
+def _legend(ax: Any, basins: Found, styles: dict[str, tuple[str, str]], marked: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    found = basins.attractors
+    named = found[: len(COLORS)]
+    handles: list[Any] = []
+    for name, share in zip(named[ATTRACTOR], named["share"], strict=True):
+        color, marker = styles[name]
+        handles.append(
+            Line2D([], [], linestyle="none", marker=marker if marked else "s", color=color,
+                   markeredgecolor="black", markersize=6.0, label=f"{name}  {share:.1%}")
+        )  # fmt: skip
+    if len(found) > len(named):
+        share = found["share"][len(named) :].sum()
+        handles.append(Patch(color=OTHERS, label=f"{len(found) - len(named)} others  {share:.1%}"))
+    lost = float((basins.table[ATTRACTOR] == FAILED).mean())
+    if lost:
+        handles.append(Patch(facecolor=LOST, edgecolor="black", label=f"failed  {lost:.1%}"))
+    ax.legend(
+        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
+        fontsize="small", handletextpad=0.3, columnspacing=1.0,
+    )  # fmt: skip
