@@ -63,7 +63,6 @@ if TYPE_CHECKING:
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
     from mems_impact.analysis.state import State
     from mems_impact.analysis.storing.file import load
-    from mems_impact.analysis.sweep import sweep
     from mems_impact.analysis.system import System
     from mems_impact.analysis.verification import Verification
     from mems_impact.engines.options import Options
@@ -110,6 +109,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.scatter import Scatter, scatter
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.studies.stored_study import StoredStudy, read_study
+    from mems_impact.studies.sweep import sweep
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -334,7 +334,7 @@ _HOMES = {
     "actuator.system": ("kicked",),
     "analysis.observable": ("Observable",),
     "analysis.storing.file": ("load",),
-    "analysis.sweep": ("sweep",),
+    "studies.sweep": ("sweep",),
     "analysis.modes": ("modes",),
     "analysis.system": ("System",),
     "hybrid.automaton": ("Guard", "Impact"),

@@ -17,12 +17,12 @@ from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special import SpecialPoint, grazing_type
 from mems_impact.analysis.state import State
-from mems_impact.analysis.sweep import sweep
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Effort
 from mems_impact.plotting.branch import plot_branch
 from mems_impact.plotting.style import new_figure
 from mems_impact.plotting.sweep import plot_sweep
+from mems_impact.studies.sweep import sweep
 from mems_impact.tables.sweep import sweep_summary
 
 if TYPE_CHECKING:

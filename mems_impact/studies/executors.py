@@ -24,6 +24,7 @@ from concurrent.futures import (
 )
 from contextlib import contextmanager, nullcontext
 from functools import cache, cached_property, lru_cache
+from itertools import count
 from types import TracebackType
 from typing import Any, Self
 
@@ -92,6 +93,7 @@ class Crew:
         self._executor: Any = None if callable(executor) else executor
         self._stop = threading.Event()
         self._asked = (-ASKED, 0)
+        self._calls = count()
 
     def __enter__(self) -> Self:
         if self._make is not None:
@@ -134,7 +136,8 @@ class Crew:
             if self.is_local:
                 return self._executor.submit(_here, self.study, *where, self._watch(number))
             with ctrl_c_for_us_alone():  # for processes that are started now
-                return self._executor.submit(_there, self._packed, *where)
+                # Numbered, since Dask takes a second call with the same arguments for the first.
+                return self._executor.submit(_there, self._packed, *where, next(self._calls))
         except RuntimeError as error:  # broken, or shut down by others
             raise Gone(str(error)) from None
 
@@ -243,7 +246,7 @@ def _here(
         return study.compute(first, last, carried, watch)
 
 
-def _there(packed: bytes, first: int, last: int, carried: Any) -> Result:
+def _there(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Result:
     """Compute points in another process."""
     _ready(packed)
     study = _unpacked(packed)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mems_impact.tables.common import Labels, bare, captions, table
 
-__all__ = ["sweep", "sweep_summary", "switches"]
+__all__ = ["columns_of", "counted", "sweep", "sweep_summary", "switches"]
 
 # Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
 DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
@@ -21,6 +21,44 @@ DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
 def counted(labels: Labels) -> str:
     """Return the column that tells the crossings at one value apart: periods, or their numbers."""
     return PERIOD if labels.forced else NUMBER
+
+
+def columns_of(
+    parameter: str,
+    points: Sequence[Mapping[str, Any]],
+    states: Sequence[str],
+    statistics: Sequence[str],
+    labels: Labels,
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of `sweep`, one row a crossing of the section.
+
+    The parameters are those of `sweep`.
+    """
+    count = counted(labels)
+    crossings = [len(point["section"].get(count, ())) for point in points]
+    repeats = [max(1, k) for k in crossings]
+
+    def repeated(values: Sequence[Any]) -> NDArray[Any]:
+        return np.repeat(np.array(values), repeats)
+
+    def crossing(column: str) -> NDArray[Any]:
+        none = np.array([np.nan])
+        found = [
+            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
+        ]
+        return np.concatenate([*found, none])[:-1]
+
+    return {
+        parameter: repeated([point["value"] for point in points]).astype(float),
+        DIRECTION: repeated([point["direction"] for point in points]).astype(str).astype(object),
+        count: crossing(count),
+        **{name: crossing(name) for name in states},
+        **{
+            name: repeated([point["statistics"].get(name, np.nan) for point in points])
+            for name in statistics
+        },
+        STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
+    }
 
 
 def sweep(
@@ -47,31 +85,7 @@ def sweep(
     quantities : mapping of str to tuple, optional
         What figures show beside the states, for ``attrs``: the column and what an axis says.
     """
-    count = counted(labels)
-    crossings = [len(point["section"].get(count, ())) for point in points]
-    repeats = [max(1, k) for k in crossings]
-
-    def repeated(values: Sequence[Any]) -> NDArray[Any]:
-        return np.repeat(np.array(values), repeats)
-
-    def crossing(column: str) -> NDArray[Any]:
-        none = np.array([np.nan])
-        found = [
-            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
-        ]
-        return np.concatenate([*found, none])[:-1]
-
-    columns = {
-        parameter: repeated([point["value"] for point in points]).astype(float),
-        DIRECTION: repeated([point["direction"] for point in points]).astype(str).astype(object),
-        count: crossing(count),
-        **{name: crossing(name) for name in states},
-        **{
-            name: repeated([point["statistics"].get(name, np.nan) for point in points])
-            for name in statistics
-        },
-        STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
-    }
+    columns = columns_of(parameter, points, states, statistics, labels)
     shown = {**captions(labels), "states": list(states)}
     if not labels.forced and labels.section is None:
         shown["maxima"] = True

@@ -29,6 +29,7 @@ class Toy(Study):
     each: float = 0.0  # s that a point takes
     failing: tuple[int, ...] = ()
     deadly: tuple[int, ...] = ()
+    agony: float = 0.0  # s before a deadly point kills
     buggy: tuple[int, ...] = ()
     flaky: int = 0
     where: str = ""
@@ -96,6 +97,7 @@ class Toy(Study):
         if i in self.buggy:
             raise ZeroDivisionError(f"point {i}")
         if i in self.deadly or self._unlucky():
+            time.sleep(self.agony)
             os.kill(os.getpid(), signal.SIGKILL)
 
     def _unlucky(self):

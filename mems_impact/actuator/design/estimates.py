@@ -238,7 +238,7 @@ def speed_over_voltage(
         drive, of v^2, also where a term makes the sign of the voltage matter.
     """
     from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.analysis.sweep import sweep
+    from mems_impact.studies.sweep import sweep
     from mems_impact.tables.sweep import sweep_summary
 
     system = ActuatorSystem(actuator, drive)

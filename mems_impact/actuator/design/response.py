@@ -9,9 +9,9 @@ import numpy as np
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis.sweep import sweep
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
+from mems_impact.studies.sweep import sweep
 from mems_impact.tables.sweep import sweep_summary
 
 if TYPE_CHECKING:

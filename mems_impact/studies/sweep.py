@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mems_impact.analysis.chains import Chain, Point, Study, in_threads, in_turn
-from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import check_direction
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, SweepInterrupted
-from mems_impact.hybrid.problem import is_compiled
-from mems_impact.tables import sweep as tables
+from mems_impact.errors import InvalidParameter, StudyInterrupted, SweepInterrupted
+from mems_impact.studies.chains import SweepStudy
+from mems_impact.studies.running import run_study
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,6 +43,8 @@ def sweep(
     options: Options = Options(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
     workers: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
 ) -> pd.DataFrame:
     """Vary one parameter slowly; every value starts from the last state of the value before.
 
@@ -70,10 +72,16 @@ def sweep(
         system's start by default. Of an actuator, up starts at rest in the middle and down with a
         kick (see `kicked`), so that a range with two attractors shows both.
     options : Options, optional
-    progress : bool, optional
-        Show a progress bar if the sweep takes over a second.
+    progress : bool or callable, optional
+        Show how far it is, if the sweep takes over a second: a bar on a terminal, else a line now
+        and then. A function is called with the values done.
     workers : int, optional
-        Threads; by default one for each chain. The results do not depend on it.
+        Threads; each chain is run by one at a time. The results do not depend on it.
+    store : str or os.PathLike, optional
+        A directory in which values are kept as they are done: a sweep that is interrupted or
+        killed goes on from there.
+    executor : concurrent.futures.Executor or callable, optional
+        What computes: threads by default; processes, a cluster's, or a function that makes one.
 
     Returns
     -------
@@ -104,39 +112,37 @@ def sweep(
     check_direction("section", section)
     settling, length = _spans(system, transient, periods, duration)
     system.check_parameter(parameter)
-    study = Study(system, parameter, settling, length, section, options)
-    ascending = np.sort(_numbers(values))
-    cases = [study.case(value) for value in ascending.tolist()]  # all checked before the first
-    chains = []
-    for name in CHAINS[direction]:
-        ordered = cases if name == "up" else cases[::-1]
-        chains.append(Chain(study, name, ordered, _initial(initial, name, ordered[0].system)))
-    for chain in chains:
-        system.instant(chain.initial, system.problem(options))
-    threads = _threads(workers, len(chains), options)
-
-    points: list[list[Point]] = [[] for _ in chains]
-    total = len(cases) * len(chains)
-    run = in_turn if threads == 1 else in_threads
-    interrupted = False
-    with progress_bar(progress, "values", total) as report:
-        results = run(chains)
-        try:
-            for done, (number, point) in enumerate(results, 1):
-                points[number].append(point)
-                if report is not None:
-                    report(done)
-        except KeyboardInterrupt:
-            interrupted = True
-        finally:
-            results.close()
-    found = [point for chain in points for point in chain]
-    table = tables.sweep(
-        parameter, found, study.states, system.told, system, quantities=system.quantities
+    ascending = np.sort(_numbers(values)).tolist()
+    ends = {"up": ascending[0], "down": ascending[-1]}
+    study = SweepStudy(
+        system=system,
+        parameter=parameter,
+        values=tuple(ascending),
+        starts={
+            name: _initial(initial, name, system.changed(**{parameter: ends[name]}))
+            for name in CHAINS[direction]
+        },
+        transient=settling,
+        length=length,
+        section=section,
+        options=options,
     )
-    if interrupted:
-        raise SweepInterrupted(table, len(found), total)
-    return table
+    for number in range(len(ascending)):
+        study.case(number)  # all values are checked before the first is computed
+    for start in study.starts.values():
+        system.instant(start, system.problem(options))
+    try:
+        return run_study(
+            study,
+            store=store,
+            executor=executor,
+            workers=workers,
+            progress=progress,
+            # An interruption shall cost one value, where values need not go far to be kept.
+            chunk=1 if store is None and executor is None else None,
+        )
+    except StudyInterrupted as stop:
+        raise SweepInterrupted(stop.table, stop.done, stop.total) from None
 
 
 def _spans(
@@ -187,12 +193,3 @@ def _numbers(values: ArrayLike) -> np.ndarray:
     if numbers.ndim != 1 or numbers.size == 0 or not np.isfinite(numbers).all():
         raise InvalidParameter("values", values, allowed)
     return numbers
-
-
-def _threads(workers: int | None, chains: int, options: Options) -> int:
-    if workers is not None:
-        workers = whole("workers", workers, 1)
-    # An interpreted engine holds Python's lock; CVODE's silences standard output for all threads.
-    if not is_compiled(options):
-        return 1
-    return chains if workers is None else min(workers, chains)

@@ -2,13 +2,15 @@
 
 import math
 import threading
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.analysis import chains
+from mems_impact.studies import chains
+from tests.studies.toys import bits
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -155,7 +157,7 @@ def test_failed_values_are_rows(monkeypatch):
     assert failed[["period", "v2", "v1", "impacts per period"]].isna().all(axis=None)
     assert "max_events = 1" in failed["status"].iloc[0]
     # The next value starts where the failed one did.
-    assert starts[2] == starts[1] != starts[0]
+    assert starts[3] == starts[2] != starts[1]  # after one to compile
     assert (table.loc[table["amplitude"] != 0.22, "status"] == "ok").all()
     summary = mi.sweep_summary(table)
     assert summary["impacting"].tolist()[1] is False
@@ -193,7 +195,7 @@ def interrupting(monkeypatch, at):
 
 def test_interruption(monkeypatch):
     whole = swept()
-    interrupting(monkeypatch, at=3)
+    interrupting(monkeypatch, at=4)  # the third value, after one to compile
     with pytest.raises(mi.SweepInterrupted) as caught:
         swept(workers=1)
     stop = caught.value
@@ -248,3 +250,41 @@ def test_refused(arguments, field):
 def test_unknown_parameter_lists_the_known():
     with pytest.raises(mi.InvalidParameter, match="amplitude, omega, bias, phase, m1"):
         swept(parameter="volts")
+
+
+def test_a_stored_sweep_goes_on_where_it_was_interrupted(tmp_path):
+    values = np.linspace(0.2, 0.24, 20)
+    whole = swept(values, direction="both")
+
+    def interrupt(done):
+        if done >= 17:
+            raise KeyboardInterrupt
+
+    with pytest.raises(mi.SweepInterrupted) as caught:
+        swept(values, direction="both", store=tmp_path, progress=interrupt, workers=1)
+    assert 0 < caught.value.done < 40
+    stored = mi.read_study(tmp_path)
+    assert (stored.kind, stored.done, stored.total) == ("sweep", caught.value.done, 40)
+    assert bits(stored.table) == bits(caught.value.table)
+    assert bits(swept(values, direction="both", store=tmp_path)) == bits(whole)
+
+
+def test_a_store_of_another_sweep_is_refused(tmp_path):
+    values, more = (0.2, 0.22, 0.24), {**SHORT, "store": tmp_path}
+    swept(values, store=tmp_path)
+    with pytest.raises(mi.InvalidFile, match=r"study: values\[1\] is 0.22 there, 0.21 here;"):
+        swept((0.2, 0.21, 0.24), store=tmp_path)
+    with pytest.raises(mi.InvalidFile, match=r"study: system.actuator.e is 0.8 there, 0.7 here;"):
+        mi.sweep(ZHAO.replace(e=0.7), DRIVE, "amplitude", values, **more)
+    with pytest.raises(mi.InvalidFile, match=r"study: system.drive.omega is 0.5 there, 0.6 here;"):
+        mi.sweep(ZHAO, DRIVE.replace(omega=0.6), "amplitude", values, **more)
+
+
+@pytest.mark.slow
+def test_a_sweep_by_processes(forking, tmp_path):
+    def make():
+        return ProcessPoolExecutor(2, mp_context=forking)
+
+    values = np.linspace(0.2, 0.24, 20)
+    table = swept(values, direction="both", executor=make, store=tmp_path)
+    assert bits(table) == bits(swept(values, direction="both"))
