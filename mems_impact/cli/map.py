@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -78,6 +78,7 @@ def command(
     periods: int,
     longest: int,
     tolerance: float,
+    exponents: Literal["unsettled", "all", "none"],
     method: str,
     rtol: float,
     atol: float,
@@ -127,7 +128,11 @@ def command(
             "y": range_axis(*y),
             "initial": state_from(initial, actuator) if initial else None,
             "settle": mi.Settling(
-                transient=transient, periods=periods, longest=longest, tolerance=tolerance
+                transient=transient,
+                periods=periods,
+                longest=longest,
+                tolerance=tolerance,
+                exponents=exponents,
             ),
             "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
         }
@@ -137,7 +142,7 @@ def command(
         given["workers"] = workers
     if executor is not None:
         given["executor"] = executor_named(executor, given.get("workers"))
-    _check_column(column, system)
+    _check_column(column, system, given)
     with Output(output, figure, no_figure, KIND) as files:
         chart = _chart(system, given, progress) if curves else None
         try:
@@ -168,11 +173,12 @@ def _from_file(ctx: click.Context, path: str) -> tuple[mi.System, dict[str, Any]
     return study.system, study.arguments
 
 
-def _check_column(column: str | None, system: mi.System) -> None:
+def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
     """Refuse a column that the table will not have, before it is computed."""
     from mems_impact.studies.measuring import Measuring
 
-    schema = Measuring(system=system).schema
+    settle = {"settle": given["settle"]} if "settle" in given else {}
+    schema = Measuring(system=system, **settle).schema
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")

@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Any], Any]
 
-EXECUTORS = ("threads", "processes")  # of `mems_impact.studies.words`, which is slow to import
+# Of modules that are slow to import: `mems_impact.studies.words`, `mems_impact.analysis.attractor`.
+EXECUTORS = ("threads", "processes")
+EXPONENTS = ("unsettled", "all", "none")
 
 
 def combined(*decorators: Decorator) -> Decorator:
@@ -196,6 +198,14 @@ settle_options = combined(
         default=1e-6,
         show_default=True,
         help="To which it has to, relative to the size of each state.",
+    ),
+    click.option(
+        "--exponents",
+        type=click.Choice(EXPONENTS),
+        default=EXPONENTS[0],
+        show_default=True,
+        help="Of which motions the largest Lyapunov exponent is computed; it tells chaotic from "
+        "quasi-periodic ones.",
     ),
 )
 

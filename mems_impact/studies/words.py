@@ -25,7 +25,10 @@ from mems_impact.studies.executors import cores
 
 __all__ = ["EXECUTORS", "KINDS", "arguments", "executor_named", "range_axis", "verb_of"]
 
-KINDS = {"map": "mems_impact.studies.operating_map:operating_map"}
+KINDS = {
+    "map": "mems_impact.studies.operating_map:operating_map",
+    "basins": "mems_impact.studies.basins:basins",
+}
 """What a study may be, and the verb that runs it."""
 
 EXECUTORS = ("threads", "processes")
