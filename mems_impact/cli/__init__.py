@@ -38,6 +38,7 @@ COMMANDS = (
     "orbit",
     "pull-in",
     "sensitivity",
+    "show",
     "simulate",
     "sweep",
     "terms",

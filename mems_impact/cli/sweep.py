@@ -18,8 +18,8 @@ from mems_impact.cli.options import (
     periods_option,
     progress_option,
     range_options,
+    study_options,
     transient_option,
-    workers_option,
 )
 from mems_impact.cli.showing import text_of, unit_of
 
@@ -53,7 +53,7 @@ SHOWN_FAILURES = 3
 @transient_option("Forcing periods to wait at a value.", 300)
 @periods_option("Forcing periods to measure then.", 60)
 @integrator_options
-@workers_option("Threads.", show_default="one for each direction")
+@study_options
 @progress_option
 @output_options
 def command(
@@ -71,6 +71,8 @@ def command(
     rtol: float,
     atol: float,
     engine: str,
+    store: str | None,
+    executor: str | None,
     workers: int | None,
     progress: bool,
     output: str,
@@ -91,6 +93,7 @@ def command(
 
     import mems_impact as mi
     from mems_impact.cli.output import Output
+    from mems_impact.studies.words import executor_named
 
     show_warnings_briefly()
     if "." in parameter:  # of a term, which the device may not have yet
@@ -110,6 +113,8 @@ def command(
                 periods=periods,
                 options=options,
                 progress=progress,
+                store=store,
+                executor=None if executor is None else executor_named(executor, workers),
                 workers=workers,
             )
         except mi.SweepInterrupted as interruption:

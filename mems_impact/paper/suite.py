@@ -6,7 +6,6 @@ import contextlib
 import csv
 import io
 import multiprocessing
-import signal
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.report import summary, to_html, to_markdown
 from mems_impact.paper.statements import Judgement, Value, judge, load_statements
+from mems_impact.studies.executors import ctrl_c_for_us_alone
 from mems_impact.writing import replacing, unwritable
 
 __all__ = [
@@ -199,7 +199,7 @@ def _computed(
             yield number, _figure(number, devices, effort, drawn)
         return
     with _pool(processes) as executor:
-        with _ctrl_c_for_us_alone():
+        with ctrl_c_for_us_alone():
             waiting = {
                 executor.submit(_figure, number, devices, effort, drawn): number
                 for number in latest_first
@@ -241,22 +241,6 @@ def _pool(processes: int) -> Iterator[ProcessPoolExecutor]:
                 worker.kill()
             executor.shutdown(cancel_futures=True)
             raise
-
-
-@contextlib.contextmanager
-def _ctrl_c_for_us_alone() -> Iterator[None]:
-    """Let processes that are started in the block be deaf to Ctrl-C, which a terminal sends to all.
-
-    They would answer with tracebacks; it is for this process to end them.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _report_files(

@@ -20,6 +20,7 @@ from mems_impact.plotting.style import (
     tidy,
     with_unit,
 )
+from mems_impact.studies.stored_study import StoredStudy
 from mems_impact.tables.common import bare
 from mems_impact.tables.sweep import NUMBER, PERIOD, sweep_summary, switches
 
@@ -35,7 +36,9 @@ COLUMNS = ("direction", "status")
 """What a table of a sweep has beside the parameter, what is counted, states and statistics."""
 
 
-def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = None) -> Any:
+def plot_sweep(
+    table: pd.DataFrame | StoredStudy, ax: Any = None, *, quantity: str | None = None
+) -> Any:
     """Draw a sweep over its parameter: the first state where the section cuts it, and statistics.
 
     Of an actuator v2 on the section x2 = 0, step and speed of the frame; of any system its first
@@ -46,8 +49,9 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
 
     Parameters
     ----------
-    table : DataFrame
+    table : DataFrame or StoredStudy
         From `mems_impact.sweep`, or read back from a file; then with the state alone by default.
+        Or the store of a sweep, be it still running.
     ax : matplotlib Axes, optional
         Where to draw one quantity; a new figure by default.
     quantity : str, optional
@@ -70,7 +74,7 @@ def plot_sweep(table: pd.DataFrame, ax: Any = None, *, quantity: str | None = No
     >>> plot_sweep(table).figure.savefig("sweep.png")
     >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
     """
-    table = bare(table)
+    table = bare(table.table if isinstance(table, StoredStudy) else table)
     if not set(COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)

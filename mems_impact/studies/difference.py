@@ -11,6 +11,7 @@ from mems_impact.wording import label, shown
 
 __all__ = ["difference"]
 
+KINDS = ("dict", "list")  # what `storing.coding` says beside parts: not names that users know
 _NONE = "nothing"
 
 
@@ -42,7 +43,8 @@ def _first(name: str, there: Any, here: Any) -> tuple[str, Any, Any]:
     while True:
         if isinstance(its, dict) and isinstance(mine, dict):
             inner = _differing(its, mine)[0]
-            place = f"{place}.{label(inner)}"
+            if inner not in KINDS:
+                place = f"{place}.{label(inner)}"
             its, mine = its.get(inner, _NONE), mine.get(inner, _NONE)
         elif isinstance(its, list) and isinstance(mine, list) and len(its) == len(mine):
             i = next(i for i in range(len(its)) if _text(its[i]) != _text(mine[i]))

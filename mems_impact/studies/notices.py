@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -58,11 +59,12 @@ def _bar(kind: str, before: int, total: int) -> Iterator[Notice]:
 
 
 class _Lines:
-    """Lines for a log, as that of a batch job: every 10 % or 30 s, and at the end."""
+    """Lines for a log, as that of a batch job: soon, then every 10 % or 30 s, and at the end."""
 
     def __init__(self, kind: str, before: int, total: int) -> None:
         self.kind, self.before, self.total = kind, before, total
-        self.begin = self.told = time.monotonic()
+        self.begin = time.monotonic()
+        self.told = -math.inf
         self.share = before
 
     def __call__(self, done: float, failed: int) -> None:

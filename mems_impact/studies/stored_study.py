@@ -7,8 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.errors import InvalidParameter
 from mems_impact.studies import parquet
 from mems_impact.studies.frames import frame
 from mems_impact.studies.layout import Part
@@ -17,7 +19,13 @@ from mems_impact.studies.store import chunks_of, manifest_of, path_of
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["StoredStudy", "read_study"]
+__all__ = ["FIGURES", "StoredStudy", "read_study"]
+
+FIGURES = {
+    "operating_map": "mems_impact.plotting.map:plot_map",
+    "sweep": "mems_impact.plotting.sweep:plot_sweep",
+}
+"""Who draws what is stored of a kind of study, ``module:function``: of a StoredStudy, to axes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +70,23 @@ class StoredStudy:
         files = [path_of(directory, part) for part in self._parts]
         chunks = [parquet.columns(file, self._schema) for file in files]
         return frame(chunks, self._schema, self.attrs)
+
+    @property
+    def figure(self) -> str:
+        """Who draws it; nobody of a kind that has no figure."""
+        return FIGURES.get(self.kind, "")
+
+    def draw(self) -> Any:
+        """Draw the points that are done; return the axes.
+
+        Raises
+        ------
+        InvalidParameter
+            If there is no figure of its kind.
+        """
+        if not self.figure:
+            raise InvalidParameter("kind", self.kind, f"one of {', '.join(FIGURES)}, to be drawn")
+        return resolve_name(self.figure)(self)
 
     def __repr__(self) -> str:
         return f"StoredStudy({self.kind}, {self.done} of {self.total} points, {self.path!r})"

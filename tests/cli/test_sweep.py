@@ -74,9 +74,9 @@ def test_interrupted_sweep_keeps_what_is_done(tmp_path):
         # A shell that starts something in the background lets its children ignore interrupts.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    # The bar is on standard error once values are being done, after a second or more.
+    # A line is on standard error once values are being done, after a second or more.
     shown = b""
-    while b" values/s" not in shown and (more := sweep.stderr.read1()):
+    while b" points/s" not in shown and (more := sweep.stderr.read1()):
         shown += more
     sweep.send_signal(signal.SIGINT)
     try:

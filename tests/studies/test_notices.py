@@ -32,16 +32,19 @@ def told(clock, capsys, moments, before=0):
 
 def test_a_line_every_tenth_of_the_points(clock, capsys):
     lines = told(clock, capsys, [(i, 25.0 * i, i // 10) for i in range(41)])
-    assert len(lines) == 10
+    assert len(lines) == 11
     assert lines[0] == (
-        "mems-impact: map: 100 of 1000 points (10%), 25 points/s, 36 s left, 0 failed"
+        "mems-impact: map: 25 of 1000 points (2%), 25 points/s, 39 s left, 0 failed"
+    )
+    assert lines[1] == (
+        "mems-impact: map: 125 of 1000 points (12%), 25 points/s, 35 s left, 0 failed"
     )
     assert lines[-1] == "mems-impact: map: 1000 of 1000 points (100%), 25 points/s, 4 failed"
 
 
 def test_a_line_every_half_minute(clock, capsys):
     lines = told(clock, capsys, [(i, i / 100.0, 0) for i in range(100)])
-    assert len(lines) == 3
+    assert len(lines) == 4
     assert lines[0] == (
         "mems-impact: map: 0 of 1000 points (0%), 0.01 points/s, 27.8 h left, 0 failed"
     )

@@ -39,7 +39,7 @@ def test_processes_by_every_method(method):
     assert bits(table) == bits(run_study(STUDY))
 
 
-@pytest.mark.parametrize("chained", [(), (20, 10)])
+@pytest.mark.parametrize("chained", [pytest.param((), marks=pytest.mark.slow), (20, 10)])
 def test_a_chunk_whose_worker_dies_is_tried_again(pool, tmp_path, chained):
     study = Toy(size=30, flaky=2, where=str(tmp_path / "death"), chained=chained)
     table = run_study(study, executor=pool)
@@ -63,6 +63,7 @@ def test_a_chunk_that_kills_three_workers_is_given_up(pool):
     assert len(made) == 4
 
 
+@pytest.mark.slow
 def test_a_chain_goes_on_past_a_chunk_that_is_given_up(pool):
     table = run_study(Toy(size=12, chained=(12,), deadly=(5,)), executor=pool)
     assert table.index[table["status"] != "ok"].tolist() == [4, 5, 6, 7]
@@ -71,6 +72,7 @@ def test_a_chain_goes_on_past_a_chunk_that_is_given_up(pool):
     assert table["number"][8] == pytest.approx(whole[8] - skipped, abs=1e-14)
 
 
+@pytest.mark.slow
 def test_workers_that_cannot_be_had_anew_leave_what_was_done(pool, tmp_path):
     study = Toy(size=30, flaky=1, where=str(tmp_path / "death"), each=0.001)
     with pool() as executor, pytest.raises(mi.WorkersLost, match="a function that makes") as caught:
@@ -85,6 +87,7 @@ def die():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+@pytest.mark.slow
 def test_workers_that_die_before_they_compute_are_no_fault_of_the_points(forking):
     def make():
         return ProcessPoolExecutor(2, mp_context=forking, initializer=die)
@@ -100,6 +103,7 @@ def test_an_executor_that_was_shut_down():
         run_study(STUDY, executor=executor)
 
 
+@pytest.mark.slow
 def test_what_a_point_raises_in_a_process(pool):
     with pytest.raises(ZeroDivisionError, match="point 17") as caught:
         run_study(Toy(size=40, buggy=(17,)), executor=pool, chunk=4)
@@ -143,6 +147,7 @@ def pid():
     return os.getpid()
 
 
+@pytest.mark.slow
 def test_workers_go_with_the_process_that_they_work_for(forking, tmp_path):
     path = tmp_path / "workers"
     driver = forking.Process(target=compute, args=(path, "fork"))

@@ -1,0 +1,100 @@
+"""`mems-impact show`: what a study has done, be it running, finished or broken off."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.showing import text_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    import mems_impact as mi
+
+SHOWN_REASONS = 5
+LONGEST_REASON = 90  # characters of why points have failed
+
+
+@click.command(short_help="Show what a stored study has done so far.")
+@click.argument("store", type=click.Path())
+@click.option(
+    "--output",
+    type=click.Path(),
+    metavar="DIR",
+    help="Write table and figure there; created if need be.",
+)
+@click.option(
+    "--figure",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    show_default="a PNG in DIR",
+    help="Where the figure goes: .png, .pdf or .svg.",
+)
+@click.option("--no-figure", is_flag=True, help="Draw no figure.")
+def command(*, store: str, output: str | None, figure: str | None, no_figure: bool) -> None:
+    """Show what is done of the study whose store is STORE: points, failures, ranges of its columns.
+
+    The study may go on meanwhile. With --output its points so far are written as a CSV table and,
+    if there is a figure of its kind, drawn.
+
+    \b
+    Example:
+      mems-impact show out/map --output out
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.cli.output import Output
+
+    show_warnings_briefly()
+    study = mi.read_study(store)
+    if figure is not None and not study.figure:
+        raise click.UsageError(f"--figure: there is no figure of the kind {study.kind}")
+    directory = output or (None if figure is None else str(Path(figure).parent))
+    if directory is None:
+        _show(study)
+        return
+    with Output(directory, figure, no_figure or not study.figure, "show") as files:
+        if output is not None:
+            files.tables({"table": study.table})
+        if study.done > 0:
+            files.draw(lambda: study.draw().figure)
+        _show(study)
+        click.echo(files.said())
+
+
+def _show(study: mi.StoredStudy) -> None:
+    share = study.done / study.total if study.total else 1.0
+    click.echo(
+        f"{study.kind}: {study.done} of {study.total} points ({share:.0%}), {study.failed} failed"
+    )
+    reasons = study.table["status"].value_counts()
+    for reason, rows in reasons[reasons.index != "ok"].head(SHOWN_REASONS).items():
+        click.echo(f"  {rows} failed: {_cut(str(reason))}")
+    if study.done > 0:
+        click.echo("\n" + text_of(_ranges(study.table), 6))
+    click.echo("")
+
+
+def _cut(reason: str) -> str:
+    return reason if len(reason) <= LONGEST_REASON else reason[: LONGEST_REASON - 1] + "…"
+
+
+def _ranges(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row a column of numbers: smallest, middle and largest, and how many there are."""
+    import pandas as pd
+
+    from mems_impact.tables.common import heading
+
+    numbers = table.select_dtypes("number")
+    return pd.DataFrame(
+        {
+            "column": [heading(table, name) for name in numbers],
+            "min": numbers.min().to_numpy(dtype=float),
+            "median": numbers.median().to_numpy(dtype=float),
+            "max": numbers.max().to_numpy(dtype=float),
+            "numbers": numbers.count().to_numpy(),
+        }
+    )

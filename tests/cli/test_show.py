@@ -1,0 +1,66 @@
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+from mems_impact.studies.running import run_study
+from tests.studies.toys import Toy
+
+
+@pytest.fixture
+def store(tmp_path):
+    """A study of which 12 of 30 points are done."""
+
+    def interrupt(done):
+        if done >= 12:
+            raise KeyboardInterrupt
+
+    study = Toy(size=30, failing=(5, 7))
+    with pytest.raises(mi.StudyInterrupted):
+        run_study(study, store=tmp_path / "store", chunk=4, workers=1, progress=interrupt)
+    return tmp_path / "store"
+
+
+def test_what_is_done(cli, store, tmp_path):
+    done = cli("show", store)
+    assert done.status == 0
+    lines = done.out.splitlines()
+    count = mi.read_study(store).done
+    assert lines[0] == f"toy: {count} of 30 points ({count / 30:.0%}), 2 failed"
+    assert lines[1] == "  2 failed: no luck"
+    assert lines[3].split() == ["column", "min", "median", "max", "numbers"]
+    assert lines[4].split() == ["point", "0", f"{(count - 1) / 2:g}", f"{count - 1}", f"{count}"]
+    assert lines[5].split()[:2] == ["number", "[m]"]
+    assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_what_is_done_as_a_table(cli, store, tmp_path):
+    done = cli("show", store, "--output", "out")
+    assert done.out.splitlines()[-1] == "written: out/show-table.csv"
+    table = pd.read_csv(tmp_path / "out" / "show-table.csv")
+    assert len(table) == mi.read_study(store).done
+    assert "number [m]" in table
+
+
+def test_a_sweep_is_drawn(cli, tmp_path):
+    arguments = ["zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
+    arguments += ["--points", "3", "--omega", "0.5", "--transient", "10", "--periods", "4"]
+    swept = cli("sweep", *arguments, "--store", "store", "--no-figure")
+    assert swept.status == 0
+    done = cli("show", "store", "--figure", "figures/sweep.png")
+    assert done.out.startswith("sweep: 6 of 6 points (100%), 0 failed\n")
+    assert done.out.splitlines()[-1] == "written: figures/sweep.png"
+    assert (tmp_path / "figures" / "sweep.png").read_bytes().startswith(b"\x89PNG")
+    again = cli("sweep", *arguments, "--store", "store", "--no-figure")
+    assert again.out == swept.out
+    other = cli("sweep", *arguments, "--store", "store", "--no-figure", "--set", "e=0.7")
+    assert "store: holds another study: system.actuator.e is 0.8 there, 0.7 here" in other.err
+    assert other.status == 2
+
+
+def test_no_study(cli, tmp_path):
+    assert "holds no study" in cli("show", tmp_path).complaint()
+
+
+def test_no_figure_of_its_kind(cli, store):
+    complaint = cli("show", store, "--figure", "toy.png").complaint()
+    assert "there is no figure of the kind toy" in complaint
