@@ -14,25 +14,20 @@ from typing import Any
 from mems_impact.wording import label, shown
 
 __all__ = [
-    "ChartInterrupted",
     "EngineFallbackWarning",
     "EngineUnavailable",
     "FileNotWritten",
     "FitWarning",
     "FunctionError",
     "FunctionsMissing",
-    "Interrupted",
     "InvalidFile",
     "InvalidParameter",
     "MemsImpactError",
-    "OptimizationInterrupted",
     "OrbitError",
+    "Picklable",
     "RunError",
-    "RunInterrupted",
     "ScaleWarning",
     "StiffnessWarning",
-    "StudyInterrupted",
-    "SweepInterrupted",
     "UnitsWarning",
     "ValidityWarning",
     "WorkersLost",
@@ -41,13 +36,15 @@ __all__ = [
 _MOST_STATES = 8
 
 
-class _Picklable(BaseException):
+class Picklable(BaseException):
+    """An exception that is pickled with all that it holds."""
+
     def __reduce__(self) -> tuple[Any, ...]:
         # The inherited method calls the class with `args`, which fails for keyword-only arguments.
         return _restore, (type(self), self.args, self.__dict__)
 
 
-class MemsImpactError(_Picklable, Exception):
+class MemsImpactError(Picklable, Exception):
     """Base of every exception that the package raises on purpose."""
 
 
@@ -292,112 +289,6 @@ class WorkersLost(MemsImpactError, RuntimeError):
             f"the workers are lost after {done} of {total} points, which are in .table "
             f"({self.reason}); give as executor a function that makes one, and can make it anew"
         )
-
-
-class Interrupted(_Picklable, KeyboardInterrupt):
-    """Work was interrupted (Ctrl-C); what was done is kept.
-
-    Attributes
-    ----------
-    after : str
-        How far it had come, worded to follow "after".
-    """
-
-    after: str
-
-
-class RunInterrupted(Interrupted):
-    """A run was interrupted (Ctrl-C); what was done is kept.
-
-    Parameters
-    ----------
-    trajectory : object
-        What was computed up to the interruption.
-    periods : float
-        Periods that were done.
-    """
-
-    def __init__(self, trajectory: object, periods: float) -> None:
-        self.trajectory = trajectory
-        self.periods = periods
-        self.after = f"{periods:g} periods"
-        super().__init__(f"run interrupted after {self.after}; they are in .trajectory")
-
-
-class SweepInterrupted(Interrupted):
-    """A sweep was interrupted (Ctrl-C); what was done is kept.
-
-    Parameters
-    ----------
-    table : object
-        The table of the values that were done.
-    done, total : int
-        Number of values that were done, and of all.
-    """
-
-    def __init__(self, table: object, done: int, total: int) -> None:
-        self.table = table
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total} values"
-        super().__init__(f"sweep interrupted after {self.after}; they are in .table")
-
-
-class StudyInterrupted(Interrupted):
-    """A study was interrupted (Ctrl-C); what was done is kept.
-
-    Parameters
-    ----------
-    table : object
-        The table of the chunks that were done.
-    done, total : int
-        Number of points that were done, and of all.
-    """
-
-    def __init__(self, table: object, done: int, total: int) -> None:
-        self.table = table
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total} points"
-        super().__init__(f"study interrupted after {self.after}; they are in .table")
-
-
-class ChartInterrupted(Interrupted):
-    """A chart was interrupted (Ctrl-C); what was done is kept.
-
-    Parameters
-    ----------
-    chart : object
-        The chart with the boundaries that were done, and what there is of the next one.
-    done, total : int
-        Number of boundaries that were done, and of all; the latter is 0 as long as the types of
-        the range, and so their number, were not known.
-    """
-
-    def __init__(self, chart: object, done: int, total: int) -> None:
-        self.chart = chart
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total or 'all'} boundaries"
-        super().__init__(f"chart interrupted after {self.after}; they are in .chart")
-
-
-class OptimizationInterrupted(Interrupted):
-    """A search was interrupted (Ctrl-C); what was found is kept.
-
-    Parameters
-    ----------
-    optimum : object
-        The best point so far, and all before it.
-    points : int
-        Number of points that it took.
-    """
-
-    def __init__(self, optimum: object, points: int) -> None:
-        self.optimum = optimum
-        self.points = points
-        self.after = f"{points} points"
-        super().__init__(f"search interrupted after {self.after}; they are in .optimum")
 
 
 class EngineFallbackWarning(UserWarning):

@@ -17,11 +17,12 @@ from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.lyapunov import CHUNK, FEWEST, Stretching
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
+from mems_impact.interruptions import RunInterrupted
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 

@@ -16,9 +16,10 @@ from mems_impact.analysis.still import STILL, until_still
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import FunctionError, InvalidParameter, RunError, RunInterrupted
+from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid import run as hybrid
 from mems_impact.hybrid.trajectory import Events, Trajectory
+from mems_impact.interruptions import RunInterrupted
 
 __all__ = ["simulate"]
 

@@ -15,7 +15,8 @@ from types import FrameType
 
 import click
 
-from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsImpactError
+from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
+from mems_impact.interruptions import Interrupted
 
 PROGRAM = "mems-impact"
 

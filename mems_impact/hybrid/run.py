@@ -10,18 +10,13 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import (
-    FunctionError,
-    InvalidParameter,
-    RunError,
-    RunInterrupted,
-    StiffnessWarning,
-)
+from mems_impact.errors import FunctionError, InvalidParameter, RunError, StiffnessWarning
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.clocks import AT_TIMES, is_clock
 from mems_impact.hybrid.opposed import LOOKED_AT, SLIDE, opposed
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
+from mems_impact.interruptions import RunInterrupted
 
 __all__ = ["Problem", "run", "sample"]
 

@@ -13,7 +13,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
+from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.interruptions import Interrupted
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.report import summary, to_html, to_markdown
 from mems_impact.paper.statements import Judgement, Value, judge, load_statements

@@ -31,7 +31,7 @@ from typing import Any, Self
 import cloudpickle
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.studies.layout import Part
+from mems_impact.studies.layout import Chunk
 from mems_impact.studies.study import Columns, Study
 
 __all__ = ["Crew", "Gone", "Result", "cores", "ctrl_c_for_us_alone", "killed_by_its_chunk"]
@@ -129,7 +129,7 @@ class Crew:
             return max(FEWEST, 2 * known + 1)
         return int(2 * known + 1)
 
-    def submit(self, number: int, part: Part, carried: Any) -> Future[Result]:
+    def submit(self, number: int, part: Chunk, carried: Any) -> Future[Result]:
         """Give out a part; `Gone` if nobody takes it."""
         where = part.first, part.last, carried
         try:

@@ -27,7 +27,7 @@ class Kept(ABC):
 
     Attributes
     ----------
-    parts : list of Part
+    parts : list of Chunk
     done : int
         Points whose chunks are kept.
     failed : int

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-__all__ = ["Part", "layout"]
+__all__ = ["Chunk", "layout"]
 
 
-class Part(NamedTuple):
+class Chunk(NamedTuple):
     """The points `first` to `last` - 1."""
 
     first: int
@@ -22,7 +22,7 @@ class Part(NamedTuple):
         return self.last - self.first
 
 
-def layout(points: int, chains: Sequence[range], chunk: int) -> list[Part]:
+def layout(points: int, chains: Sequence[range], chunk: int) -> list[Chunk]:
     """Return the parts of a study in the order of its points.
 
     Parameters
@@ -36,8 +36,8 @@ def layout(points: int, chains: Sequence[range], chunk: int) -> list[Part]:
     return list(_parts(chains or (range(points),), chunk, follow=bool(chains)))
 
 
-def _parts(ranges: Sequence[range], chunk: int, follow: bool) -> Iterator[Part]:
+def _parts(ranges: Sequence[range], chunk: int, follow: bool) -> Iterator[Chunk]:
     for each in ranges:
         for first in range(each.start, each.stop, chunk):
             last = min(first + chunk, each.stop)
-            yield Part(first, last, follow and first > each.start)
+            yield Chunk(first, last, follow and first > each.start)

@@ -14,14 +14,14 @@ from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Floats
 
-__all__ = ["Limit", "limits_of"]
+__all__ = ["Constraint", "limits_of"]
 
 STABLE = 0.95  # largest modulus of a multiplier, where nothing else is said: folds are near one
 CLOSEST = "closest approach"
 
 
 @dataclass(frozen=True)
-class Limit:
+class Constraint:
     """Between which values a quantity must stay.
 
     Attributes
@@ -66,7 +66,7 @@ class Limit:
 
 def limits_of(
     orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
-) -> tuple[Limit, ...]:
+) -> tuple[Constraint, ...]:
     """Return the limits on an orbit: those that are given, stability, and no penetration.
 
     A pair of None limits nothing; the quantity is only shown.
@@ -86,7 +86,7 @@ def limits_of(
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
         if size == 0.0 and name in known:
             size = abs(known[name](orbit))
-        found.append(Limit(name, low, high, size if 0.0 < size < math.inf else 1.0))
+        found.append(Constraint(name, low, high, size if 0.0 < size < math.inf else 1.0))
     return tuple(found)
 
 

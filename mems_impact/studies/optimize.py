@@ -17,10 +17,11 @@ from mems_impact.analysis.special import check_kind
 from mems_impact.analysis.state import is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
-from mems_impact.errors import InvalidParameter, OptimizationInterrupted, OrbitError
+from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.interruptions import OptimizationInterrupted
 from mems_impact.studies.derivatives import chosen_quantities, derivatives
-from mems_impact.studies.limits import Limit, limits_of
+from mems_impact.studies.limits import Constraint, limits_of
 from mems_impact.studies.margins import margins
 from mems_impact.studies.moving import moved
 from mems_impact.studies.searching import HOLDS, Local, Search, search
@@ -210,7 +211,7 @@ class _Aim:
     quantity: Quantity
     sign: float
     scale: float
-    limits: tuple[Limit, ...]
+    limits: tuple[Constraint, ...]
     limited: tuple[Quantity, ...]
 
     @classmethod

@@ -15,7 +15,8 @@ from mems_impact.analysis.special import check_kind
 from mems_impact.analysis.state import whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
-from mems_impact.errors import InvalidParameter, OptimizationInterrupted, OrbitError
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.interruptions import OptimizationInterrupted
 from mems_impact.studies.optimize import Bounds, Limits, Optimum, optimize
 
 if TYPE_CHECKING:

@@ -18,7 +18,8 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.analysis.state import whole
-from mems_impact.errors import StudyInterrupted, WorkersLost
+from mems_impact.errors import WorkersLost
+from mems_impact.interruptions import StudyInterrupted
 from mems_impact.studies.executors import Crew, Gone, Result, cores, killed_by_its_chunk
 from mems_impact.studies.keeping import Kept, Memory
 from mems_impact.studies.notices import Notice, Progress, noticed

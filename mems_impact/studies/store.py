@@ -25,7 +25,7 @@ from mems_impact.studies import parquet
 from mems_impact.studies.difference import difference
 from mems_impact.studies.frames import frame
 from mems_impact.studies.keeping import Kept, attributes, provenance
-from mems_impact.studies.layout import Part, layout
+from mems_impact.studies.layout import Chunk, layout
 from mems_impact.studies.locking import locked
 from mems_impact.studies.study import Columns, Study
 from mems_impact.writing import replacing, unwritable
@@ -146,13 +146,13 @@ def manifest_of(directory: Path) -> dict[str, Any]:
     return manifest
 
 
-def chunks_of(manifest: Mapping[str, Any]) -> list[Part]:
+def chunks_of(manifest: Mapping[str, Any]) -> list[Chunk]:
     """Return the parts of a study that is told by its manifest."""
     chains = [range(*ends) for ends in manifest["chains"]]
     return layout(manifest["points"], chains, manifest["chunk"])
 
 
-def path_of(directory: Path, part: Part) -> Path:
+def path_of(directory: Path, part: Chunk) -> Path:
     """Return the file of a part."""
     return directory / POINTS / f"{part.first:09d}-{part.last:09d}.parquet"
 

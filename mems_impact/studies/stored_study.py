@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies import parquet
 from mems_impact.studies.frames import frame
-from mems_impact.studies.layout import Part
+from mems_impact.studies.layout import Chunk
 from mems_impact.studies.store import chunks_of, manifest_of, path_of
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class StoredStudy:
     identity: Mapping[str, Any]
     attrs: Mapping[str, Any]
     _schema: Mapping[str, str]
-    _parts: tuple[Part, ...]
+    _parts: tuple[Chunk, ...]
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -14,7 +14,8 @@ from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, StudyInterrupted, SweepInterrupted
+from mems_impact.errors import InvalidParameter
+from mems_impact.interruptions import StudyInterrupted, SweepInterrupted
 from mems_impact.studies.chains import SweepStudy
 from mems_impact.studies.running import run_study
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies.layout import Part, layout
+from mems_impact.studies.layout import Chunk, layout
 from mems_impact.studies.running import run_study
 from tests.studies.toys import EDGES, Toy, bits
 
@@ -58,9 +58,9 @@ def test_a_study_without_points():
 
 
 def test_parts_cover_all_points():
-    assert layout(10, (), 4) == [Part(0, 4, False), Part(4, 8, False), Part(8, 10, False)]
+    assert layout(10, (), 4) == [Chunk(0, 4, False), Chunk(4, 8, False), Chunk(8, 10, False)]
     parts = layout(7, (range(5), range(5, 7)), 3)
-    assert parts == [Part(0, 3, False), Part(3, 5, True), Part(5, 7, False)]
+    assert parts == [Chunk(0, 3, False), Chunk(3, 5, True), Chunk(5, 7, False)]
 
 
 class Recording(Executor):

@@ -14,7 +14,8 @@ from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.state import is_number, whole
 from mems_impact.continuation.branch import Steps
 from mems_impact.engines.options import Options
-from mems_impact.errors import ChartInterrupted, InvalidParameter
+from mems_impact.errors import InvalidParameter
+from mems_impact.interruptions import ChartInterrupted
 
 if TYPE_CHECKING:
     pass
