@@ -100,6 +100,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.orbit import plot_orbit
     from mems_impact.plotting.pareto import plot_pareto
     from mems_impact.plotting.run import plot_run
+    from mems_impact.plotting.scatter import plot_scatter
     from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.basins import Basins, basins
@@ -227,6 +228,7 @@ __all__ = [
     "plot_response",
     "plot_pareto",
     "plot_run",
+    "plot_scatter",
     "plot_sensitivity",
     "plot_sweep",
     "pull_in_voltage",
@@ -284,6 +286,7 @@ _HOMES = {
         "SweepInterrupted",
     ),
     "plotting.basins": ("plot_basins",),
+    "plotting.scatter": ("plot_scatter",),
     "plotting.branch": ("plot_branch",),
     "actuator.figures.chart": ("plot_chart",),
     "analysis.branch": ("Branch", "Steps", "continue_orbit", "switch_branch"),

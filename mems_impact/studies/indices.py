@@ -15,6 +15,7 @@ from mems_impact.studies.sampling import LEVEL
 __all__ = ["indices_table"]
 
 RESAMPLES = 999
+ROUNDING = 1e-9  # relative spread of a quantity that does not vary
 
 
 def indices_table(
@@ -38,10 +39,13 @@ def indices_table(
     """
     missing = np.isnan(values).sum(axis=0)
     whole = missing == 0
+    spread = np.ptp(values, axis=0)
+    varies = whole & (spread > ROUNDING * np.abs(values).max(axis=0))
     shape = (len(quantities), len(draws.names))
     found = np.full((6, *shape), np.nan)  # first-order and its ends, total and its ends
-    if whole.any():
-        found[:, whole] = _estimated(matrices(draws, values[:, whole]), seed)
+    found[:, whole] = 0.0
+    if varies.any():
+        found[:, varies] = _estimated(matrices(draws, values[:, varies]), seed)
     columns = ("first", "first low", "first high", "total", "total low", "total high")
     return pd.DataFrame(
         {
