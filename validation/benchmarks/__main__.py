@@ -15,6 +15,7 @@ from validation.benchmarks import (
     engines,
     figure4,
     figure7,
+    maps,
     matched_error,
     onestep,
     orbits,
@@ -28,6 +29,7 @@ from validation.benchmarks.timing import Row, machine
 TOPICS: dict[str, Callable[[bool], Iterator[Row]]] = {
     "callbacks": engines.against_python_callbacks,
     "cycle": cycles.cycles,
+    "maps": maps.maps,
     "heyoka": matched_error.against_heyoka,
     "onestep": onestep.one_step,
     "orbits": orbits.orbits,
