@@ -21,7 +21,7 @@ MARKERS = "os^Dv<>"
 SMALL = 3.4  # inches: the width of a column
 
 
-class Found(Protocol):
+class BasinsLike(Protocol):
     """What `plot_basins` needs of a `Basins`."""
 
     @property
@@ -38,7 +38,7 @@ class Found(Protocol):
 
 
 def plot_basins(
-    basins: Found, ax: Any = None, *, x: str | None = None, y: str | None = None
+    basins: BasinsLike, ax: Any = None, *, x: str | None = None, y: str | None = None
 ) -> Any:
     """Draw which attractor is reached from where, with the attractors over it.
 
@@ -149,7 +149,7 @@ def _draw_returns(
     ax.set_ylim(limits[1])
 
 
-def _legend(ax: Any, basins: Found, styles: dict[str, tuple[str, str]], marked: bool) -> None:
+def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], marked: bool) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 

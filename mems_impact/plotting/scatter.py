@@ -21,7 +21,7 @@ PALE = "#72b2dd"  # a blue on which lines are seen
 MOST = 4  # quantities that are shown where nobody says which
 
 
-class Found(Protocol):
+class ScatterLike(Protocol):
     """What `plot_scatter` needs of a `Scatter`."""
 
     @property
@@ -46,7 +46,7 @@ class Found(Protocol):
 
 
 def plot_scatter(
-    scatter: Found, *, quantity: str | Sequence[str] | None = None, ax: Any = None
+    scatter: ScatterLike, *, quantity: str | Sequence[str] | None = None, ax: Any = None
 ) -> Any:
     """Draw how quantities are spread, with their specification, and Sobol's indices beside them.
 
@@ -98,11 +98,11 @@ def plot_scatter(
     return panels[0]
 
 
-def _panels(scatter: Found) -> tuple[str, ...]:
+def _panels(scatter: ScatterLike) -> tuple[str, ...]:
     return ("spread",) if scatter.indices is None else ("spread", "indices")
 
 
-def _shown(scatter: Found, quantity: str | Sequence[str] | None) -> list[str]:
+def _shown(scatter: ScatterLike, quantity: str | Sequence[str] | None) -> list[str]:
     """Return the quantities to draw."""
     known = [*scatter.quantities, *(n for n in scatter.specification if n in scatter.points)]
     if quantity is not None:
@@ -117,7 +117,7 @@ def _shown(scatter: Found, quantity: str | Sequence[str] | None) -> list[str]:
     return list(scatter.specification) or varying[:MOST] or scatter.quantities[:1]
 
 
-def _histogram(ax: Any, scatter: Found, name: str) -> None:
+def _histogram(ax: Any, scatter: ScatterLike, name: str) -> None:
     """Draw how a quantity is spread."""
     points = scatter.points
     values = points[name].dropna().to_numpy()
@@ -157,7 +157,7 @@ def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
     return first - margin, last + margin
 
 
-def _bars(ax: Any, scatter: Found, name: str) -> None:
+def _bars(ax: Any, scatter: ScatterLike, name: str) -> None:
     """Draw indices of one quantity."""
     assert scatter.indices is not None
     table = scatter.indices
