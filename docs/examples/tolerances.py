@@ -28,10 +28,10 @@ STEP = "displacement per period"  # a forcing period is half a cycle of the volt
 #   wider by twice as much: the offset of etched walls is the error of geometry that matters
 #   (measured by resonators: "MEMS process error characterization using lateral resonant
 #   structures", *Proc. SPIE* 5343, 2003; on cantilevers: R. Mirzazadeh, S. Eftekhar Azam and
-#   S. Mariani, *Sensors* 18, 1243, 2018). Assumed: a standard deviation of 50 nm
-#   on an edge, so that lines keep their width to 0.1 um, or 0.2 um at most.
-# - *Thickness*: 25 um of silicon come with 1 um more or less in a process that is for sale (SOIMUMPs,
-#   25 ± 1 um), 4 %. Stiffness, mass, electrode and film go with it.
+#   S. Mariani, *Sensors* 18, 1243, 2018). Assumed: a standard deviation of 50 nm on an
+#   edge, so that lines keep their width to 0.1 um, or 0.2 um at most.
+# - *Thickness*: 25 um of silicon come with 1 um more or less in a process that is for sale
+#   (SOIMUMPs), 4 %. Stiffness, mass, electrode and film go with it.
 # - *Restitution* and *friction* depend on surfaces. Assumed: standard deviations of 0.02 and of
 #   0.02, which is 7 %; static and dynamic friction vary together.
 # - *Voltage*: a supply that is good to 1 %.
@@ -120,7 +120,7 @@ print(table.round(3))
 #
 # Check
 # -----
-# The nominal device makes 20 nm. Rows of the table are what ordinary runs tell of these devices. The
+# The nominal device makes 20 nm. Rows of the table are what ordinary runs tell of them. The
 # frame slides until friction has taken its energy, so that steps go with the inverse of friction;
 # and the speed of the first impact, which nothing has struck before, knows of no friction and no
 # restitution, and not of a thickness that stiffness, mass, electrode and film share.
