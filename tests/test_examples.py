@@ -9,6 +9,7 @@ PAGES = sorted((Path(__file__).resolve().parents[1] / "docs" / "examples").glob(
 PICTURES = {  # where they are not run, orbit, branch
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
+    "tolerances": {"scatter"},
 }
 
 

@@ -140,7 +140,7 @@ def _histogram(ax: Any, scatter: ScatterLike, name: str) -> None:
         )  # fmt: skip
     ax.set_xlim(ends)
     ax.ticklabel_format(axis="x", scilimits=(-3, 4))
-    ax.set_xlabel(with_unit(name, points, name))
+    ax.set_xlabel(with_unit(name, points, name), loc="left")  # beside a power of ten
     ax.set_ylabel("points")
     tidy(ax)
 

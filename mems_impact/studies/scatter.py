@@ -327,6 +327,9 @@ def scatter(
     if not isinstance(settle, Settling):
         raise InvalidParameter("settle", settle, "a Settling(…)")
     system.instant(start, system.problem(options))
+    if parameters is not None and not callable(parameters):
+        allowed = "a function that takes what is drawn by name and returns parameters by name"
+        raise InvalidParameter("parameters", parameters, allowed)
     draws = draw(
         system, given, parameters, n=count, method=method, seed=int(seed), indices=bool(indices)
     )

@@ -28,6 +28,7 @@ __all__ = ["EXECUTORS", "KINDS", "arguments", "executor_named", "range_axis", "v
 KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
     "basins": "mems_impact.studies.basins:basins",
+    "scatter": "mems_impact.studies.scatter:scatter",
 }
 """What a study may be, and the verb that runs it."""
 
@@ -113,6 +114,26 @@ def _axis(name: str, value: Any) -> tuple[str, Any]:
     raise InvalidParameter(name, value, _AXIS)
 
 
+def _distributions(name: str, value: Any) -> dict[str, Any]:
+    """Return distributions, each written as its name in scipy.stats and its arguments."""
+    from scipy import stats
+
+    allowed = 'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02]}'
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, allowed)
+    found = {}
+    for parameter, words in value.items():
+        match words:
+            case [str(kind), *numbers] if all(map(is_number, numbers)):
+                made = getattr(stats, kind, None)
+            case _:
+                made = None
+        if not isinstance(made, stats.rv_continuous | stats.rv_discrete):
+            raise InvalidParameter(f"{name}.{parameter}", words, allowed)
+        found[parameter] = made(*numbers)
+    return found
+
+
 def _state(name: str, value: Any) -> State:
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, "a table of components of the state: {x2 = 0.1}")
@@ -147,6 +168,7 @@ _READERS: dict[str, Callable[[str, Any], Any]] = {
     "x": _axis,
     "y": _axis,
     "initial": _state,
+    "over": _distributions,
     "store": _text,
     "executor": _text,
 }
