@@ -106,7 +106,8 @@ class Attractor:
     Attributes
     ----------
     motion : str
-        "periodic"; "off" if it is and nothing strikes, in a system with impacts; "resting" if
+        "periodic"; "off" if nothing strikes, in a system with impacts, and it is periodic or, by
+        its exponent, becomes so; "resting" if
         nothing moves; "chaotic" or "quasi-periodic" by its largest exponent (see `classify`) if it
         has not repeated itself, and "unsettled" if that does not tell, as where it approaches an
         orbit slowly or repeats itself after more than `longest` returns; "failed".
@@ -234,6 +235,8 @@ def _attractor(
             # The exponent along the flow is zero of any motion that nothing forces.
             if told == CHAOTIC or (told == QUASI_PERIODIC and system.forced):
                 motion = told
+            elif told == PERIODIC and any(impacts) and hits == 0.0:
+                motion = OFF  # on its way to the orbit without impacts
     units = [float(system.out(name, 1.0)) for name in system.states]
     period = float(system.out("time", problem.period))
     return Attractor(

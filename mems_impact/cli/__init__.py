@@ -28,15 +28,17 @@ from mems_impact.cli.former import in_present_words
 __all__ = ["main"]
 
 COMMANDS = (
+    "basins",
     "chart",
     "continue",
     "devices",
     "drive",
     "fit",
-    "optimize",
     "map",
+    "optimize",
     "orbit",
     "pull-in",
+    "scatter",
     "sensitivity",
     "show",
     "simulate",

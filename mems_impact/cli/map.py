@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from itertools import islice
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import code_is_allowed, drive_from, drive_options
+from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.failures import say, show_warnings_briefly
 from mems_impact.cli.options import (
-    Initial,
     actuator_from,
     axis_options,
     device_options,
@@ -23,6 +22,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.showing import text_of
+from mems_impact.cli.studied import add_running, from_file, run_kept, settling
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,11 +33,6 @@ KIND = "map"
 DPI = 300  # the figure is as wide as a column
 SHOWN_FAILURES = 3
 CURVES = ("amplitude", "omega")
-# What may stand beside a study file; all other options say what the study is.
-BESIDE = (
-    *("device", "drive_allow_code", "column", "curves", "store", "executor", "workers"),
-    *("progress", "output", "figure", "no_figure"),
-)
 Axis = tuple[str, float, float, int]
 
 
@@ -62,37 +57,14 @@ Axis = tuple[str, float, float, int]
     help="Draw over it where DEVICE switches on and off, followed as curves; of maps over "
     "amplitude and omega.",
 )
+@click.option(
+    "--energy", is_flag=True, help="Tell the energy that the drive gives, per period and impact."
+)
 @study_options
 @progress_option
 @output_options
 @click.pass_context
-def command(
-    ctx: click.Context,
-    *,
-    device: str,
-    changes: dict[str, float],
-    x: Axis | None,
-    y: Axis | None,
-    initial: Initial,
-    transient: int,
-    periods: int,
-    longest: int,
-    tolerance: float,
-    exponents: Literal["unsettled", "all", "none"],
-    method: str,
-    rtol: float,
-    atol: float,
-    engine: str,
-    column: str | None,
-    curves: bool,
-    store: str | None,
-    executor: str | None,
-    workers: int | None,
-    progress: bool,
-    output: str,
-    figure: str | None,
-    no_figure: bool,
-) -> None:
+def command(ctx: click.Context, /, **options: Any) -> None:
     """Map what the motions of DEVICE come to over two parameters, each point from its own start.
 
     Tells at every point whether the device is off, walks with period 1, 2, …, or never repeats
@@ -109,68 +81,45 @@ def command(
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.study_file import holds_study
+    from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.cli.output import Output
-    from mems_impact.studies.words import executor_named, range_axis
+    from mems_impact.studies.words import range_axis
 
     show_warnings_briefly()
+    device, column, progress = options["device"], options["column"], options["progress"]
+    x: Axis | None = options["x"]
+    y: Axis | None = options["y"]
     given: dict[str, Any]
     if holds_study(device):
-        system, given = _from_file(ctx, device)
+        system, given = from_file(ctx, device, KIND, beside=("column", "curves", "energy"))
     else:
         varied = {axis[0]: axis[1] for axis in (x, y) if axis is not None}
         terms = {name: value for name, value in varied.items() if "." in name}
-        actuator = actuator_from(device, {**terms, **changes})  # it may not have the term yet
+        # It may not have the term yet.
+        actuator = actuator_from(device, {**terms, **options["changes"]})
         if x is None or y is None:
             raise click.UsageError(f"missing option '--{'x' if x is None else 'y'}'")
         system = actuator.under(drive_from(varied))
-        given = {
-            "x": range_axis(*x),
-            "y": range_axis(*y),
-            "initial": state_from(initial, actuator) if initial else None,
-            "settle": mi.Settling(
-                transient=transient,
-                periods=periods,
-                longest=longest,
-                tolerance=tolerance,
-                exponents=exponents,
-            ),
-            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
-        }
-    if store is not None:
-        given["store"] = store
-    if workers is not None:
-        given["workers"] = workers
-    if executor is not None:
-        given["executor"] = executor_named(executor, given.get("workers"))
+        given = {"x": range_axis(*x), "y": range_axis(*y), **settling(options)}
+        if options["initial"]:
+            given["initial"] = state_from(options["initial"], actuator)
+    if options["energy"]:
+        if not isinstance(system, ActuatorSystem):
+            raise click.UsageError("--energy: of maps of a device")
+        system = system.with_energy()
+    add_running(given, options)
     _check_column(column, system, given)
-    with Output(output, figure, no_figure, KIND) as files:
-        chart = _chart(system, given, progress) if curves else None
-        try:
-            found = mi.operating_map(system, **given, progress=progress)
-        except (mi.StudyInterrupted, mi.WorkersLost) as error:
-            if error.done > 0:
-                files.tables(_tables(error.table))
-            raise
+    with Output(options["output"], options["figure"], options["no_figure"], KIND) as files:
+        chart = _chart(system, given, progress) if options["curves"] else None
+        found = run_kept(
+            lambda: mi.operating_map(system, **given, progress=progress),
+            lambda table: files.tables(_tables(table)),
+        )
         files.tables({**_tables(found.table), **({"curves": chart.table} if chart else {})})
         boundaries = chart or ()
         files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure, DPI)
         _show(found.table)
         click.echo(files.said())
-
-
-def _from_file(ctx: click.Context, path: str) -> tuple[mi.System, dict[str, Any]]:
-    """Return system and arguments of a study file."""
-    import mems_impact as mi
-
-    for parameter in ctx.command.params:
-        source = ctx.get_parameter_source(parameter.name or "")
-        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in BESIDE:
-            option = parameter.opts[0]
-            raise click.UsageError(f"{option}: {path} says what the study is; leave it out")
-    study = mi.load_study(path, allow_code=code_is_allowed())
-    if study.kind != KIND:
-        raise click.UsageError(f"{path} holds a study of another kind: mems-impact {study.kind}")
-    return study.system, study.arguments
 
 
 def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:

@@ -23,7 +23,15 @@ from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.executors import cores
 
-__all__ = ["EXECUTORS", "KINDS", "arguments", "executor_named", "range_axis", "verb_of"]
+__all__ = [
+    "EXECUTORS",
+    "KINDS",
+    "arguments",
+    "distributions",
+    "executor_named",
+    "range_axis",
+    "verb_of",
+]
 
 KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
@@ -114,7 +122,7 @@ def _axis(name: str, value: Any) -> tuple[str, Any]:
     raise InvalidParameter(name, value, _AXIS)
 
 
-def _distributions(name: str, value: Any) -> dict[str, Any]:
+def distributions(name: str, value: Any) -> dict[str, Any]:
     """Return distributions, each written as its name in scipy.stats and its arguments."""
     from scipy import stats
 
@@ -168,7 +176,7 @@ _READERS: dict[str, Callable[[str, Any], Any]] = {
     "x": _axis,
     "y": _axis,
     "initial": _state,
-    "over": _distributions,
+    "over": distributions,
     "store": _text,
     "executor": _text,
 }

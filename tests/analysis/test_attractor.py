@@ -49,6 +49,7 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
     # In the chaotic band; statistics over the same periods as an ordinary run gathers.
     amplitude, omega = 0.2, 0.45
     settle = Settling(transient=20, periods=15, longest=2, tolerance=1e-12)
+    settle = replace(settle, exponents="none")
     (found,) = attractors([Case(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST)
     assert found.motion == "unsettled"
     run = mi.simulate(
@@ -94,6 +95,19 @@ def test_a_slow_approach_is_no_orbit_yet():
     assert off.max() < 5.0 * tolerance * 0.5
     multiplier = math.exp(-2.0 * math.pi * 0.004 / 0.8)
     assert found.returns > math.log(tolerance) / math.log(multiplier)
+
+
+def test_chaos_is_told_by_the_exponent():
+    # The exponent by two neighbouring runs: 0.51 per period (`tests/analysis/test_lyapunov.py`).
+    wild, near_off = attractors(
+        [Case(device(0.24, 0.45), mi.State(v2=1.0)), Case(device(0.2), mi.State(v2=1.0))],
+        Settling(transient=60, periods=20),
+        FAST,
+    )
+    assert wild.motion == "chaotic"
+    assert near_off.motion == "off"
+    period = math.pi / 0.45
+    assert abs(wild.exponent * period - 0.51) < 5.0 * wild.error * period + 0.05
 
 
 def test_a_limit_cycle_is_told_by_its_returns():

@@ -1,0 +1,136 @@
+"""`mems-impact scatter`: what tolerances of manufacture make of a device."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    initial_option,
+    output_options,
+    progress_option,
+    settle_options,
+    state_from,
+    study_integrator_options,
+    study_options,
+)
+from mems_impact.cli.ranges import ranges_option
+from mems_impact.cli.showing import text_of
+from mems_impact.cli.studied import add_running, from_file, run_kept, settling
+
+KIND = "scatter"
+DPI = 300  # the figure is as wide as a column
+SPREAD = (0.05, 0.5, 0.95)
+
+
+def _distributions(
+    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, list[Any]]:
+    found: dict[str, list[Any]] = {}
+    for text in texts:
+        name, _, words = text.partition("=")
+        kind, *numbers = words.split(":")
+        try:
+            found[name.strip()] = [kind.strip(), *map(float, numbers)]
+        except ValueError:
+            found = {}
+        if not (found.get(name.strip()) and name.strip() and kind and numbers):
+            problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02"
+            raise click.BadParameter(problem)
+    return found
+
+
+@click.command(short_help="Tell what tolerances of manufacture make of a device.")
+@device_options
+@click.option(
+    "--over",
+    multiple=True,
+    metavar="NAME=DISTRIBUTION:NUMBERS",
+    callback=_distributions,
+    help="A parameter and its distribution, by its name in scipy.stats and the arguments: "
+    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. May be repeated.",
+)
+@ranges_option(
+    "--specification",
+    "'displacement per period=1e-4:'",
+    "Between what a column of the table shall lie; one end may be left out.",
+    half_open=True,
+)
+@click.option("--n", "n", type=int, default=256, show_default=True, help="Number of points.")
+@click.option(
+    "--sampling",
+    type=click.Choice(("sobol", "lhs", "random")),
+    default="sobol",
+    show_default=True,
+    help="Sobol's sequence, a Latin hypercube, or independent points.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the points.")
+@click.option("--indices", is_flag=True, help="Tell Sobol's indices: n (d + 2) points.")
+@drive_options
+@initial_option
+@settle_options
+@study_integrator_options
+@study_options
+@progress_option
+@output_options
+@click.pass_context
+def command(ctx: click.Context, /, **options: Any) -> None:
+    """Draw devices from the tolerances of DEVICE, and tell how its numbers scatter.
+
+    Shows quantiles, the share within the specification, and with --indices which parameter the
+    scatter comes from. Writes all of it as CSV tables, and a figure. In place of DEVICE a study
+    file may stand.
+
+    \b
+    Example:
+      mems-impact scatter zhao2004 --amplitude 0.24 --omega 0.5 --initial kicked \\
+        --over e=norm:0.8:0.02 --over mu_d=uniform:0.25:0.04 \\
+        --specification "displacement per period=3e-4:"
+    """  # noqa: D301 - click looks for the backspace itself
+    import mems_impact as mi
+    from mems_impact.actuator.study_file import holds_study
+    from mems_impact.cli.output import Output
+    from mems_impact.studies.words import distributions
+
+    show_warnings_briefly()
+    device = options["device"]
+    given: dict[str, Any]
+    if holds_study(device):
+        system, given = from_file(ctx, device, KIND)
+    else:
+        actuator = actuator_from(device, options["changes"])
+        system = actuator.under(drive_from())
+        if not options["over"]:
+            raise click.UsageError("missing option '--over'")
+        given = {name: options[name] for name in ("n", "seed", "indices")}
+        given |= {"over": distributions("over", options["over"]), "method": options["sampling"]}
+        if options["specification"]:
+            given["specification"] = options["specification"]
+        if options["initial"]:
+            given["initial"] = state_from(options["initial"], actuator)
+        given |= settling(options)
+    add_running(given, options)
+    figure, bare = options["figure"], options["no_figure"]
+    with Output(options["output"], figure, bare, KIND) as files:
+        found = run_kept(
+            lambda: mi.scatter(system, **given, progress=options["progress"]),
+            lambda table: files.tables({"table": table}),
+        )
+        spread = found.quantiles(SPREAD)
+        spread = spread.reset_index(names="quantity")
+        tables = {"table": found.table, "quantiles": spread, "yields": found.yields}
+        if found.indices is not None:
+            tables["indices"] = found.indices
+        files.tables(tables)
+        files.draw(lambda: mi.plot_scatter(found).figure, DPI)
+        seen = spread[spread["points"] > 0]
+        seen.attrs = spread.attrs
+        for table in (seen, found.yields, found.indices):
+            if table is not None and len(table):
+                click.echo(text_of(table, 5) + "\n")
+        click.echo(files.said())

@@ -1,0 +1,72 @@
+"""What the commands that run studies share: study files, how motions settle, what computes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.drives import code_is_allowed
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+# What may stand beside a study file; all other options say what the study is.
+BESIDE = (
+    *("device", "drive_allow_code", "store", "executor", "workers"),
+    *("progress", "output", "figure", "no_figure"),
+)
+
+
+def from_file(
+    ctx: click.Context, path: str, kind: str, beside: Collection[str] = ()
+) -> tuple[mi.System, dict[str, Any]]:
+    """Return system and arguments of a study file of a kind; `beside` may be said besides."""
+    import mems_impact as mi
+
+    allowed = {*BESIDE, *beside}
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
+            option = parameter.opts[0]
+            raise click.UsageError(f"{option}: {path} says what the study is; leave it out")
+    study = mi.load_study(path, allow_code=code_is_allowed())
+    if study.kind != kind:
+        raise click.UsageError(f"{path} holds a study of another kind: mems-impact {study.kind}")
+    return study.system, study.arguments
+
+
+def settling(given: dict[str, Any]) -> dict[str, Any]:
+    """Return how motions are followed, of the options `settle_options` and of the integrator."""
+    import mems_impact as mi
+
+    settle = ("transient", "periods", "longest", "tolerance", "exponents")
+    integrator = ("method", "rtol", "atol", "engine")
+    return {
+        "settle": mi.Settling(**{name: given[name] for name in settle}),
+        "options": mi.Options(**{name: given[name] for name in integrator}),
+    }
+
+
+def add_running(given: dict[str, Any], options: dict[str, Any]) -> None:
+    """Add to the arguments of a verb what `study_options` say."""
+    from mems_impact.studies.words import executor_named
+
+    for name in ("store", "workers"):
+        if options[name] is not None:
+            given[name] = options[name]
+    if options["executor"] is not None:
+        given["executor"] = executor_named(options["executor"], given.get("workers"))
+
+
+def run_kept(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
+    """Run a study; what is done of one that ends early is kept before that is said."""
+    import mems_impact as mi
+
+    try:
+        return run()
+    except (mi.StudyInterrupted, mi.WorkersLost) as error:
+        if error.done > 0:
+            keep(error.table)
+        raise

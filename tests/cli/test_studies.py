@@ -1,0 +1,68 @@
+"""Commands basins and scatter, and the energy of a map."""
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+DRIVE = ["--amplitude", "0.2", "--omega", "0.5"]
+BRIEF = ["--transient", "60", "--periods", "5"]
+
+
+def test_basins_of_a_grid(cli, tmp_path):
+    grid = ["--x", "x2", "-0.2", "0.3", "3", "--y", "v2", "0", "0.6", "2"]
+    done = cli("basins", "zhao2004", *grid, *DRIVE, *BRIEF)
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "basins-table.csv")
+    attractors = pd.read_csv(tmp_path / "out" / "basins-attractors.csv")
+    assert len(table) == 6
+    assert attractors["points"].sum() == 6
+    found = mi.basins(
+        mi.load_actuator("zhao2004"),
+        mi.Sine(amplitude=0.2, omega=0.5),
+        x=("x2", [-0.2, 0.05, 0.3]),
+        y=("v2", [0.0, 0.6]),
+        settle=mi.Settling(transient=60, periods=5),
+    )
+    assert attractors["share"].tolist() == found.attractors["share"].tolist()
+    assert "written: out/basins-table.csv" in done.out
+
+
+def test_scatter_with_a_specification(cli, tmp_path):
+    over = ["--over", "e=norm:0.8:0.01"]
+    wish = ["--specification", "displacement per period=1e-4:"]
+    drive = ["--amplitude", "0.24", "--omega", "0.5"]
+    done = cli(
+        "scatter", "zhao2004", *over, *wish, *drive, *BRIEF, "--n", "4", "--initial", "kicked"
+    )
+    assert done.status == 0
+    yields = pd.read_csv(tmp_path / "out" / "scatter-yields.csv")
+    assert yields["points"].iloc[-1] == 4
+    assert len(pd.read_csv(tmp_path / "out" / "scatter-table.csv")) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        (["scatter", "zhao2004", *DRIVE], "missing option '--over'"),
+        (["scatter", "zhao2004", *DRIVE, "--over", "e=norm"], "must be NAME=DISTRIBUTION:NUMBERS"),
+        (["scatter", "zhao2004", *DRIVE, "--over", "e=nromal:1"], "distributions of scipy.stats"),
+        (["scatter", "zhao2004", *DRIVE, "--over", "f=norm:1:1"], "f"),
+        (["basins", "zhao2004", *DRIVE], "x"),
+        (["basins", "zhao2004", *DRIVE, "--x", "x9", "0", "1", "2"], "x9"),
+    ],
+)
+def test_bad_input_is_one_line(cli, arguments, complaint):
+    assert complaint in cli(*arguments).complaint()
+
+
+@pytest.mark.slow
+def test_a_map_with_energy(cli, tmp_path):
+    axes = ["--x", "amplitude", "0.24", "0.24", "1", "--y", "omega", "0.5", "0.5", "1"]
+    done = cli("map", "zhao2004", *axes, "--initial", "kicked", "--energy", "--no-figure")
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "map-table.csv")
+    orbit = mi.find_orbit(
+        mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), transient=300
+    )
+    assert table["energy in per impact"][0] == pytest.approx(mi.energy(orbit).given, rel=1e-5)
