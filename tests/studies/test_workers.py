@@ -153,6 +153,7 @@ def test_workers_go_with_the_process_that_they_work_for(forking, tmp_path):
     driver = forking.Process(target=compute, args=(path, "fork"))
     driver.start()
     while not path.exists():
+        assert driver.is_alive()
         time.sleep(0.01)
     workers = [int(word) for word in path.read_text().split()]
     time.sleep(0.5)  # so that they compute
