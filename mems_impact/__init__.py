@@ -104,6 +104,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.sensitivity import plot_sensitivity
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.basins import Basins, basins
+    from mems_impact.studies.following import AttractorBranches, follow_attractors
     from mems_impact.studies.margins import margins
     from mems_impact.studies.motions import map_summary
     from mems_impact.studies.operating_map import OperatingMap, operating_map
@@ -119,6 +120,7 @@ __all__ = [
     *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
+    "AttractorBranches",
     "Basins",
     "Blows",
     "Branch",
@@ -197,6 +199,7 @@ __all__ = [
     "find_equilibria",
     "find_orbit",
     "fit",
+    "follow_attractors",
     "frequency_response",
     "grazing_type",
     "impact_onset",
@@ -349,6 +352,7 @@ _HOMES = {
     "analysis.verification": ("Verification",),
     "analysis.attractor": ("Settling",),
     "studies.basins": ("Basins", "basins"),
+    "studies.following": ("AttractorBranches", "follow_attractors"),
     "studies.scatter": ("Scatter", "scatter"),
     "studies.motions": ("map_summary",),
     "studies.operating_map": ("OperatingMap", "operating_map"),

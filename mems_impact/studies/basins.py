@@ -124,6 +124,8 @@ class Basins(Value):
     system : System
     starts : Grid or Sample
         Where motions start.
+    initial : State
+        All other components of that.
     table : DataFrame
         One row a point: the components in which starts differ; ``attractor``, its name;
         ``motion``, ``period`` and what is measured, as `operating_map` tells it; the mean, smallest
@@ -141,6 +143,7 @@ class Basins(Value):
 
     system: System = field(repr=False)
     starts: Grid | Sample = field(repr=False)
+    initial: State = field(repr=False)
     table: pd.DataFrame = field(repr=False)
     attractors: pd.DataFrame = field(repr=False)
     returns: pd.DataFrame = field(repr=False)
@@ -331,6 +334,7 @@ def basins(
     return Basins(
         system=system,
         starts=starts,
+        initial=start,
         table=table,
         attractors=attractors,
         returns=census.returns(attractors, found, system),

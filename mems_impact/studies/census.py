@@ -23,6 +23,7 @@ from mems_impact.studies.study import STATUS
 __all__ = [
     "ATTRACTOR",
     "FAILED",
+    "bounds_of",
     "followed",
     "recognised",
     "representatives",
@@ -121,7 +122,7 @@ def taken(
     ]
     names = _names([_kind(*each) for each in kinds])
     members = [labels == label for label in own]
-    bounds = [_bounds(each, starts) for each in members]
+    bounds = [bounds_of(each, starts) for each in members]
     told = {
         ATTRACTOR: np.array(names, dtype=object),
         MOTION: np.array([motion for motion, _ in kinds], dtype=object),
@@ -189,7 +190,7 @@ def _letters(number: int) -> str:
     return (_letters(before - 1) if before else "") + chr(ord("a") + letter)
 
 
-def _bounds(own: NDArray[np.bool_], starts: Starts) -> tuple[float, float]:
+def bounds_of(own: NDArray[np.bool_], starts: Starts) -> tuple[float, float]:
     """Return between what the share of an attractor lies; see `basins`."""
     if not isinstance(starts, Grid):
         return wilson(int(own.sum()), len(own))

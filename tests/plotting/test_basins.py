@@ -17,7 +17,7 @@ UNITS = {"x": "m", "v": "m/s"}
 
 
 def made(starts, labels):
-    """Return basins with these labels; the attractors are at (0, 0), (1, 1), …"""
+    """Return basins with these labels; the attractors are at (0, 0), (1, 1) and so on."""
     table = pd.DataFrame(dict(zip(starts.names, starts.points.T, strict=True)))
     table = table.assign(motion="periodic", period=1)
     table.attrs = {"starts": list(starts.names), "units": UNITS}
@@ -29,7 +29,14 @@ def made(starts, labels):
     table, attractors = taken(table, labels, found, starts)
     system = oscillator()
     seen = returns(attractors, found, system)
-    return Basins(system=system, starts=starts, table=table, attractors=attractors, returns=seen)
+    return Basins(
+        system=system,
+        starts=starts,
+        initial=system.initial,
+        table=table,
+        attractors=attractors,
+        returns=seen,
+    )
 
 
 def legend(ax):
