@@ -7,6 +7,7 @@ import pytest
 
 PAGES = sorted((Path(__file__).resolve().parents[1] / "docs" / "examples").glob("*.py"))
 PICTURES = {  # where they are not run, orbit, branch
+    "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
     "tolerances": {"scatter"},

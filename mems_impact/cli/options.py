@@ -193,7 +193,8 @@ settle_options = combined(
         help="Forcing periods after which a motion may repeat itself, at most.",
     ),
     click.option(
-        "--tolerance",
+        "--settle-tolerance",  # --tolerance is that of a parameter
+        "tolerance",
         type=float,
         default=1e-6,
         show_default=True,
