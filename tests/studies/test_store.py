@@ -6,6 +6,7 @@ import os
 import random
 import resource
 import time
+from dataclasses import replace
 
 import pyarrow.parquet as pq
 import pytest
@@ -13,7 +14,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.studies import locking, parquet
 from mems_impact.studies.running import run_study
-from tests.studies.toys import Toy, bits, keep_computing
+from tests.studies.toys import CHUNK, Toy, bits, keep_computing
 
 STUDY = Toy(size=30, failing=(5,), doubled=True)
 CHAINED = Toy(size=30, chained=(20, 10))
@@ -60,33 +61,34 @@ def test_an_interrupted_study_goes_on(store, study):
     assert len(chunks(store)) == (11 if study is CHAINED else 10)
 
 
-@pytest.mark.parametrize("chained", [(), (150, 70, 80)], ids=["points", "chains"])
+@pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
 @pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_study_that_is_killed_goes_on(forking, store, chained, kills):
-    study = Toy(size=300, each=0.003, chained=chained)
+    quick = Toy(size=1000, chained=chained)
+    long = replace(quick, each=0.05)  # so that it is not done before it is killed
     draw = random.Random(kills)
-    done = 0
-    for kill in range(kills):
-        process = forking.Process(target=keep_computing, args=(study, store))
+    for _ in range(kills):
+        before = done_in(store)
+        process = forking.Process(target=keep_computing, args=(long, store))
         process.start()
-        wanted = done + draw.randint(0, 40)
-        while done_in(store) < wanted:
-            assert process.is_alive()
-            time.sleep(0.01)
-        time.sleep(draw.uniform(0.0, 0.02))
+        wait_until(process, store, before + draw.randint(0, 40))
+        time.sleep(draw.uniform(0.0, 0.1))
         process.kill()
         process.join()
         assert process.exitcode == -9
-        assert done <= done_in(store) < 300, f"at kill {kill}"
-        done = done_in(store)
-    assert bits(run_study(study, store=store)) == bits(run_study(Toy(size=300, chained=chained)))
+        assert before <= done_in(store) < 1000
+    assert bits(run_study(quick, store=store)) == bits(run_study(quick))
+
+
+def wait_until(process, store, points):
+    """Wait until a process has done so many points."""
+    while len(list(store.glob("points/0*"))) * CHUNK < points:
+        assert process.is_alive()
+        time.sleep(0.01)
 
 
 def done_in(store):
-    try:
-        return mi.read_study(store).done
-    except mi.InvalidFile:
-        return 0
+    return mi.read_study(store).done if (store / "study.json").exists() else 0
 
 
 def test_what_a_killed_process_leaves_is_removed(store):
@@ -223,20 +225,18 @@ def test_a_file_system_that_is_read_only(store, monkeypatch):
 
 
 def test_a_second_process_is_refused_and_readers_are_not(forking, store):
-    study = Toy(size=300, each=0.01)
-    process = forking.Process(target=keep_computing, args=(study, store))
+    quick = Toy(size=1000)
+    process = forking.Process(target=keep_computing, args=(replace(quick, each=0.05), store))
     process.start()
-    while done_in(store) < 10:
-        assert process.is_alive()
-        time.sleep(0.01)
+    wait_until(process, store, 8)
     told = f"is in use by process {process.pid} on "
     with pytest.raises(mi.InvalidFile, match=f"{store}: {told}"):
-        run_study(study, store=store)
+        run_study(quick, store=store)
     seen = mi.read_study(store)
-    assert 10 <= seen.done == len(seen.table) < 300
+    assert 8 <= seen.done == len(seen.table) < 1000
     process.kill()
     process.join()
-    assert bits(run_study(study, store=store)) == bits(run_study(Toy(size=300)))
+    assert bits(run_study(quick, store=store)) == bits(run_study(quick))
 
 
 def test_a_second_study_in_one_process_is_refused(store):

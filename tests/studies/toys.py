@@ -16,6 +16,8 @@ from mems_impact.studies.study import Study
 
 EDGES = (-0.0, math.inf, -math.inf, math.nan, 5e-324, -2.2250738585072e-308, 0.1, 1 / 3)
 
+CHUNK = 4  # of what is killed
+
 
 @dataclass(frozen=True)
 class Toy(Study):
@@ -113,7 +115,7 @@ class Toy(Study):
 
 def keep_computing(study, store):
     """What a process does that is to be killed."""
-    run_study(study, store=store, workers=2, chunk=2)
+    run_study(study, store=store, workers=2, chunk=CHUNK)
 
 
 def bits(table):
