@@ -72,7 +72,7 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 
 wanted = {STEP: (16e-9, 24e-9)}
 given = {"specification": wanted, "options": mi.Options(method="dop853")}
-found = mi.scatter(mita, drive, over=over, parameters=device, n=256, indices=True, **given)
+found = mi.scatter(mita, drive, over=over, parameters=device, samples=256, indices=True, **given)
 print(found)
 print(found.quantiles().loc[[STEP, "impact speed max", "energy lost per period"]])
 indices = found.indices.query("quantity == @STEP").set_index("parameter")
@@ -102,7 +102,7 @@ for name, width, drawn in (
     ("friction to 0.01", 5e-6, smooth),
 ):
     some = mi.scatter(
-        mita, drive, over=drawn, n=256, **given,
+        mita, drive, over=drawn, samples=256, **given,
         parameters=lambda width=width, **values: device(**values, width=width),
     )  # fmt: skip
     last = some.yields.iloc[-1]

@@ -24,7 +24,7 @@ from mems_impact.studies.axes import axis
 from mems_impact.studies.measuring import Measuring
 from mems_impact.studies.recognition import Recognition
 from mems_impact.studies.running import run_study
-from mems_impact.studies.sampling import Method, check_sample
+from mems_impact.studies.sampling import Sampling, check_sample
 from mems_impact.studies.starts import Grid, Sample, Starts, box_of
 from mems_impact.studies.study import STATUS, Columns, Study
 
@@ -222,8 +222,8 @@ def basins(
     x: tuple[str, ArrayLike] | None = None,
     y: tuple[str, ArrayLike] | None = None,
     box: Mapping[str, tuple[float, float]] | None = None,
-    sample: int = 1000,
-    method: Method = "random",
+    samples: int = 1000,
+    sampling: Sampling = "random",
     seed: int = 0,
     initial: State | Mapping[str, float] | None = None,
     settle: Settling = Settling(),  # noqa: B008 - immutable
@@ -250,9 +250,9 @@ def basins(
         One of them is enough.
     box : mapping of str to (float, float), optional
         In place of x and y, the ends of any components: a sample is drawn from what lies between.
-    sample : int, optional
+    samples : int, optional
         How many states are drawn from the box.
-    method : {"random", "sobol", "lhs"}, optional
+    sampling : {"random", "sobol", "lhs"}, optional
         Independent states, Sobol's sequence or a Latin hypercube. The last two fill the box more
         evenly; the bounds of shares are then wider than they need be.
     seed : int, optional
@@ -311,7 +311,7 @@ def basins(
     >>> name = found.attractors["attractor"][0]
     >>> mi.find_orbit(actuator, drive, guess=found.state(name))
     """
-    starts = _starts(system, x, y, box, (sample, method, seed))
+    starts = _starts(system, x, y, box, (samples, sampling, seed))
     start = system.initial if initial is None else initial
     if not isinstance(start, State):
         start = state_from(start)
@@ -347,7 +347,7 @@ def _starts(system: System, x: Any, y: Any, box: Any, sample: tuple[Any, Any, An
         if x is not None or y is not None:
             problem = "give a grid (x=…, y=…) or a box to sample, not both"
             raise InvalidParameter("box", None, "", problem=problem)
-        count = check_sample("sample", *sample)
+        count = check_sample(*sample)
         return Sample(box_of(box, system.states), count, sample[1], int(sample[2]))
     if x is None and y is None:
         problem = f'give a grid, x=("{system.states[0]}", values), or a box to sample'

@@ -33,7 +33,7 @@ class Draws:
     parameters : tuple of str
         The parameters of the system that are made of it.
     settings : float array, shape (points, parameters)
-    samples : tuple of str
+    blocks : tuple of str
         To which sample each block of as many points belongs; one without indices.
     identity : dict
         What tells them from others.
@@ -43,7 +43,7 @@ class Draws:
     values: Floats
     parameters: tuple[str, ...]
     settings: Floats
-    samples: tuple[str, ...]
+    blocks: tuple[str, ...]
     identity: dict[str, Any]
 
 
@@ -64,8 +64,8 @@ def draw(
     over: Mapping[str, Any],
     making: Making | None,
     *,
-    n: int,
-    method: str,
+    samples: int,
+    sampling: str,
     seed: int,
     indices: bool,
 ) -> Draws:
@@ -77,9 +77,9 @@ def draw(
     over : mapping of str to distribution
     making : callable, optional
         Parameters by name of what is drawn, given by name; what is drawn are parameters by default.
-    n : int
+    samples : int
         Points of a sample.
-    method : {"sobol", "lhs", "random"}
+    sampling : {"sobol", "lhs", "random"}
     seed : int
     indices : bool
         Whether two samples are drawn, and for every quantity the first once more, with that
@@ -87,25 +87,25 @@ def draw(
         2010).
     """
     names, count = tuple(over), len(over)
-    unit = unit_sample(n, 2 * count if indices else count, method, seed)
+    unit = unit_sample(samples, 2 * count if indices else count, sampling, seed)
     blocks = [
         np.stack([over[name].ppf(part) for name, part in zip(names, block.T, strict=True)], axis=1)
         for block in np.split(unit, 2 if indices else 1, axis=1)
     ]
-    samples: tuple[str, ...] = ("",)
+    which: tuple[str, ...] = ("",)
     if indices:
         first, second = blocks
         for i in range(count):
             mixed = first.copy()
             mixed[:, i] = second[:, i]
             blocks.append(mixed)
-        samples = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
+        which = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
     values = np.concatenate(blocks)
     parameters, settings = _made(system, names, values, making)
     told = {
         "over": {name: _told(given) for name, given in over.items()},
-        "n": n,
-        "method": method,
+        "samples": samples,
+        "sampling": sampling,
         "seed": seed,
         "indices": indices,
         "points": digest_of(np.hstack([values, settings])),
@@ -115,7 +115,7 @@ def draw(
         values=values,
         parameters=parameters,
         settings=settings,
-        samples=samples,
+        blocks=which,
         identity=told,
     )
 
@@ -128,7 +128,7 @@ def matrices(draws: Draws, values: Floats) -> tuple[Floats, Floats, Floats]:
     first, second : array, shape (quantities, n)
     between : array, shape (drawn, quantities, n)
     """
-    blocks = np.stack(np.split(values.T, len(draws.samples), axis=1))
+    blocks = np.stack(np.split(values.T, len(draws.blocks), axis=1))
     return blocks[0], blocks[1], blocks[2:]
 
 

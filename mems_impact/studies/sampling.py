@@ -1,10 +1,10 @@
-"""Samples of the unit cube, each a pure function of its size, its method and its seed."""
+"""Samples of the unit cube, each a pure function of its size, its kind and its seed."""
 
 from __future__ import annotations
 
 import hashlib
 import warnings
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.stats import binomtest, qmc
@@ -13,29 +13,29 @@ from mems_impact.analysis.state import is_number, whole
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Floats
 
-__all__ = ["METHODS", "Method", "check_sample", "digest_of", "unit_sample", "wilson"]
+__all__ = ["SAMPLINGS", "Sampling", "check_sample", "digest_of", "unit_sample", "wilson"]
 
-Method = Literal["sobol", "lhs", "random"]
-METHODS = ("sobol", "lhs", "random")
+Sampling = Literal["sobol", "lhs", "random"]
+SAMPLINGS = get_args(Sampling)
 LEVEL = 0.95  # of intervals
 
 
-def check_sample(field: str, n: Any, method: Any, seed: Any) -> int:
-    """Return the size of a sample; InvalidParameter if it, method or seed is out of range."""
-    if method not in METHODS:
-        raise InvalidParameter("method", method, f"one of {', '.join(METHODS)}")
+def check_sample(samples: Any, sampling: Any, seed: Any) -> int:
+    """Return the size of a sample; InvalidParameter if it, its kind or seed is out of range."""
+    if sampling not in SAMPLINGS:
+        raise InvalidParameter("sampling", sampling, f"one of {', '.join(SAMPLINGS)}")
     if not is_number(seed) or seed < 0 or seed != int(seed):
         raise InvalidParameter("seed", seed, "a whole number >= 0")
-    return whole(field, n, 1)
+    return whole("samples", samples, 1)
 
 
-def unit_sample(n: int, dimensions: int, method: str, seed: int) -> Floats:
+def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
     """Return points of the unit cube.
 
     Parameters
     ----------
     n, dimensions : int
-    method : {"sobol", "lhs", "random"}
+    sampling : {"sobol", "lhs", "random"}
         Sobol's sequence, scrambled; a Latin hypercube; independent points.
     seed : int
 
@@ -45,9 +45,9 @@ def unit_sample(n: int, dimensions: int, method: str, seed: int) -> Floats:
         In (0, 1).
     """
     generator = np.random.default_rng(seed)
-    if method == "random":
+    if sampling == "random":
         points = generator.random((n, dimensions))
-    elif method == "lhs":
+    elif sampling == "lhs":
         points = qmc.LatinHypercube(dimensions, seed=generator).random(n)
     else:
         with warnings.catch_warnings():  # that n is no power of two: it need not be

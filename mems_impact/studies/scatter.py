@@ -23,7 +23,7 @@ from mems_impact.studies.draws import FIRST, SECOND, Draws, Making, distribution
 from mems_impact.studies.measuring import Measuring
 from mems_impact.studies.motions import MOTION, in_order, motions
 from mems_impact.studies.running import run_study
-from mems_impact.studies.sampling import Method, check_sample, wilson
+from mems_impact.studies.sampling import Sampling, check_sample, wilson
 from mems_impact.studies.study import Columns, Study
 
 if TYPE_CHECKING:
@@ -106,10 +106,10 @@ class ScatterStudy(Study):
         return Case(self.measuring.system.changed(**values), self.initial)
 
     def _places(self, first: int, last: int) -> Columns:
-        draws, block = self.draws, self.points // len(self.draws.samples)
+        draws, block = self.draws, self.points // len(self.draws.blocks)
         made = dict(zip(draws.parameters, draws.settings[first:last].T, strict=True))
         drawn = dict(zip(draws.names, draws.values[first:last].T, strict=True))
-        which = [draws.samples[number // block] for number in range(first, last)]
+        which = [draws.blocks[number // block] for number in range(first, last)]
         return {**made, **drawn, SAMPLE: np.array(which, dtype=object)}
 
 
@@ -229,8 +229,8 @@ def scatter(
     *,
     over: Mapping[str, Any],
     parameters: Making | None = None,
-    n: int = 256,
-    method: Method = "sobol",
+    samples: int = 256,
+    sampling: Sampling = "sobol",
     seed: int = 0,
     specification: Specification | None = None,
     indices: bool = False,
@@ -257,9 +257,9 @@ def scatter(
         What depends on one thing together is made of it here: a function that takes what is drawn
         by name and returns parameters by name. `over` may then have any names, such as that of a
         line width, which stiffness, masses and gap depend on.
-    n : int, optional
+    samples : int, optional
         Number of points; a power of two suits Sobol's sequence, and indices need one.
-    method : {"sobol", "lhs", "random"}, optional
+    sampling : {"sobol", "lhs", "random"}, optional
         Sobol's sequence, scrambled; a Latin hypercube; or independent points. Intervals of shares
         are those of independent points: the others, which are spread more evenly, do better.
     seed : int, optional
@@ -267,7 +267,8 @@ def scatter(
         Between what a column of the table shall lie: ``{"displacement per period": (1e-5, 2e-5)}``;
         None for no bound.
     indices : bool, optional
-        Whether Sobol's indices are told. This takes n (d + 2) points for d distributions.
+        Whether Sobol's indices are told. They take d + 2 times as many points, of d
+        distributions.
     initial : State or mapping of str to float, optional
         Where every motion starts; the system's own start by default. Of an actuator, `kicked` shows
         where it walks once it has begun to.
@@ -309,7 +310,7 @@ def scatter(
     >>> found = mi.scatter(
     ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
     ...     over={"e": stats.norm(0.8, 0.02), "mu_d": stats.uniform(0.25, 0.04)},
-    ...     specification={"displacement per period": (1e-4, None)}, indices=True, n=64,
+    ...     specification={"displacement per period": (1e-4, None)}, indices=True, samples=64,
     ...     initial=mi.kicked(actuator),
     ... )
     >>> found.yields
@@ -317,10 +318,10 @@ def scatter(
     >>> found.indices.query("quantity == 'displacement per period'")
     """
     given = distributions(over)
-    count = check_sample("n", n, method, seed)
+    count = check_sample(samples, sampling, seed)
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))
-        raise InvalidParameter("n", n, f"a power of two for indices, such as {nearest}")
+        raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
     start = initial
     if start is not None and not isinstance(start, State):
         start = state_from(start)
@@ -331,7 +332,13 @@ def scatter(
         allowed = "a function that takes what is drawn by name and returns parameters by name"
         raise InvalidParameter("parameters", parameters, allowed)
     draws = draw(
-        system, given, parameters, n=count, method=method, seed=int(seed), indices=bool(indices)
+        system,
+        given,
+        parameters,
+        samples=count,
+        sampling=sampling,
+        seed=int(seed),
+        indices=bool(indices),
     )
     study = ScatterStudy(
         draws=draws,

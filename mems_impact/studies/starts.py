@@ -76,13 +76,13 @@ class Sample:
     box : tuple of (str, float, float)
         Components of the state, each with its ends.
     n : int
-    method : {"random", "sobol", "lhs"}
+    sampling : {"random", "sobol", "lhs"}
     seed : int
     """
 
     box: tuple[tuple[str, float, float], ...]
     n: int
-    method: str
+    sampling: str
     seed: int
 
     @property
@@ -94,14 +94,14 @@ class Sample:
     def points(self) -> Floats:
         """Their values, a row a point."""
         low, high = np.array([ends for _, *ends in self.box]).T
-        return low + (high - low) * unit_sample(self.n, len(self.box), self.method, self.seed)
+        return low + (high - low) * unit_sample(self.n, len(self.box), self.sampling, self.seed)
 
     def identity(self) -> dict[str, Any]:
         """Return what tells them from others."""
         return {
             "box": {name: [low, high] for name, low, high in self.box},
-            "sample": self.n,
-            "method": self.method,
+            "samples": self.n,
+            "sampling": self.sampling,
             "seed": self.seed,
             "points": digest_of(self.points),
         }

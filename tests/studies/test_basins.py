@@ -65,7 +65,7 @@ def test_the_grid_is_the_table(found):
 def test_a_sample_is_the_same_whoever_computes_it():
     box = {"x2": (-0.4, 0.4), "v2": (-1.0, 1.0)}
     brief = mi.Settling(transient=60, periods=5, tolerance=1e-4)
-    given = {"box": box, "sample": 9, "settle": brief, "options": FAST}
+    given = {"box": box, "samples": 9, "settle": brief, "options": FAST}
     one = mi.basins(ACTUATOR, DRIVE, **given, workers=1)
     two = mi.basins(ACTUATOR, DRIVE, **given, workers=3)
     assert bits(one.table) == bits(two.table)
@@ -96,8 +96,8 @@ def test_a_start_that_is_not_allowed_is_a_row():
         ({"box": {"q": (0.0, 1.0)}}, "components among"),
         ({"box": {"x2": (0.1, 0.0)}}, "the lower one first"),
         ({"box": {"x2": 0.1}}, "two numbers"),
-        ({"box": {"x2": (0.0, 0.1)}, "sample": 0}, "sample = 0"),
-        ({"box": {"x2": (0.0, 0.1)}, "method": "halton"}, "one of sobol"),
+        ({"box": {"x2": (0.0, 0.1)}, "samples": 0}, "samples = 0"),
+        ({"box": {"x2": (0.0, 0.1)}, "sampling": "halton"}, "one of sobol"),
         ({"box": {"x2": (0.0, 0.1)}, "seed": -1}, "seed = -1"),
         ({"x": ("x2", [0.0]), "distance": 2.0}, "distance = 2"),
         ({"x": ("x2", [0.0]), "settle": 3}, "a Settling"),
@@ -305,7 +305,7 @@ def test_the_forced_double_well_against_attractors_jl():
     # less than 2.58 sqrt(0.5/1000) = 0.058 in 99 of 100 cases. The boundary is fractal: to others
     # than statistics the single point means nothing.
     box = {"x": (-2.2, 2.2), "v": (-2.2, 2.2)}
-    found = mi.basins(duffing(), box=box, sample=1000, options=FAST)
+    found = mi.basins(duffing(), box=box, samples=1000, options=FAST)
     shares = found.attractors.set_index("attractor")["share"]
     published = {}
     for x, share in ((-0.8, 0.489), (1.8, 0.511)):
@@ -322,7 +322,7 @@ def test_a_chaotic_attractor_is_one():
     system = duffing(d=0.05, f=7.5, beta=0.0)
     settle = mi.Settling(transient=50, periods=50)
     box = {"x": (0.0, 4.0), "v": (-4.0, 4.0)}
-    found = mi.basins(system, box=box, sample=40, settle=settle, options=FAST)
+    found = mi.basins(system, box=box, samples=40, settle=settle, options=FAST)
     assert found.attractors["attractor"].tolist() == ["chaotic"]
     assert set(found.table["motion"]) == {"unsettled"}
     assert found.attractors["lyapunov exponent"][0] > 0.05
@@ -347,7 +347,7 @@ def test_the_magnetic_pendulum_against_attractors_jl():
         parameters={"g": 1.0, "d": 0.2, "a": 0.2, "omega": 0.8},
     )
     box = {"x": (-2.0, 2.0), "y": (-2.0, 2.0)}
-    found = mi.basins(pendulum, box=box, sample=500, options=FAST)
+    found = mi.basins(pendulum, box=box, samples=500, options=FAST)
     assert found.attractors["attractor"].tolist() == ["resting a", "resting b", "resting c"]
 
     # The place of rest on the axis through the first magnet, by its own equation.

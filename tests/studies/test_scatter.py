@@ -25,7 +25,9 @@ STEP = "displacement per period"
 def found():
     """A device whose friction varies."""
     wanted = {STEP: (4e-3, 4.5e-3), "period": (1, None)}
-    return mi.scatter(ACTUATOR, DRIVE, over=OVER, n=16, indices=True, specification=wanted, **GIVEN)
+    return mi.scatter(
+        ACTUATOR, DRIVE, over=OVER, samples=16, indices=True, specification=wanted, **GIVEN
+    )
 
 
 def test_every_point_is_a_device_of_its_own(found):
@@ -75,7 +77,7 @@ def test_what_does_not_vary_has_no_indices(found):
 
 
 def test_the_same_whoever_computes_it(tmp_path):
-    given = {"over": OVER, "n": 5, "method": "random", "seed": 3, **GIVEN}
+    given = {"over": OVER, "samples": 5, "sampling": "random", "seed": 3, **GIVEN}
     brief = {**given, "settle": mi.Settling(transient=40, periods=2, tolerance=1e-3)}
     one = mi.scatter(ACTUATOR, DRIVE, **brief, workers=1)
     two = mi.scatter(ACTUATOR, DRIVE, **brief, workers=3, store=tmp_path)
@@ -90,7 +92,13 @@ def test_what_depends_on_one_thing_together():
         return {"k": width**3, "d": 2.0 - width}
 
     draws = draw(
-        SYSTEM, {"width": stats.norm(1.0, 0.05)}, made, n=6, method="lhs", seed=1, indices=False
+        SYSTEM,
+        {"width": stats.norm(1.0, 0.05)},
+        made,
+        samples=6,
+        sampling="lhs",
+        seed=1,
+        indices=False,
     )
     assert draws.parameters == ("k", "d")
     width = draws.values[:, 0]
@@ -104,7 +112,7 @@ def test_a_device_that_cannot_be_is_a_row():
     # Half of the restitutions lie above 1.
     brief = mi.Settling(transient=20, periods=2, tolerance=1e-2)
     some = mi.scatter(
-        SYSTEM, over={"e": stats.uniform(0.8, 0.4)}, n=4, settle=brief,
+        SYSTEM, over={"e": stats.uniform(0.8, 0.4)}, samples=4, settle=brief,
         specification={STEP: (None, None)}, **GIVEN,
     )  # fmt: skip
     bad = some.table["e"] > 1.0
@@ -120,9 +128,9 @@ def test_a_device_that_cannot_be_is_a_row():
         ({"over": {}}, "distributions by name"),
         ({"over": {"e": 0.8}}, "a frozen distribution"),
         ({"over": {"q": stats.norm()}}, "one of amplitude"),
-        ({"n": 0}, "n = 0"),
-        ({"n": 100, "indices": True}, "such as 128"),
-        ({"method": "halton"}, "one of sobol"),
+        ({"samples": 0}, "samples = 0"),
+        ({"samples": 100, "indices": True}, "such as 128"),
+        ({"sampling": "halton"}, "one of sobol"),
         ({"seed": 0.5}, "seed = 0.5"),
         ({"specification": {"speed": (0, 1)}}, "columns among"),
         ({"specification": {STEP: (1, 0)}}, "low and high"),
@@ -140,15 +148,15 @@ def test_what_is_wrong_is_named(given, named):
 # Estimators, by closed forms.
 
 
-@pytest.mark.parametrize("method", ["sobol", "lhs", "random"])
-def test_samples_are_uniform(method):
-    points = unit_sample(512, 3, method, 5)
+@pytest.mark.parametrize("sampling", ["sobol", "lhs", "random"])
+def test_samples_are_uniform(sampling):
+    points = unit_sample(512, 3, sampling, 5)
     assert points.shape == (512, 3)
     assert ((points > 0.0) & (points < 1.0)).all()
     for column in points.T:
         assert stats.kstest(column, "uniform").pvalue > 0.01
-    assert np.array_equal(points, unit_sample(512, 3, method, 5))
-    assert not np.array_equal(points, unit_sample(512, 3, method, 6))
+    assert np.array_equal(points, unit_sample(512, 3, sampling, 5))
+    assert not np.array_equal(points, unit_sample(512, 3, sampling, 6))
 
 
 def test_indices_of_ishigami():
@@ -156,7 +164,7 @@ def test_indices_of_ishigami():
     # 1990; the closed forms in I. M. Sobol' and Y. L. Levitan, Comput. Phys. Commun. 117, 52, 1999.
     a, b, pi = 7.0, 0.1, math.pi
     over = {name: stats.uniform(-pi, 2.0 * pi) for name in ("m1", "m2", "k")}
-    draws = draw(SYSTEM, over, None, n=2048, method="sobol", seed=2, indices=True)
+    draws = draw(SYSTEM, over, None, samples=2048, sampling="sobol", seed=2, indices=True)
     x, y, z = draws.values.T
     value = np.sin(x) + a * np.sin(y) ** 2 + b * z**4 * np.sin(x)
     broken = np.where(np.arange(len(value)) == 7, np.nan, value)
