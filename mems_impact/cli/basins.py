@@ -15,6 +15,7 @@ from mems_impact.cli.options import (
     initial_option,
     output_options,
     progress_option,
+    sample_options,
     settle_options,
     state_from,
     study_integrator_options,
@@ -38,10 +39,7 @@ HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a 
 @ranges_option(
     "--box", "v2=-1:1", "In place of --x and --y, a component between ends: states are drawn."
 )
-@click.option(
-    "--sample", type=int, default=1000, show_default=True, help="How many are drawn from the box."
-)
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the sample.")
+@sample_options(1000, "random")
 @drive_options
 @initial_option
 @settle_options
@@ -78,7 +76,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
         given = {name: range_axis(*axis) for name, axis in axes.items()}
         if options["box"]:
-            given |= {name: options[name] for name in ("box", "sample", "seed")}
+            given |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
         if options["initial"]:
             given["initial"] = state_from(options["initial"], actuator)
         given |= settling(options)
@@ -89,7 +87,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
             lambda: mi.basins(system, **given, progress=options["progress"]),
             lambda table: files.tables({"table": table}),
         )
-        files.tables({"table": found.table, "attractors": found.attractors})
+        files.tables(
+            {"table": found.table, "attractors": found.attractors, "returns": found.returns}
+        )
         files.draw(lambda: mi.plot_basins(found).figure, DPI)
         shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
         few = found.attractors[shown]

@@ -18,6 +18,7 @@ Decorator = Callable[[Any], Any]
 
 # Of modules that are slow to import: `mems_impact.studies.words`, `mems_impact.analysis.attractor`.
 EXECUTORS = ("threads", "processes")
+SAMPLINGS = ("sobol", "lhs", "random")
 EXPONENTS = ("unsettled", "all", "none")
 
 
@@ -179,6 +180,23 @@ def axis_options(first: str, second: str) -> Decorator:
             click.option(option, type=AXIS, metavar="NAME START STOP POINTS", help=text)
             for option, text in (("--x", first), ("--y", second))
         )
+    )
+
+
+def sample_options(samples: int, sampling: str) -> Decorator:
+    """Return the options of how a study draws its points, with these defaults."""
+    return combined(
+        click.option(
+            "--samples", type=int, default=samples, show_default=True, help="How many are drawn."
+        ),
+        click.option(
+            "--sampling",
+            type=click.Choice(SAMPLINGS),
+            default=sampling,
+            show_default=True,
+            help="How: Sobol's sequence, a Latin hypercube, or independent of each other.",
+        ),
+        click.option("--seed", type=int, default=0, show_default=True, help="Of what is drawn."),
     )
 
 

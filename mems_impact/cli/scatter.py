@@ -14,6 +14,7 @@ from mems_impact.cli.options import (
     initial_option,
     output_options,
     progress_option,
+    sample_options,
     settle_options,
     state_from,
     study_integrator_options,
@@ -61,16 +62,10 @@ def _distributions(
     "Between what a column of the table shall lie; one end may be left out.",
     half_open=True,
 )
-@click.option("--n", "n", type=int, default=256, show_default=True, help="Number of points.")
+@sample_options(256, "sobol")
 @click.option(
-    "--sampling",
-    type=click.Choice(("sobol", "lhs", "random")),
-    default="sobol",
-    show_default=True,
-    help="Sobol's sequence, a Latin hypercube, or independent points.",
+    "--indices", is_flag=True, help="Tell Sobol's indices; of d parameters, d + 2 times the points."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Of the points.")
-@click.option("--indices", is_flag=True, help="Tell Sobol's indices: n (d + 2) points.")
 @drive_options
 @initial_option
 @settle_options
@@ -107,8 +102,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         system = actuator.under(drive_from())
         if not options["over"]:
             raise click.UsageError("missing option '--over'")
-        given = {name: options[name] for name in ("n", "seed", "indices")}
-        given |= {"over": distributions("over", options["over"]), "method": options["sampling"]}
+        given = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
+        given["over"] = distributions("over", options["over"])
         if options["specification"]:
             given["specification"] = options["specification"]
         if options["initial"]:

@@ -330,7 +330,7 @@ def basins(
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
     labels = census.recognised(table, starts.names, study.recognition, study.measuring)
     found = census.followed(census.representatives(table, labels), measuring)
-    table, attractors = census.taken(table, labels, found, starts)
+    table, attractors = census.taken(table, labels, found, starts, settle.longest)
     return Basins(
         system=system,
         starts=starts,

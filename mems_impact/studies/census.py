@@ -101,6 +101,7 @@ def taken(
     labels: NDArray[np.int64],
     found: Sequence[Attractor],
     starts: Starts,
+    longest: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the table of all points with the names of their attractors, and that of attractors.
 
@@ -113,11 +114,13 @@ def taken(
         As `followed` returns them of the `representatives`.
     starts : Starts
         Bounds of shares depend on whether they are a grid.
+    longest : int
+        Returns after which motions were looked at for whether they repeat themselves.
     """
     rows = representatives(table, labels)
     own = labels[rows.index]
     kinds = [
-        _told_later(one) if motion == attractor.UNSETTLED else (motion, period)
+        _told_later(one, longest) if motion == attractor.UNSETTLED else (motion, period)
         for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
     ]
     names = _names([_kind(*each) for each in kinds])
@@ -162,11 +165,14 @@ def returns(attractors: pd.DataFrame, found: Sequence[Attractor], system: System
     return table
 
 
-def _told_later(found: Attractor) -> tuple[str, int]:
-    """Return motion and period of an attractor that was unsettled as it was reached."""
-    if found.motion == FAILED:
-        return attractor.UNSETTLED, 0
-    return found.motion, found.period
+def _told_later(found: Attractor, longest: int) -> tuple[str, int]:
+    """Return motion and period of an attractor that was unsettled as it was reached.
+
+    One that repeats itself as soon as others was on its way to them.
+    """
+    if found.motion in (attractor.CHAOTIC, attractor.QUASI_PERIODIC) or found.period > longest:
+        return found.motion, found.period
+    return attractor.UNSETTLED, 0
 
 
 def _kind(motion: str, period: int) -> str:

@@ -33,7 +33,7 @@ def test_scatter_with_a_specification(cli, tmp_path):
     wish = ["--specification", "displacement per period=1e-4:"]
     drive = ["--amplitude", "0.24", "--omega", "0.5"]
     done = cli(
-        "scatter", "zhao2004", *over, *wish, *drive, *BRIEF, "--n", "4", "--initial", "kicked"
+        "scatter", "zhao2004", *over, *wish, *drive, *BRIEF, "--samples", "4", "--initial", "kicked"
     )
     assert done.status == 0
     yields = pd.read_csv(tmp_path / "out" / "scatter-yields.csv")

@@ -26,7 +26,7 @@ def made(starts, labels):
         Attractor(motion="periodic", period=1, states=np.array([[i, i]], dtype=float))
         for i in range(labels.max() + 1)
     ]
-    table, attractors = taken(table, labels, found, starts)
+    table, attractors = taken(table, labels, found, starts, 16)
     system = oscillator()
     seen = returns(attractors, found, system)
     return Basins(

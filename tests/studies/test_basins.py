@@ -192,7 +192,7 @@ def census(cells):
         {"x": 0.0, "v": 0.0, "motion": "periodic", "period": 1 + (labels == 7)},
         index=range(len(labels)),
     )
-    return taken(table, labels, made(labels), Grid(Axis("x", across), Axis("v", up)))
+    return taken(table, labels, made(labels), Grid(Axis("x", across), Axis("v", up)), 16)
 
 
 def test_bounds_of_a_grid_lie_on_either_side_of_its_boundaries():
@@ -210,10 +210,28 @@ def test_names_tell_kinds_and_go_by_share():
     assert table["attractor"].tolist()[3:7] == ["period 1 b", "period 1 b", "period 2", "failed"]
 
 
+@pytest.mark.parametrize(
+    ("later", "name"),
+    [
+        (Attractor(motion="chaotic"), "chaotic"),
+        (Attractor(motion="periodic", period=23), "period 23"),
+        (Attractor(motion="periodic", period=2), "unsettled"),  # on its way to that
+        (Attractor(motion="off"), "unsettled"),
+        (Attractor(motion="failed"), "unsettled"),
+    ],
+)
+def test_what_did_not_settle_is_named_by_how_it_goes_on(later, name):
+    table = pd.DataFrame({"x": [0.0], "motion": "unsettled", "period": 0})
+    _, attractors = taken(table, np.array([0]), [later], Grid(Axis("x", (0.0,))), 16)
+    assert attractors["attractor"].tolist() == [name]
+
+
 def test_bounds_of_a_sample_are_wilsons():
     labels = np.repeat([0, 1], [30, 10])
     table = pd.DataFrame({"x": 0.0, "motion": "periodic", "period": 1}, index=range(40))
-    _, attractors = taken(table, labels, made(labels), Sample((("x", 0.0, 1.0),), 40, "random", 0))
+    _, attractors = taken(
+        table, labels, made(labels), Sample((("x", 0.0, 1.0),), 40, "random", 0), 16
+    )
     z, n, p = 1.959963984540054, 40, 0.75
     centre, half = p + z * z / 2 / n, z * math.sqrt(p * (1 - p) / n + z * z / 4 / n / n)
     expected = [(centre - half) / (1 + z * z / n), (centre + half) / (1 + z * z / n)]
