@@ -24,7 +24,7 @@ def python_blocks(text):
 
 
 SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
-SLOW += ("basins.md", "lyapunov.md", "scatter.md", "sensitivity.md", "terms.md")
+SLOW += ("basins.md", "lyapunov.md", "maps.md", "scatter.md", "sensitivity.md", "terms.md")
 SLOW += tuple(page.name for page in (DOCS / "terms").glob("*.md"))
 EXAMPLES = [
     pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
