@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, get_args
 
+import numpy as np
+
 from mems_impact.analysis.lyapunov import LEAST, SURE, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, whole
@@ -31,6 +33,7 @@ CHAOTIC, QUASI_PERIODIC = "chaotic", "quasi-periodic"
 Exponents = Literal["unsettled", "all", "none"]
 # Periods between two looks at an exponent, and after which there is none.
 LOOK, MOST = 16, 3_000
+NEAR = 1e-2  # of the size of each component: returns that are closer are nearly the same
 
 
 class Case(NamedTuple):
@@ -233,7 +236,10 @@ def _attractor(
         if motion == UNSETTLED:
             told = classify(exponent, error, returns=False)
             # The exponent along the flow is zero of any motion that nothing forces.
-            if told == CHAOTIC or (told == QUASI_PERIODIC and system.forced):
+            drifts = (
+                told == QUASI_PERIODIC and system.forced and not _nearly_repeats(system, settled)
+            )
+            if told == CHAOTIC or drifts:
                 motion = told
             elif told == PERIODIC and any(impacts) and hits == 0.0:
                 motion = OFF  # on its way to the orbit without impacts
@@ -250,6 +256,19 @@ def _attractor(
         error=error / period,
         instant=settled.final,
     )
+
+
+def _nearly_repeats(system: System, settled: Settled) -> bool:
+    """Return whether the last return is close to one before: a motion that creeps to an orbit.
+
+    Near a bifurcation its exponent is as near to zero as that of a quasi-periodic one.
+    """
+    free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
+    states = settled.states[:, free]
+    sizes = np.abs(states).max(axis=0, initial=0.0)
+    sizes[sizes == 0.0] = 1.0
+    apart = (np.abs(states[1:] - states[0]) / sizes).max(axis=1, initial=0.0)
+    return bool(apart.min(initial=math.inf) < NEAR)
 
 
 def _exponent(problem: Problem, start: Instant) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -59,8 +59,13 @@ class MapStudy(Study):
 
     def identity(self) -> Mapping[str, Any]:
         """Return what the numbers depend on."""
+        # What the system itself has for the two makes no difference.
+        try:
+            system = self._system(0)
+        except InvalidParameter:
+            system = self.measuring.system
         return {
-            **self.measuring.identity(),
+            **replace(self.measuring, system=system).identity(),
             "x": identity_of_axis(self.x),
             "y": identity_of_axis(self.y),
             "initial": identity_of_state(self.initial),
