@@ -183,7 +183,8 @@ def test_the_code_is_that_of_the_text(folder):
 DEEP = ".".join(["a"] * 20_000)
 
 
-@pytest.mark.parametrize("text", [f"[{DEEP}]\nx = 1", f"[drive.{DEEP}]\nx = 1", f"{DEEP} = 1",
+@pytest.mark.parametrize("text", [f"[{DEEP}]\nx = 1", f"[drive.{DEEP}]\nx = 1",
+                                  pytest.param(f"{DEEP} = 1", marks=pytest.mark.slow),
                                   f"[parameters.{DEEP}]\nx = 1"])  # fmt: skip
 @pytest.mark.parametrize("load", [mi.load_drive, mi.load_actuator])
 def test_tables_far_within_tables(folder, load, text):

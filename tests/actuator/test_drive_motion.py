@@ -182,6 +182,7 @@ def test_resting_on_the_left_stopper():
 
 
 @pytest.mark.parametrize("wave", ["sine", "square"])
+@pytest.mark.slow
 def test_after_a_burst_the_block_rings_down(wave):
     drive = mi.Burst(wave=DRIVES[wave].replace(amplitude=0.15), on=4, off=6)
     run = mi.simulate(ZHAO, drive, 1, options=FINE)

@@ -9,9 +9,8 @@ OPTIONS = mi.Options(method="dop853")
 TIGHT = Settling(tolerance=1e-9)
 
 
-@pytest.mark.parametrize(
-    "terms", [(), pytest.param((mi.SeriesResistance(resistance=0.05),), marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("terms", [(), (mi.SeriesResistance(resistance=0.05),)])
+@pytest.mark.slow
 def test_energy_in_is_that_of_the_ledger(terms):
     actuator = mi.load_actuator("zhao2004").replace(terms=terms)
     drive = mi.Sine(amplitude=0.24, omega=0.5)

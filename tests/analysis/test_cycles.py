@@ -192,6 +192,7 @@ def test_a_doubled_cycle_is_one_of_twice_the_period_and_ends_where_it_began(doub
     assert end.value == pytest.approx(doubling.value, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_folds_of_cycles_and_the_equilibrium_that_they_shrink_to():
     """mu + r^2 - r^4 = 0 turns where r^2 = 1/2 and mu = -1/4, and comes to r = 0 at mu = 0."""
     orbit = find(spiral(0.5))

@@ -246,6 +246,7 @@ def test_cycles_that_are_born_at_a_hopf_point():
     assert abs(back.orbits[-1].system.parameters["a"]) < 1e-4
 
 
+@pytest.mark.slow
 def test_unstable_cycles_of_lorenz_leave_its_hopf_point_downwards():
     (first,) = mi.find_equilibria(LORENZ)
     (hopf,) = mi.continue_equilibrium(first, "r", 30.0).special_points

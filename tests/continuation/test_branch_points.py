@@ -20,6 +20,7 @@ SYMMETRIC = mi.System(
 )
 
 
+@pytest.mark.slow
 def test_another_branch_crosses():
     """The multiplier of the orbit at rest is exp(2 pi a)."""
     rest = mi.find_orbit(SYMMETRIC, guess={"x": 0.0}, periods=1)

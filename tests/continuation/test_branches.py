@@ -110,6 +110,7 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_branch_of_orbits_with_rest_and_chatter():
     orbit = find_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
     branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=Steps(most=6))

@@ -69,6 +69,7 @@ def check_through(branch, phase, *, inwards):
     assert free.state.v == pytest.approx(-response.imag, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_from_the_side_with_the_event():
     check_through(through(SPRINGS, 1.03, 1.01), 1.0, inwards=False)
 

@@ -80,6 +80,7 @@ def test_grazing_curve_towards_larger_frequencies(at_half):
     assert curve.points[-1].values[1] == pytest.approx(HIGH, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_fold_curve_of_impacting_orbits_ends_at_the_degenerate_grazing(at_half, degenerate_grazing):
     (start,) = special(at_half, "fold")
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=-1)
@@ -172,6 +173,7 @@ def test_curve_of_period_doublings_in_closed_form():
 
 
 @pytest.mark.parametrize(("second", "bound"), [("omega", 1.7), ("c", 0.3), ("d", 1.4)])
+@pytest.mark.slow
 def test_grazing_curve_in_closed_form(second, bound):
     exact = Exact(omega=1.3)
     orbit = find_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)

@@ -78,6 +78,7 @@ def check(branch, special):
             assert point.orbit.stable == before
 
 
+@pytest.mark.slow
 def test_van_der_pol():
     values = {"mu": -0.3, "amplitude": AMPLITUDE, "omega": OMEGA, "d": 10.0, "e": 0.9}
     orbit = find_orbit(Family(_problem, values), at((0.0, 0.0)), transient=100)

@@ -61,6 +61,7 @@ def test_step_formula_of_the_paper_set():
     assert mi.step_length(PAPER, [0.1, 0.2], 0.3).shape == (2,)
 
 
+@pytest.mark.slow
 def test_speed_over_the_voltage_of_one_side():
     one = mi.Sine(amplitude=0.24, omega=0.5)
     pair = mi.TwoSided(right=one, left=mi.Sine(amplitude=1e-9, omega=0.5))

@@ -16,6 +16,7 @@ def branch():
     return mi.continue_orbit(orbit, "amplitude", stop=0.19)
 
 
+@pytest.mark.slow
 def test_a_branch_goes_on_where_events_pass_each_other(branch):
     """The end of the slip passes a switch, and nothing happens; the impact does, and it turns."""
     assert [s.label for s in branch.special_points] == ["simultaneous events", "G"]
