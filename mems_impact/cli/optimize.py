@@ -20,11 +20,14 @@ from mems_impact.cli.options import (
 )
 from mems_impact.cli.ranges import ranges_option
 from mems_impact.cli.showing import show_lines, text_of
+from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
+
+KIND = "optimize"
 
 
 @click.command(short_help="Look for the best drive or device near an orbit.")
@@ -39,9 +42,7 @@ if TYPE_CHECKING:
     help="What shall be small: 'energy lost per period', 'scatter of mean speed'. Two aims in all "
     "give a Pareto front.",
 )
-@ranges_option(
-    "--over", "omega=0.45:0.55", "A parameter to vary, and between which values.", required=True
-)
+@ranges_option("--over", "omega=0.45:0.55", "A parameter to vary, and between which values.")
 @ranges_option(
     "--subject-to",
     "'largest multiplier=:0.9'",
@@ -61,7 +62,10 @@ if TYPE_CHECKING:
 @orbit_integrator_options
 @progress_option
 @output_options
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     *,
     device: str,
     changes: dict[str, float],
@@ -86,7 +90,8 @@ def command(
     """Look for the best orbit over some parameters, near the one that a run of DEVICE leads to.
 
     It stays stable and keeps its impacts. Writes the way there, the margins to the next
-    bifurcations, and the motion as a figure; of two aims the Pareto front.
+    bifurcations, and the motion as a figure; of two aims the Pareto front. In place of DEVICE a
+    study file may stand.
 
     \b
     Example:
@@ -94,34 +99,37 @@ def command(
         --over amplitude=0.2:0.3 --over omega=0.45:0.6
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.study_file import holds_study
     from mems_impact.cli.output import Output
+    from mems_impact.studies.of_orbits import optimize_from
 
-    aims = {**dict.fromkeys(maximize, "maximize"), **dict.fromkeys(minimize, "minimize")}
-    if not 1 <= len(maximize) + len(minimize) <= 2 or len(aims) != len(maximize) + len(minimize):
-        raise click.UsageError("give --maximize or --minimize: one quantity, or two for a front")
     show_warnings_briefly()
-    actuator = actuator_from(device, changes)
-    drive = drive_from()
-    guess = state_from(initial, actuator)
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    given: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
-    with Output(output, figure, no_figure, "optimize") as files:
-        orbit = mi.find_orbit(
-            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-        )
+    given: dict[str, Any]
+    if holds_study(device):
+        system, given = from_file(ctx, device, KIND)
+    else:
+        if not over:
+            raise click.UsageError("missing option '--over'")
+        several = len(set(maximize + minimize))
+        if not 1 <= several <= 2 or several != len(maximize) + len(minimize):
+            problem = "give --maximize or --minimize: one quantity, or two for a front"
+            raise click.UsageError(problem)
+        actuator = actuator_from(device, changes)
+        system = actuator.under(drive_from())
+        given = {
+            "over": over,
+            "subject_to": subject_to,
+            "tolerances": tolerances,
+            "points": points,
+            "initial": state_from(initial, actuator),
+            "transient": transient,
+            "periods": periods,
+            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
+        }
+        given |= {"maximize": maximize, "minimize": minimize}
+    with Output(output, figure, no_figure, KIND) as files:
         try:
-            found: Any
-            if len(aims) == 2:
-                found = mi.pareto_front(
-                    orbit,
-                    aims,  # type: ignore[arg-type]
-                    points=points,
-                    progress=progress,
-                    **given,
-                )
-            else:
-                given |= {sense: name for name, sense in aims.items()}
-                found = mi.optimize(orbit, progress=progress, **given)
+            found: Any = optimize_from(system, progress=progress, **given)
         except mi.OptimizationInterrupted as interruption:
             files.tables(_found(interruption.optimum))
             raise

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,9 +18,12 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.showing import text_of
+from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
     import mems_impact as mi
+
+KIND = "sensitivity"
 
 
 @click.command(short_help="Tell which parameters move an orbit's numbers.")
@@ -36,7 +39,10 @@ if TYPE_CHECKING:
 @guess_options
 @orbit_integrator_options
 @output_options
+@click.pass_context
 def command(
+    ctx: click.Context,
+    /,
     *,
     device: str,
     changes: dict[str, float],
@@ -56,31 +62,38 @@ def command(
     """Differentiate the numbers of the orbit that a run of DEVICE leads to by all parameters.
 
     Writes derivatives, and with tolerances the scatter to first order, as CSV tables, and a tornado
-    chart of one quantity.
+    chart of one quantity. In place of DEVICE a study file may stand.
 
     \b
     Example:
       mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 --tolerance delta=0.005
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
+    from mems_impact.actuator.study_file import holds_study
     from mems_impact.cli.output import Output
     from mems_impact.studies.derivatives import chosen_quantities
+    from mems_impact.studies.of_orbits import sensitivity_from
     from mems_impact.studies.sensitivity import check_tolerances
 
     show_warnings_briefly()
-    actuator = actuator_from(device, changes)
-    drive = drive_from()
-    guess = state_from(initial, actuator)
-    system = actuator.under(drive)
-    told = {each.name: each for each in chosen_quantities(system, None)}
+    given: dict[str, Any]
+    if holds_study(device):
+        system, given = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))
+        named = given.pop("quantities", None)
+    else:
+        actuator = actuator_from(device, changes)
+        system, named = actuator.under(drive_from()), None
+        given = {
+            "initial": state_from(initial, actuator),
+            "transient": transient,
+            "periods": periods,
+            "options": mi.Options(method=method, rtol=rtol, atol=atol, engine=engine),
+        }
+    told = {each.name: each for each in chosen_quantities(system, named)}
     told |= {each.name: each for each in chosen_quantities(system, [quantity])}
     check_tolerances(tolerances, tuple(system.parameters))
-    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    with Output(output, figure, no_figure, "sensitivity") as files:
-        orbit = mi.find_orbit(
-            actuator, drive, guess=guess, periods=periods, transient=transient, options=options
-        )
-        found = mi.sensitivity(orbit, quantities=tuple(told.values()))
+    with Output(output, figure, no_figure, KIND) as files:
+        found = sensitivity_from(system, quantities=tuple(told.values()), **given)
         tables = {"table": found.table}
         if tolerances:
             tables["scatter"] = found.scatter(tolerances)

@@ -8,6 +8,7 @@ differs from the default.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import fields, is_dataclass, replace
@@ -37,6 +38,8 @@ KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
     "basins": "mems_impact.studies.basins:basins",
     "scatter": "mems_impact.studies.scatter:scatter",
+    "sensitivity": "mems_impact.studies.of_orbits:sensitivity_from",
+    "optimize": "mems_impact.studies.of_orbits:optimize_from",
 }
 """What a study may be, and the verb that runs it."""
 
@@ -82,7 +85,11 @@ def arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, An
         if default is inspect.Parameter.empty and name not in table:
             allowed = _AXIS if _READERS.get(name) is _axis else "given"
             raise InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
-    given = {name: _argument(name, value, known[name]) for name, value in table.items()}
+    readers = {**_READERS, **_OF_KIND.get(kind, {})}
+    given = {
+        name: _argument(name, value, known[name], readers.get(name))
+        for name, value in table.items()
+    }
     if "store" in given:
         given["store"] = folder / given["store"]
     if "executor" in given:
@@ -104,9 +111,9 @@ def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | N
     return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
 
 
-def _argument(name: str, value: Any, default: Any) -> Any:
-    if name in _READERS:
-        return _READERS[name](name, value)
+def _argument(name: str, value: Any, default: Any, reader: _Reader | None) -> Any:
+    if reader is not None:
+        return reader(name, value)
     if is_dataclass(default) and not isinstance(default, type):
         return _settings(name, value, default)
     return value
@@ -172,7 +179,26 @@ def _unknown(name: str, value: Any, known: Any) -> InvalidParameter:
     return InvalidParameter(name, value, allowed, problem=f"unknown name, must be {allowed}")
 
 
-_READERS: dict[str, Callable[[str, Any], Any]] = {
+def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None]]:
+    """Return lowest and highest values by name; an infinity is none."""
+    allowed = "pairs of numbers by name: {amplitude = [0.2, 0.3]}, of which one may be inf"
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, allowed)
+    found = {}
+    for word, pair in value.items():
+        if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_real, pair))):
+            raise InvalidParameter(f"{name}.{word}", pair, allowed)
+        low, high = (float(end) if math.isfinite(end) else None for end in pair)
+        found[word] = low, high
+    return found
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+_Reader = Callable[[str, Any], Any]
+_READERS: dict[str, _Reader] = {
     "x": _axis,
     "y": _axis,
     "initial": _state,
@@ -180,3 +206,4 @@ _READERS: dict[str, Callable[[str, Any], Any]] = {
     "store": _text,
     "executor": _text,
 }
+_OF_KIND: dict[str, dict[str, _Reader]] = {"optimize": {"over": _ranges, "subject_to": _ranges}}

@@ -1,6 +1,8 @@
 import pandas as pd
 import pytest
 
+import mems_impact as mi
+
 POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
 NEAR = ["--initial", "x2=0.32945", "--initial", "v2=0.33758", "--transient", "0", "--periods", "1"]
 
@@ -73,3 +75,28 @@ def test_front(cli, tmp_path):
 )
 def test_bad_input_of_optimize(cli, arguments, named):
     assert named in cli(*OPTIMIZE, *arguments).complaint()
+
+
+FILE = """device = "zhao2004"
+[drive]
+kind = "sine"
+amplitude = 0.24
+omega = 0.5
+[study]
+"""
+
+
+def test_study_files(cli, tmp_path):
+    (tmp_path / "far.toml").write_text(FILE + 'kind = "sensitivity"\nparameters = ["omega"]\n')
+    done = cli("sensitivity", "far.toml", "--no-figure", "--quantity", "mean speed")
+    assert done.status == 0
+    table = pd.read_csv(tmp_path / "out" / "sensitivity-table.csv")
+    assert set(table["parameter"]) == {"omega"}
+    aim = 'maximize = "mean speed"\nover = {amplitude = [0.239, 0.241]}\n'
+    limit = 'subject_to = {"largest multiplier" = [-inf, 0.9]}\n'
+    (tmp_path / "best.toml").write_text(FILE + 'kind = "optimize"\n' + aim + limit)
+    best = mi.load_study(tmp_path / "best.toml").run()
+    assert best.values["amplitude"] == pytest.approx(0.241, abs=1e-9)
+    wrong = aim.replace("[0.239, 0.241]", "0.3")
+    (tmp_path / "bad.toml").write_text(FILE + 'kind = "optimize"\n' + wrong)
+    assert "study.over.amplitude" in cli("optimize", "bad.toml").complaint()
