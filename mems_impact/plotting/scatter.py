@@ -10,7 +10,16 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, GREY, ORANGE, new_figure, symbol, tidy, with_unit
+from mems_impact.plotting.style import (
+    BLUE,
+    GREY,
+    ORANGE,
+    in_brackets,
+    new_figure,
+    power_of_ten,
+    symbol,
+    tidy,
+)
 
 __all__ = ["plot_scatter"]
 
@@ -121,7 +130,11 @@ def _histogram(ax: Any, scatter: ScatterLike, name: str) -> None:
     """Draw how a quantity is spread."""
     points = scatter.points
     values = points[name].dropna().to_numpy()
-    low, high = scatter.specification.get(name, (-math.inf, math.inf))
+    power = power_of_ten(float(np.abs(values).max(initial=0.0)))
+    values = values / 10.0**power
+    low, high = (
+        bound / 10.0**power for bound in scatter.specification.get(name, (-math.inf, math.inf))
+    )
     ends = _ends(values, low, high)
     count = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 8, 40))
     bins = np.linspace(*ends, count + 1)
@@ -139,8 +152,8 @@ def _histogram(ax: Any, scatter: ScatterLike, name: str) -> None:
             fontsize="small", loc="left",
         )  # fmt: skip
     ax.set_xlim(ends)
-    ax.ticklabel_format(axis="x", scilimits=(-3, 4))
-    ax.set_xlabel(with_unit(name, points, name), loc="left")  # beside a power of ten
+    unit = points.attrs.get("units", {}).get(name, "")
+    ax.set_xlabel(name + in_brackets(unit, power))
     ax.set_ylabel("points")
     tidy(ax)
 
