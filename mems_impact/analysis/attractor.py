@@ -209,10 +209,12 @@ def _followed(
         settled = survey.follow(points, told)
     finally:
         survey.close()
-    return [
-        _attractor(case, at, one, settle, options)
-        for (case, at, _), one in zip(batch, settled, strict=True)
-    ]
+    found = []
+    for (case, at, _), one in zip(batch, settled, strict=True):
+        if told is not None:
+            told(float(len(batch)))  # exponents take longer than all before: work may end here
+        found.append(_attractor(case, at, one, settle, options))
+    return found
 
 
 def _attractor(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import STUDY_OPTIONS, Case, Settling
+from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, Case, Settling
 from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.storing.identity import identity_of_state
 from mems_impact.analysis.system import System
@@ -21,12 +21,12 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies import census
 from mems_impact.studies.axes import axis
-from mems_impact.studies.measuring import Measuring
+from mems_impact.studies.measuring import Measuring, MotionStudy
 from mems_impact.studies.recognition import Recognition
 from mems_impact.studies.running import run_study
 from mems_impact.studies.sampling import Sampling, check_sample
 from mems_impact.studies.starts import Grid, Sample, Starts, box_of
-from mems_impact.studies.study import STATUS, Columns, Study
+from mems_impact.studies.study import STATUS, Columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,11 +37,10 @@ ATTRACTOR = census.ATTRACTOR
 
 
 @dataclass(frozen=True, kw_only=True)
-class BasinsStudy(Study):
+class BasinsStudy(MotionStudy):
     """Motions of one system from many states."""
 
     starts: Starts
-    measuring: Measuring
     recognition: Recognition
     initial: State
 
@@ -51,16 +50,6 @@ class BasinsStudy(Study):
     def points(self) -> int:
         """How many points there are."""
         return len(self.starts.points)
-
-    @property
-    def chunk(self) -> int:
-        """How many go together: about a second of work."""
-        return 256
-
-    @property
-    def threaded(self) -> bool:
-        """Whether threads may compute points at the same time."""
-        return self.measuring.threaded
 
     def identity(self) -> Mapping[str, Any]:
         """Return what the numbers depend on."""
@@ -84,32 +73,13 @@ class BasinsStudy(Study):
         told = self.measuring.attrs(tuple(self.schema))
         return {**told, "starts": list(self.starts.names)}
 
-    def prepare(self) -> None:
-        """Compile what points need."""
-        self.measuring.prepare()
+    def _case(self, number: int) -> Case:
+        place = self.starts.points[number].tolist()
+        start = self.initial.replace(**dict(zip(self.starts.names, place, strict=True)))
+        return Case(self.measuring.system, start)
 
-    def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
-    ) -> tuple[Columns, Any]:
-        """Compute some points; see `Study`."""
-        places = self._places(first, last)
-        rows = zip(*(values.tolist() for values in places.values()), strict=True)
-        starts = [self.initial.replace(**dict(zip(places, row, strict=True))) for row in rows]
-        found = self.measuring.follow(
-            [Case(self.measuring.system, start) for start in starts], watch
-        )
-        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
-        return {**places, **columns}, None
-
-    def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return rows of points that could not be computed."""
-        found = self.measuring.lost(last - first, reason)
-        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
-        return {**self._places(first, last), **columns}
+    def _told(self, found: Sequence[Attractor]) -> Columns:
+        return {**self.measuring.columns(found), **self.recognition.columns(found)}
 
     def _places(self, first: int, last: int) -> Columns:
         return dict(zip(self.starts.names, self.starts.points[first:last].T, strict=True))

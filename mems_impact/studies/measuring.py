@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -23,10 +24,10 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.studies.motions import MOTION, PERIOD
-from mems_impact.studies.study import STATUS, Columns
+from mems_impact.studies.study import STATUS, Columns, Study
 from mems_impact.tables.common import captions, unit_of
 
-__all__ = ["ERROR", "EXPONENT", "MOTION", "PERIOD", "RETURNS", "Measuring"]
+__all__ = ["ERROR", "EXPONENT", "MOTION", "PERIOD", "RETURNS", "Measuring", "MotionStudy"]
 
 
 EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
@@ -126,10 +127,6 @@ class Measuring:
         """Return what stands for points that could not be computed."""
         return [Attractor(motion=FAILED, status=reason)] * count
 
-    def failed(self, count: int, reason: str) -> Columns:
-        """Return the columns of points that could not be computed."""
-        return self.columns(self.lost(count, reason))
-
     def prepare(self) -> None:
         """Compile what points need, once in a process."""
         problem = self.system.problem(self.options)
@@ -140,3 +137,52 @@ class Measuring:
 
 def _words(words: Sequence[str]) -> Any:
     return np.array(words, dtype=object)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionStudy(Study):
+    """A study whose points are motions, each told by what it comes to."""
+
+    measuring: Measuring
+
+    @property
+    def chunk(self) -> int:
+        """How many go together: about a second of work."""
+        return 256
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads may compute points at the same time."""
+        return self.measuring.threaded
+
+    def prepare(self) -> None:
+        """Compile what points need."""
+        self.measuring.prepare()
+
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute some points; see `Study`."""
+        found = self.measuring.follow_some(range(first, last), self._case, watch)
+        return {**self._places(first, last), **self._told(found)}, None
+
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return rows of points that could not be computed."""
+        found = self.measuring.lost(last - first, reason)
+        return {**self._places(first, last), **self._told(found)}
+
+    @abstractmethod
+    def _case(self, number: int) -> Case:
+        """Return a point; InvalidParameter if it is not allowed."""
+
+    @abstractmethod
+    def _places(self, first: int, last: int) -> Columns:
+        """Return the columns that tell points apart."""
+
+    def _told(self, found: Sequence[Attractor]) -> Columns:
+        """Return the columns that tell what motions come to."""
+        return self.measuring.columns(found)

@@ -20,10 +20,10 @@ from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.axes import Axis, axis, check_apart, identity_of_axis
-from mems_impact.studies.measuring import Measuring
+from mems_impact.studies.measuring import Measuring, MotionStudy
 from mems_impact.studies.motions import in_order, motions
 from mems_impact.studies.running import run_study
-from mems_impact.studies.study import Columns, Study
+from mems_impact.studies.study import Columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,12 +32,11 @@ __all__ = ["MapStudy", "OperatingMap", "operating_map"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapStudy(Study):
+class MapStudy(MotionStudy):
     """The points of an operating map: the values of x go by first."""
 
     x: Axis
     y: Axis
-    measuring: Measuring
     initial: State | None = None
 
     kind: ClassVar[str] = "operating_map"
@@ -46,16 +45,6 @@ class MapStudy(Study):
     def points(self) -> int:
         """How many points there are."""
         return len(self.x.values) * len(self.y.values)
-
-    @property
-    def chunk(self) -> int:
-        """How many go together: about a second of work."""
-        return 256
-
-    @property
-    def threaded(self) -> bool:
-        """Whether threads may compute points at the same time."""
-        return self.measuring.threaded
 
     def identity(self) -> Mapping[str, Any]:
         """Return what the numbers depend on."""
@@ -82,26 +71,8 @@ class MapStudy(Study):
         told = self.measuring.attrs(tuple(self.schema))
         return {**told, "x": self.x.name, "y": self.y.name}
 
-    def prepare(self) -> None:
-        """Compile what points need."""
-        self.measuring.prepare()
-
-    def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
-    ) -> tuple[Columns, Any]:
-        """Compute some points; see `Study`."""
-        found = self.measuring.follow_some(
-            range(first, last), lambda number: Case(self._system(number), self.initial), watch
-        )
-        return {**self._places(first, last), **self.measuring.columns(found)}, None
-
-    def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return rows of points that could not be computed."""
-        return {**self._places(first, last), **self.measuring.failed(last - first, reason)}
+    def _case(self, number: int) -> Case:
+        return Case(self._system(number), self.initial)
 
     def _places(self, first: int, last: int) -> Columns:
         numbers = np.arange(first, last)

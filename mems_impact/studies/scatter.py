@@ -20,11 +20,11 @@ from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.draws import FIRST, SECOND, Draws, Making, distributions, draw
-from mems_impact.studies.measuring import Measuring
+from mems_impact.studies.measuring import Measuring, MotionStudy
 from mems_impact.studies.motions import MOTION, in_order, motions
 from mems_impact.studies.running import run_study
 from mems_impact.studies.sampling import Sampling, check_sample, wilson
-from mems_impact.studies.study import Columns, Study
+from mems_impact.studies.study import Columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,11 +37,10 @@ Specification = Mapping[str, tuple[float | None, float | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScatterStudy(Study):
+class ScatterStudy(MotionStudy):
     """Motions of a system with parameters that are drawn."""
 
     draws: Draws
-    measuring: Measuring
     initial: State | None = None
 
     kind: ClassVar[str] = "scatter"
@@ -50,16 +49,6 @@ class ScatterStudy(Study):
     def points(self) -> int:
         """How many points there are."""
         return len(self.draws.values)
-
-    @property
-    def chunk(self) -> int:
-        """How many go together: about a second of work."""
-        return 256
-
-    @property
-    def threaded(self) -> bool:
-        """Whether threads may compute points at the same time."""
-        return self.measuring.threaded
 
     def identity(self) -> Mapping[str, Any]:
         """Return what the numbers depend on."""
@@ -80,25 +69,6 @@ class ScatterStudy(Study):
         """Units and captions of the table."""
         told = self.measuring.attrs(tuple(self.schema))
         return {**told, "drawn": list(self.draws.names)}
-
-    def prepare(self) -> None:
-        """Compile what points need."""
-        self.measuring.prepare()
-
-    def compute(
-        self,
-        first: int,
-        last: int,
-        carried: Any = None,
-        watch: Callable[[float], None] | None = None,
-    ) -> tuple[Columns, Any]:
-        """Compute some points; see `Study`."""
-        found = self.measuring.follow_some(range(first, last), self._case, watch)
-        return {**self._places(first, last), **self.measuring.columns(found)}, None
-
-    def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return rows of points that could not be computed."""
-        return {**self._places(first, last), **self.measuring.failed(last - first, reason)}
 
     def _case(self, number: int) -> Case:
         row = self.draws.settings[number].tolist()
