@@ -29,7 +29,7 @@ def test_table_summary_and_figure(cli, tmp_path):
     assert done.status == 0
     written = "written: out/map-table.csv, out/map-summary.csv, out/map.png"
     assert done.out.splitlines()[-1] == written
-    table = pd.read_csv(tmp_path / "out" / "map-table.csv")
+    table = pd.read_csv(tmp_path / "out" / "map-table.csv", float_precision="round_trip")
     actuator = mi.load_actuator("zhao2004")
     found = mi.operating_map(
         actuator,
