@@ -317,7 +317,7 @@ def _averaged(
     try:
         stretching.turn(watch)
         while True:
-            stretching.go_on(watch)
+            stretching.go_on(1, watch)
             found = stretching.result
             done = found.periods
             alive = np.isfinite(found.per_period)
@@ -329,7 +329,8 @@ def _averaged(
         error.trajectory = told(False)
         raise
     except KeyboardInterrupt:
-        raise RunInterrupted(told(False), done) from None
+        kept = told(False)
+        raise RunInterrupted(kept, kept.periods) from None
 
 
 def _spectrum(

@@ -15,13 +15,22 @@ from typing import NamedTuple
 import numpy as np
 
 from mems_impact.errors import RunError
+from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import stretched_flow
+from mems_impact.hybrid.memory import Memory
 from mems_impact.hybrid.passage import SCRATCH
-from mems_impact.hybrid.perturbed import END, Log, Perturbed, Setup, carry, flow_at, orthonormalize
+from mems_impact.hybrid.perturbed import (
+    STRETCHING,
+    Perturbed,
+    Setup,
+    flow_at,
+    orthonormalize,
+    stretch,
+)
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
 
 CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
@@ -91,6 +100,24 @@ class Stretching:
         self.problem, self.final, self.chunk, self.uneven = problem, start, chunk, uneven
         self.grown: list[Floats] = []
         self.lengths: list[float] = []
+        self._run = own = bind(problem)
+        own.engine.learn(start.remembered)
+        self._memory = Memory(
+            problem,
+            own,
+            0,
+            cycle=start.cycle,
+            t=start.time,
+            mode=start.mode,
+            end_cycle=start.cycle,
+            end_phase=start.time,
+            events_from=start.cycle,
+        )
+        self._memory.put(start.y)
+        clock = self._memory.clock
+        places, _ = own.links(clock, None, n, 0)
+        numbers = {"plain": own.stand_in, "advance": places.get("advance", 0)}
+        self._work = own.record(STRETCHING, {}, numbers)
         self._bound = bind(
             Problem(
                 automaton=extended,
@@ -154,39 +181,80 @@ class Stretching:
         slope = np.abs(self._slopes()[0])
         return float(slope[self._setup.cyclic == 0].max(initial=0.0))
 
-    def go_on(self, progress: Callable[[float], None] | None = None) -> None:
-        """Run one chunk more.
+    def go_on(self, count: int = 1, progress: Callable[[float], None] | None = None) -> None:
+        """Run some chunks more.
 
         Raises
         ------
         RunError
-            If the run cannot go on.
-        RunInterrupted
-            On Ctrl-C.
+            If the run cannot go on. As on Ctrl-C, the chunks done are kept.
         """
-        part = GOLDEN * len(self.lengths) % 1.0
-        length = self.chunk * (0.5 + part) if self.uneven else float(self.chunk)
-        trajectory = run(self.problem, self.final, length, progress=progress)
-        self._at.growth[:] = 0.0
-        failed = self._bound.call(carry, _log(trajectory), self._at, self._setup)
-        if failed >= 0:
-            raise RunError(
-                reason="a perturbation of the run cannot be integrated",
-                remedy="check parameters and drive at this time; loosen or tighten rtol and atol",
-                cycle=int(self._at.place[0]),
-                phase_time=float(self._at.t[0]),
-                mode=self.problem.automaton.modes[int(self._at.place[1])],
-                state={},
-            )
-        self.grown.append(self._at.growth.copy())
-        self.lengths.append(length)
-        self.final = trajectory.final
+        done = len(self.lengths)
+        lengths = np.array([self._length(done + i) for i in range(count)])
+        grown = np.zeros((count, self._setup.k))
+        clock, work = self._memory.clock, self._work
+        begin = clock["end_cycle"] + clock["end_phase"] / clock["period"]
+        work["chunk"] = work["begun"] = 0
+        status = loop.PAUSED
+        try:
+            while status == loop.PAUSED:
+                status = self._bound.call(
+                    stretch,
+                    clock,
+                    work,
+                    self._at,
+                    self._setup,
+                    lengths,
+                    grown,
+                    self._bound.quota,
+                )
+                if progress is not None:
+                    progress(float(clock["cycle"] + clock["t"] / clock["period"] - begin))
+        finally:
+            whole = int(work["chunk"])
+            self.grown += list(grown[:whole])
+            self.lengths += lengths[:whole].tolist()
+        if status != loop.DONE:
+            raise self._failure(float(lengths[: whole + 1].sum()))
+        self.final = Instant(
+            int(clock["end_cycle"]),
+            float(clock["end_phase"]),
+            int(clock["mode"]),
+            self._memory.state,
+            self._run.engine.learnt(),
+        )
 
     def turn(self, progress: Callable[[float], None] | None = None) -> None:
         """Run one chunk that does not count: the columns turn to where they grow most."""
-        self.go_on(progress)
+        self.go_on(1, progress)
         self.grown.clear()
         self.lengths.clear()
+
+    def _length(self, number: int) -> float:
+        """Return the periods in a chunk."""
+        if not self.uneven:
+            return float(self.chunk)
+        return self.chunk * (0.5 + GOLDEN * number % 1.0)
+
+    def _failure(self, periods: float) -> RunError:
+        """Return why neither run nor columns go on: an ordinary run, up to there, says so."""
+        reason = "a perturbation of the run cannot be integrated"
+        remedy = "check parameters and drive at this time; loosen or tighten rtol and atol"
+        if not self._work["lost"]:
+            reason, remedy = "the run ends before that", "give it less time, or another start"
+            try:
+                run(self.problem, self.final, periods, consume=lambda _: None)
+            except RunError as error:
+                return error
+        clock = self._memory.clock
+        return RunError(
+            reason=reason,
+            remedy=remedy,
+            cycle=int(clock["cycle"]),
+            phase_time=float(clock["t"]),
+            mode=self.problem.automaton.modes[int(clock["mode"])],
+            state={},
+        )
 
     def _slopes(self) -> Floats:
         """Return the derivatives of state and columns, shape (1 + k, n)."""
@@ -237,12 +305,14 @@ def largest(
     """
     stretching = Stretching(problem, start, chunk=chunk)
     stretching.turn()
+    count = FEWEST
     while True:
-        stretching.go_on()
+        stretching.go_on(count)
         (exponent,), (error,), done = stretching.result
         told = abs(exponent) > max(sure * error, tolerance)
         if error <= tolerance or told or done + chunk > periods:
             return float(exponent), float(error), int(done)
+        count = 1
 
 
 def standard_errors(grown: Floats, lengths: Floats) -> Floats:
@@ -267,23 +337,3 @@ def standard_errors(grown: Floats, lengths: Floats) -> Floats:
         grown = grown[0:even:2] + grown[1:even:2]
         lengths = lengths[0:even:2] + lengths[1:even:2]
     return errors
-
-
-def _log(trajectory: Trajectory) -> Log:
-    """Return the rows of a trajectory, and one more for its end."""
-    events, final = trajectory.events, trajectory.final
-    integers = (events.cycle, events.kind, events.guard, events.mode_before, events.mode_after)
-    ends = (final.cycle, END, 0, final.mode, final.mode)
-    cycle, kind, guard, mode_before, mode_after = (
-        np.append(column, end) for column, end in zip(integers, ends, strict=True)
-    )
-    return Log(
-        cycle=cycle,
-        time=np.append(events.time, final.time),
-        kind=kind,
-        guard=guard,
-        mode_before=mode_before,
-        mode_after=mode_after,
-        before=np.concatenate([events.before, final.y[None]]),
-        after=np.concatenate([events.after, final.y[None]]),
-    )

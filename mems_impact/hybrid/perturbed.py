@@ -1,7 +1,7 @@
 """Perturbations carried along a run that is known, over its arcs and through its events.
 
 Written over the engine's contract, for both forms, as `passage`. The run itself is not integrated
-again to find its events: they are rows of its log, and after each of them the state is the run's.
+again to find its events: it writes them to its buffer, and after each the state is the run's.
 So nothing that is asked of perturbations moves the run by a rounding.
 """
 
@@ -10,20 +10,35 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mems_impact.engines import contract
+from mems_impact.hybrid import loop
 from mems_impact.hybrid.guards import TOLERANCES
 from mems_impact.hybrid.passage import differentiate_event, integrate
 from mems_impact.hybrid.record import (
     ACCUMULATION,
     APPROACH,
+    BUFFER_FULL,
+    CYCLE,
+    DONE,
+    FAILED,
+    GUARD,
     HANDOVER,
+    HEAD,
+    KIND,
+    MODE_AFTER,
+    MODE_BEFORE,
+    PAUSED,
     REBASE,
     SECTION_CROSSING,
     SWITCH,
+    TIME,
     TRANSITION,
+    event_at,
+    whole_periods,
 )
 
-END = -1  # as the kind of the row that ends the log
 NEAREST = 1e-9  # room that is left to differences in time beside a switch of the drive
 SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbations know no bounds
 # A column of which an event leaves less than this part has nothing left: differences are no better.
@@ -33,24 +48,17 @@ NOTHING = 1e-11
 WORN = 1e-3
 
 
-class Log(NamedTuple):
-    """Rows of a run in order, as of `Events`; the last one, of kind END, is where it ends.
-
-    Attributes
-    ----------
-    cycle, kind, guard, mode_before, mode_after : int array, shape (N,)
-    time : float array, shape (N,)
-    before, after : float array, shape (N, n)
-    """
-
-    cycle: Any
-    time: Any
-    kind: Any
-    guard: Any
-    mode_before: Any
-    mode_after: Any
-    before: Any
-    after: Any
+# How far `stretch` has come.
+STRETCHING = np.dtype(
+    [
+        ("advance", np.int64),  # address of the event loop
+        ("plain", np.int64),  # and of the run's own engine
+        ("chunk", np.int64),
+        ("begun", np.int64),  # 1 while that one has begun
+        ("lost", np.int64),  # 1 where the columns cannot be carried on
+    ]
+)
+BITE = 256  # steps that the event loop takes before what it has written is read
 
 
 class Perturbed(NamedTuple):
@@ -122,40 +130,100 @@ class Setup(NamedTuple):
     work: Any
 
 
-def carry(engine: Any, log: Any, at: Any, setup: Any) -> int:
-    """Carry the columns through all of a log; return the row to which they cannot be, or -1.
+def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
+            quota: int) -> int:  # fmt: skip
+    """Let the run go on chunk by chunk, and carry the columns along.
 
     Parameters
     ----------
     engine
         Of the extended flow (see `mems_impact.hybrid.columns`).
-    log : Log
+    s : CLOCK
+        Of the run.
+    w : STRETCHING
     at : Perturbed
     setup : Setup
+    lengths : float array, shape (N,)
+        Periods in each chunk.
+    grown : float array, shape (N, k)
+        Gets the logarithms of what columns have grown by in each.
+    quota : int
+        Steps of the run that this call may take.
+
+    Returns
+    -------
+    int
+        DONE, PAUSED, FAILED if the columns cannot be carried on, or what ended the run.
     """
-    for i in range(log.kind.size):
-        kind = log.kind[i]
-        passes = kind == TRANSITION and setup.records[log.guard[i]] == 1
-        if passes or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
-            continue
-        if kind == ACCUMULATION:
-            # What is left of a sequence is told from its last impact on.
-            if not stands_at(log, i, at, setup):
-                if not go(engine, log, i, at, setup):
-                    return i
-                put(log.before[i], at, setup)
-            rest(engine, log.guard[i], at, setup)
-            orthonormalize(NOTHING, at, setup)
-        if not go(engine, log, i, at, setup):
-            return i
-        put(log.before[i], at, setup)
-        if kind in (TRANSITION, SWITCH):
-            cross(engine, log, i, at, setup)
-        at.place[1] = log.mode_after[i]
-        put(log.after[i], at, setup)
-        if kind not in (REBASE, END):
-            orthonormalize(NOTHING, at, setup)
-    return -1
+    while w.chunk < lengths.size:
+        if w.begun == 0:
+            begin(s, lengths[w.chunk])
+            for c in range(setup.k):
+                at.growth[c] = 0.0
+            w.begun = 1
+        while w.begun == 1:
+            if quota <= 0:
+                return PAUSED
+            status = run_on(s, w)
+            quota -= BITE
+            for i in range(s.rows):
+                if not carry(engine, event_at(s, i), at, setup):
+                    w.lost = 1
+                    return FAILED
+            s.rows = 0
+            if status == DONE:
+                w.begun = 0
+            elif status not in (PAUSED, BUFFER_FULL):
+                return status
+        if not go(engine, s.end_cycle, s.end_phase, at, setup):
+            w.lost = 1
+            return FAILED
+        for c in range(setup.k):
+            grown[w.chunk, c] = at.growth[c]
+        w.chunk += 1
+    return DONE
+
+
+def begin(s: Any, length: float) -> None:
+    """Let the run go on for so many periods from where it was to end."""
+    whole = math.floor(length)
+    s.end_phase += (length - whole) * s.period
+    ahead = whole_periods(s.end_phase, s.period)
+    s.end_phase -= ahead * s.period
+    s.end_cycle += whole + ahead
+    s.fresh = 1
+
+
+def run_on(s: Any, w: Any) -> int:
+    """Let the event loop of the run take some steps."""
+    return loop.advance(w.plain, s, BITE)
+
+
+def carry(engine: Any, event: Any, at: Any, setup: Any) -> bool:
+    """Carry the columns up to an event, and through it; return whether that went well."""
+    n, kind, guard = setup.n, int(event[KIND]), int(event[GUARD])
+    passes = kind == TRANSITION and setup.records[guard] == 1
+    if passes or kind in (APPROACH, SECTION_CROSSING, HANDOVER):
+        return True
+    cycle, time = int(event[CYCLE]), event[TIME]
+    if kind == ACCUMULATION:
+        # What is left of a sequence is told from its last impact on.
+        if not stands_at(event, at, setup):
+            if not go(engine, cycle, time, at, setup):
+                return False
+            put(event, HEAD, at, setup)
+        rest(engine, guard, at, setup)
+        orthonormalize(NOTHING, at, setup)
+    if not go(engine, cycle, time, at, setup):
+        return False
+    put(event, HEAD, at, setup)
+    if kind in (TRANSITION, SWITCH):
+        cross(engine, event, at, setup)
+    at.place[1] = int(event[MODE_AFTER])
+    put(event, HEAD + n, at, setup)
+    if kind != REBASE:
+        orthonormalize(NOTHING, at, setup)
+    return True
 
 
 def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
@@ -163,36 +231,36 @@ def flow_at(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:
     contract.flow(engine, mode, t, y, dy)
 
 
-def put(y: Any, at: Any, setup: Any) -> None:
-    """Put the state to `y`, but for what its cyclic components have gathered."""
+def put(numbers: Any, first: int, at: Any, setup: Any) -> None:
+    """Put the state to `numbers` from `first` on, but for what its cyclic components gathered."""
     for j in range(setup.n):
-        at.y[j] = 0.0 if setup.cyclic[j] == 1 else y[j]
+        at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]
 
 
-def stands_at(log: Any, i: int, at: Any, setup: Any) -> bool:
-    """Return whether the columns stand at the state before row `i`: it completes a sequence."""
+def stands_at(event: Any, at: Any, setup: Any) -> bool:
+    """Return whether the columns stand at the state before an event: it completes a sequence."""
     same = True
     for j in range(setup.n):
-        same = same and (setup.cyclic[j] == 1 or at.y[j] == log.before[i, j])
+        same = same and (setup.cyclic[j] == 1 or at.y[j] == event[HEAD + j])
     return same
 
 
-def go(engine: Any, log: Any, i: int, at: Any, setup: Any) -> bool:
-    """Integrate state and columns up to the instant of row `i`; return whether that went well.
+def go(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
+    """Integrate state and columns up to an instant; return whether that went well.
 
     They are made orthonormal on the way and at the end. An instant that has come is left as it is.
     """
-    if log.time[i] + (log.cycle[i] - at.place[0]) * setup.period <= at.t[0]:
+    if time + (cycle - at.place[0]) * setup.period <= at.t[0]:
         return True
     while True:
         while at.t[0] >= setup.period:
             at.t[0] -= setup.period
             at.place[0] += 1
-        left = log.time[i] + (log.cycle[i] - at.place[0]) * setup.period - at.t[0]
+        left = time + (cycle - at.place[0]) * setup.period - at.t[0]
         parts = math.ceil(left / at.length[0])
         end = at.t[0] + left / parts
         if parts <= 1:
-            end = log.time[i] + (log.cycle[i] - at.place[0]) * setup.period
+            end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
         went = end <= at.t[0] or integrate(
             engine,
@@ -220,16 +288,16 @@ def go(engine: Any, log: Any, i: int, at: Any, setup: Any) -> bool:
             return True
 
 
-def cross(engine: Any, log: Any, i: int, at: Any, setup: Any) -> None:
-    """Carry the columns through the transition of row `i`, by its saltation matrix.
+def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
+    """Carry the columns through the transition of an event, by its saltation matrix.
 
     A perturbed motion meets the guard sooner by w . grad h / (the rate of h). At a switch of the
     drive it does not; nor at a guard that a transition of this instant has put beyond its zero:
     that one fires when that transition comes.
     """
     n, m, k = setup.n, setup.m, setup.k
-    guard, switch = log.guard[i], log.kind[i] == SWITCH
-    mode, t = log.mode_before[i], at.t[0]
+    guard, switch = int(event[GUARD]), int(event[KIND]) == SWITCH
+    mode, t = int(event[MODE_BEFORE]), at.t[0]
     before, after = setup.work[8], setup.work[9]
     # From the left, where a drive that switches now has not done so yet.
     contract.flow(engine, mode, t - 1e-15 * abs(t), at.y, before)
@@ -250,8 +318,8 @@ def cross(engine: Any, log: Any, i: int, at: Any, setup: Any) -> None:
     state = setup.work[10]
     for j in range(n):
         state[j] = at.y[j]
-        at.y[j] = log.after[i, j]
-    contract.flow(engine, log.mode_after[i], t, at.y, after)
+        at.y[j] = event[HEAD + n + j]
+    contract.flow(engine, int(event[MODE_AFTER]), t, at.y, after)
     for j in range(n):
         at.y[j] = state[j]
     for c in range(k):

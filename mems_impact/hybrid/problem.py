@@ -154,6 +154,8 @@ class Bound:
         address, and what has to live as long: of interpreted code `observe` itself.
     place : callable
         What stands for an array in a record: its address, or the array.
+    stand_in : int or Engine
+        What stands for the engine in a record: its address, or the engine.
     """
 
     call: Callable[..., Any]
@@ -163,6 +165,7 @@ class Bound:
     quota: int
     links: Callable[..., tuple[dict[str, Any], Any]]
     place: Callable[[Any], Any]
+    stand_in: Any
 
 
 def bind(problem: Problem) -> Bound:
@@ -273,7 +276,10 @@ def _compiled(
         }
         return places, kernel
 
-    return Bound(call, engine, table, record, 20_000, links, lambda array: array.ctypes.data)
+    def place(array: Any) -> int:
+        return int(array.ctypes.data)
+
+    return Bound(call, engine, table, record, 20_000, links, place, engine.address)
 
 
 class _Fields(SimpleNamespace):
@@ -322,4 +328,4 @@ def _interpreted(
 
         return {"observe": observed}, None
 
-    return Bound(call, engine, table, record, 1_000, links, lambda array: array)
+    return Bound(call, engine, table, record, 1_000, links, lambda array: array, engine)

@@ -13,6 +13,7 @@ from mems_impact.engines import contract
 from mems_impact.errors import FunctionError, InvalidParameter, RunError, StiffnessWarning
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.clocks import AT_TIMES, is_clock
+from mems_impact.hybrid.memory import Memory
 from mems_impact.hybrid.opposed import LOOKED_AT, SLIDE, opposed
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
@@ -20,7 +21,6 @@ from mems_impact.interruptions import RunInterrupted
 
 __all__ = ["Problem", "run", "sample"]
 
-EVENT_ROWS = 4096
 MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
 STIFF = (
     "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
@@ -93,7 +93,7 @@ def sample(problem: Problem, start: Instant, end: Instant, per_period: int) -> S
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
-    rows = run_again.samples[: run_again.clock["taken"]]
+    rows = run_again.memory.samples[: run_again.clock["taken"]]
     integer = rows[:, :3].astype(np.int64)
     return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
@@ -111,8 +111,6 @@ class _Run:
         progress: Callable[[float], None] | None,
         quiet: bool = False,
     ) -> None:
-        automaton = problem.automaton
-        n, m = len(automaton.states), len(automaton.guards)
         self.problem, self.start = problem, start
         self.consume, self.progress, self.quiet = consume, progress, quiet
         self.kept: list[Floats] = []
@@ -122,49 +120,23 @@ class _Run:
         first = math.ceil((start.time / problem.period - 1e-12) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
-        rows = max(0, last - first + 1)
-        switches = len(problem.switches)
-        section, level, direction = problem.section or (record.NONE, 0.0, 0)
-        self.table = self.bound.table(record.ROWS, max(n, 2 * m, switches))
-        self.events = np.empty((EVENT_ROWS + m, loop.HEAD + 2 * n))
+        self.memory = Memory(
+            problem,
+            self.bound,
+            max(0, last - first + 1),
+            cycle=start.cycle,
+            t=start.time,
+            mode=start.mode,
+            end_cycle=end.cycle,
+            end_phase=end.time,
+            events_from=start.cycle,
+            per_period=per_period,
+            sample_cycle=start.cycle,
+            sample=first,
+        )
+        self.memory.put(start.y)
+        self.clock, self.events = self.memory.clock, self.memory.events
         self.latest = self.events[:0]  # the last events, whoever consumes them
-        self.samples = np.empty((rows, 3 + n))
-        for i, values in automaton.rows:
-            self._put(i, values)
-        self._put(record.SWITCHES, problem.switches)
-        self._put(record.Y, np.asarray(start.y, dtype=float).tolist())
-        arrays = {"table": self.table, "events": self.events, "samples": self.samples}
-        numbers = {
-            "width": len(self.table[0]),
-            "event_rows": EVENT_ROWS + m,
-            "sample_rows": rows,
-            "n": n,
-            "m": m,
-            "switches": switches,
-            "cycle": start.cycle,
-            "t": start.time,
-            "mode": start.mode,
-            "modes": len(automaton.modes),
-            "period": problem.period,
-            "scale": problem.time_scale or problem.period,
-            "rtol": problem.options.rtol,
-            "atol": problem.options.atol,
-            "end_cycle": end.cycle,
-            "end_phase": end.time,
-            "fresh": 1,
-            "pending": loop.NONE,
-            "stop": math.inf,
-            "max_steps": problem.options.max_steps,
-            "max_events": problem.options.max_events,
-            "events_from": start.cycle,
-            "per_period": per_period,
-            "section": section,
-            "level": level,
-            "direction": direction,
-            "sample_cycle": start.cycle,
-            "sample": first,
-        }
-        self.clock = self.bound.record(loop.CLOCK, arrays, numbers)
 
     def go(self) -> Trajectory:
         """Call the loop until it is done, draining its events in between."""
@@ -189,18 +161,6 @@ class _Run:
         if status not in (loop.DONE, loop.ENDED):
             raise self._failure(status)
         return self._trajectory(ended=status == loop.ENDED)
-
-    def _put(self, i: int, values: Sequence[float]) -> None:
-        """Write `values` to row `i` of the table."""
-        self.table[i][: len(values)] = values
-
-    def _local(self) -> Floats:
-        """Return the state as the functions see it."""
-        return np.array(self.table[record.Y][: self.clock["n"]], dtype=float)
-
-    def _state(self) -> Floats:
-        """Return the state, with what its cyclic components have gathered."""
-        return self._local() + self.table[record.OFFSET][: self.clock["n"]]
 
     def _done(self) -> float:
         """Return the periods done so far."""
@@ -232,7 +192,7 @@ class _Run:
                 cycle + ahead,
                 phase - ahead * period,
                 int(clock["mode"]),
-                self._state(),
+                self.memory.state,
                 self.bound.engine.learnt(),
             ),
             events=Events.from_rows(rows),
@@ -295,7 +255,8 @@ class _Run:
                 f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
                 "lead to a mode in which it does not watch: while its margin falls it fires again"
             )
-        if at_guard and instant > 1 and is_clock(self._margin_of(failure), self._local().tolist()):
+        here = self.memory.local.tolist()
+        if at_guard and instant > 1 and is_clock(self._margin_of(failure), here):
             remedy = AT_TIMES
         if status == loop.NO_SUCH_MODE and failure == loop.NO_REST:
             reason = "a sequence of ever weaker impacts has come to its end"
@@ -333,7 +294,7 @@ class _Run:
         from mems_impact.hybrid.tried import Place
 
         clock, problem = self.clock, self.problem
-        point = Place(int(clock["mode"]), float(clock["t"]), self._local().tolist())
+        point = Place(int(clock["mode"]), float(clock["t"]), self.memory.local.tolist())
         return searched(problem.automaton, np.asarray(problem.parameters).tolist(), point)
 
     def _ended_by(self, reason: str, remedy: str) -> RunError:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mems_impact.errors import FunctionError
-from mems_impact.hybrid import gathering, loop, record, settling
+from mems_impact.hybrid import gathering, loop, settling
+from mems_impact.hybrid.memory import Memory
 from mems_impact.hybrid.observed import Observed
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Numbers, Problem, bind
-from mems_impact.hybrid.run import EVENT_ROWS
 from mems_impact.hybrid.settling import (
     END_CYCLE,
     END_MODE,
@@ -136,35 +136,9 @@ class Survey:
         self._problem = problem
         self._bound = bound = bind(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        switches = len(problem.switches)
         forced = recipe.returned == settling.AT_PERIODS
-        section, level, direction = problem.section or (record.NONE, 0.0, 0)
-        table = bound.table(record.ROWS, max(n, 2 * m, switches))
-        for i, values in automaton.rows:
-            table[i][: len(values)] = values
-        events = np.empty((EVENT_ROWS + m, loop.HEAD + 2 * n))
-        samples = np.empty((SAMPLES, 3 + n))
-        clock = bound.record(
-            loop.CLOCK,
-            {"table": table, "events": events, "samples": samples},
-            {
-                "width": len(table[0]),
-                "event_rows": EVENT_ROWS + m,
-                "sample_rows": SAMPLES,
-                "n": n,
-                "m": m,
-                "switches": switches,
-                "modes": len(automaton.modes),
-                "rtol": problem.options.rtol,
-                "atol": problem.options.atol,
-                "max_steps": problem.options.max_steps,
-                "max_events": problem.options.max_events,
-                "per_period": int(forced),
-                "section": section,
-                "level": level,
-                "direction": direction,
-            },
-        )
+        self._loop = Memory(problem, bound, SAMPLES, per_period=int(forced))
+        clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
         places, self._kept = bound.links(clock, observe, n, gains + marks)
         self._work = bound.record(
@@ -192,7 +166,6 @@ class Survey:
         self._places = {
             name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
         }
-        self._alive = table, events, samples
         self._memory = np.zeros(settling.memory_shape(n, m, len(automaton.modes), self._work))
         self._put("memory", "memory_width", self._memory)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -130,7 +130,7 @@ class Measuring:
     def prepare(self) -> None:
         """Compile what points need, once in a process."""
         problem = self.system.problem(self.options)
-        brief = Settling(transient=0.0, periods=1.0)
+        brief = replace(self.settle, transient=0.0, periods=1.0)
         if problem.refusal == "":
             attractors([Case(self.system)], brief, self.options)
 

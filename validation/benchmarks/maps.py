@@ -21,7 +21,7 @@ TOPIC = "maps"
 CASE = "f 0.16 to 0.30, omega 0.44 to 0.51"
 TRANSIENT, PERIODS = 300, 60  # forcing periods of a point in the loop: those of `sweep`
 OPTIONS = mi.Options(method="auto")  # of maps by default
-EQUAL = mi.Settling(exponents="none")  # the loop has no exponents either
+EQUAL = mi.Settling(periods=PERIODS, exponents="none")  # as the loop, which has none either
 FASTER, POINTS, SHARE = 3, 250, 0.95
 WORKERS = 2
 
