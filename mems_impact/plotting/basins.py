@@ -9,7 +9,8 @@ import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import new_figure, parameter_label, tidy
-from mems_impact.studies.census import ATTRACTOR, FAILED
+from mems_impact.studies.census import ATTRACTOR, FAILED, seen
+from mems_impact.studies.stored_study import StoredStudy
 
 __all__ = ["plot_basins"]
 
@@ -38,7 +39,7 @@ class BasinsLike(Protocol):
 
 
 def plot_basins(
-    basins: BasinsLike, ax: Any = None, *, x: str | None = None, y: str | None = None
+    basins: BasinsLike | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
 ) -> Any:
     """Draw which attractor is reached from where, with the attractors over it.
 
@@ -47,7 +48,9 @@ def plot_basins(
 
     Parameters
     ----------
-    basins : Basins
+    basins : Basins or StoredStudy
+        Of the store of one, be it still running, kinds of motions: attractors of one kind are told
+        apart once all points are done.
     ax : matplotlib Axes, optional
         Where to draw; a new figure of a column's width by default.
     x, y : str, optional
@@ -68,8 +71,10 @@ def plot_basins(
     --------
     >>> mi.plot_basins(found).figure.savefig("basins.png")
     """
-    if not hasattr(basins, "returns"):
-        allowed = "Basins, as mems_impact.basins returns them"
+    if isinstance(basins, StoredStudy) and basins.kind == "basins":
+        basins = seen(basins.table)
+    if isinstance(basins, StoredStudy) or not hasattr(basins, "returns"):
+        allowed = "Basins, as mems_impact.basins returns them, or their store"
         raise InvalidParameter("basins", type(basins).__name__, allowed)
     table = basins.table
     starts = table.attrs["starts"]

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import (
@@ -20,6 +19,8 @@ from mems_impact.plotting.style import (
     symbol,
     tidy,
 )
+from mems_impact.studies.spread import Spread
+from mems_impact.studies.stored_study import StoredStudy
 
 __all__ = ["plot_scatter"]
 
@@ -30,32 +31,11 @@ PALE = "#72b2dd"  # a blue on which lines are seen
 MOST = 4  # quantities that are shown where nobody says which
 
 
-class ScatterLike(Protocol):
-    """What `plot_scatter` needs of a `Scatter`."""
-
-    @property
-    def points(self) -> pd.DataFrame:
-        """One row a point."""
-
-    @property
-    def quantities(self) -> list[str]:
-        """The columns of what is measured."""
-
-    @property
-    def specification(self) -> Mapping[str, tuple[float, float]]:
-        """Between what a column shall lie."""
-
-    @property
-    def yields(self) -> pd.DataFrame:
-        """How many points are as specified."""
-
-    @property
-    def indices(self) -> pd.DataFrame | None:
-        """Sobol's indices, if they were asked for."""
-
-
 def plot_scatter(
-    scatter: ScatterLike, *, quantity: str | Sequence[str] | None = None, ax: Any = None
+    scatter: Spread | StoredStudy,
+    *,
+    quantity: str | Sequence[str] | None = None,
+    ax: Any = None,
 ) -> Any:
     """Draw how quantities are spread, with their specification, and Sobol's indices beside them.
 
@@ -66,7 +46,8 @@ def plot_scatter(
 
     Parameters
     ----------
-    scatter : Scatter
+    scatter : Scatter or StoredStudy
+        The store of one, be it still running, tells neither specification nor indices.
     quantity : str or sequence of str, optional
         Columns of the table; what is specified by default, or the first that vary.
     ax : matplotlib Axes, optional
@@ -86,8 +67,10 @@ def plot_scatter(
     --------
     >>> mi.plot_scatter(found, quantity="displacement per period").figure.savefig("scatter.png")
     """
-    if not hasattr(scatter, "yields"):
-        allowed = "a Scatter, as mems_impact.scatter returns it"
+    if isinstance(scatter, StoredStudy) and scatter.kind == "scatter":
+        scatter = Spread(drawn=tuple(scatter.attrs["drawn"]), table=scatter.table)
+    if isinstance(scatter, StoredStudy) or not hasattr(scatter, "yields"):
+        allowed = "a Scatter, as mems_impact.scatter returns it, or its store"
         raise InvalidParameter("scatter", type(scatter).__name__, allowed)
     shown = _shown(scatter, quantity)
     if ax is not None:
@@ -107,11 +90,11 @@ def plot_scatter(
     return panels[0]
 
 
-def _panels(scatter: ScatterLike) -> tuple[str, ...]:
+def _panels(scatter: Spread) -> tuple[str, ...]:
     return ("spread",) if scatter.indices is None else ("spread", "indices")
 
 
-def _shown(scatter: ScatterLike, quantity: str | Sequence[str] | None) -> list[str]:
+def _shown(scatter: Spread, quantity: str | Sequence[str] | None) -> list[str]:
     """Return the quantities to draw."""
     known = [*scatter.quantities, *(n for n in scatter.specification if n in scatter.points)]
     if quantity is not None:
@@ -126,7 +109,7 @@ def _shown(scatter: ScatterLike, quantity: str | Sequence[str] | None) -> list[s
     return list(scatter.specification) or varying[:MOST] or scatter.quantities[:1]
 
 
-def _histogram(ax: Any, scatter: ScatterLike, name: str) -> None:
+def _histogram(ax: Any, scatter: Spread, name: str) -> None:
     """Draw how a quantity is spread."""
     points = scatter.points
     values = points[name].dropna().to_numpy()
@@ -170,7 +153,7 @@ def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
     return first - margin, last + margin
 
 
-def _bars(ax: Any, scatter: ScatterLike, name: str) -> None:
+def _bars(ax: Any, scatter: Spread, name: str) -> None:
     """Draw indices of one quantity."""
     assert scatter.indices is not None
     table = scatter.indices

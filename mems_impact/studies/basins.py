@@ -273,7 +273,7 @@ def basins(
     >>> import numpy as np
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.16, omega=0.5)
+    >>> drive = mi.Sine(amplitude=0.2, omega=0.5)
     >>> found = mi.basins(
     ...     actuator, drive, x=("x2", np.linspace(-0.4, 0.4, 60)), y=("v2", np.linspace(-1, 1, 60))
     ... )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,6 +15,7 @@ from mems_impact.analysis.attractor import Attractor, Case
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.system import System
 from mems_impact.studies.measuring import ERROR, EXPONENT, MOTION, PERIOD, RETURNS, Measuring
+from mems_impact.studies.motions import motions
 from mems_impact.studies.recognition import LEFT, MODE, Recognition
 from mems_impact.studies.sampling import wilson
 from mems_impact.studies.starts import Grid, Starts
@@ -28,6 +29,7 @@ __all__ = [
     "recognised",
     "representatives",
     "returns",
+    "seen",
     "state_of",
     "taken",
 ]
@@ -35,6 +37,14 @@ __all__ = [
 ATTRACTOR = "attractor"
 FAILED = attractor.FAILED
 FEW = 0.01  # of all points: attractors of fewer are looked at again
+
+
+class Seen(NamedTuple):
+    """What is told of points before all are done: as of `Basins`."""
+
+    table: pd.DataFrame
+    attractors: pd.DataFrame
+    returns: pd.DataFrame
 
 
 def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
@@ -146,6 +156,25 @@ def taken(
     named.insert(len(starts.names), ATTRACTOR, column)
     named.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
     return named, attractors
+
+
+def seen(table: pd.DataFrame) -> Seen:
+    """Return what some of the points come to: kinds of motions, in place of attractors.
+
+    Those of one kind are told apart over all points, and none of them is followed again.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of the points that are done.
+    """
+    kinds = motions(table)
+    counts = kinds[kinds != FAILED].value_counts()
+    told = {ATTRACTOR: counts.index.to_numpy(dtype=object), "points": counts.to_numpy()}
+    attractors = pd.DataFrame({**told, "share": told["points"] / max(1, len(table))})
+    named = table.assign(**{ATTRACTOR: kinds})
+    named.attrs = dict(table.attrs)
+    return Seen(named, attractors, pd.DataFrame({ATTRACTOR: []}))
 
 
 def state_of(system: System, row: Any) -> State:

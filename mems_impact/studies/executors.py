@@ -6,6 +6,8 @@ package. A study is pickled once, and unpickled once by each worker.
 
 from __future__ import annotations
 
+import logging
+import math
 import multiprocessing
 import os
 import pickle
@@ -36,10 +38,13 @@ from mems_impact.studies.study import Columns, Study
 
 __all__ = ["Crew", "Gone", "Result", "cores", "ctrl_c_for_us_alone", "killed_by_its_chunk"]
 
+_log = logging.getLogger("mems_impact")
+
 Result = tuple[Columns, Any]
 Maker = Callable[[], Executor]
 
 FEWEST = 16  # chunks under way where the workers are still to come, as of a cluster
+PATIENCE = 30.0  # s after which it is said that no worker has come
 ASKED = 2.0  # s after which a cluster is asked anew how many it has
 
 
@@ -93,6 +98,7 @@ class Crew:
         self._executor: Any = None if callable(executor) else executor
         self._stop = threading.Event()
         self._asked = (-ASKED, 0)
+        self._heard = math.inf  # when it is looked for workers that should have come
         self._calls = count()
 
     def __enter__(self) -> Self:
@@ -100,6 +106,7 @@ class Crew:
             self._executor = self._made(self._make)
         if self.is_local:
             self.study.prepare()
+        self._heard = time.monotonic() + PATIENCE
         return self
 
     def __exit__(
@@ -140,6 +147,15 @@ class Crew:
                 return self._executor.submit(_there, self._packed, *where, next(self._calls))
         except RuntimeError as error:  # broken, or shut down by others
             raise Gone(str(error)) from None
+
+    def say_if_nobody_comes(self) -> None:
+        """Say once, after a while, that a cluster has no workers: nothing else would tell."""
+        if time.monotonic() < self._heard:
+            return
+        self._heard = math.inf
+        client = getattr(self._executor, "_client", None)
+        if client is not None and not client.nthreads():
+            _log.warning("waiting for workers: the cluster has none; its own log tells why")
 
     @property
     def part_done(self) -> float:

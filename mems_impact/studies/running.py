@@ -150,6 +150,7 @@ class _Work:
                 self.take(wait(self.under_way, TICK, FIRST_COMPLETED).done)
                 if self.broken:
                     self.recover()
+                self.crew.say_if_nobody_comes()
                 if self.notice is not None:
                     self.notice(self.kept.done + self.crew.part_done, self.kept.failed)
         finally:

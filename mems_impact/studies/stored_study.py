@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 __all__ = ["FIGURES", "StoredStudy", "read_study"]
 
 FIGURES = {
+    "basins": "mems_impact.plotting.basins:plot_basins",
     "operating_map": "mems_impact.plotting.map:plot_map",
+    "scatter": "mems_impact.plotting.scatter:plot_scatter",
     "sweep": "mems_impact.plotting.sweep:plot_sweep",
 }
 """Who draws what is stored of a kind of study, ``module:function``: of a StoredStudy, to axes."""

@@ -64,3 +64,33 @@ def test_no_study(cli, tmp_path):
 def test_no_figure_of_its_kind(cli, store):
     complaint = cli("show", store, "--figure", "toy.png").complaint()
     assert "there is no figure of the kind toy" in complaint
+
+
+BASINS = [
+    "--x",
+    "x2",
+    "-0.2",
+    "0.2",
+    "2",
+    "--y",
+    "v2",
+    "0",
+    "0.5",
+    "2",
+    "--settle-tolerance",
+    "1e-3",
+]
+SCATTER = ["--over", "e=norm:0.8:0.02", "--samples", "4", "--settle-tolerance", "1e-3"]
+
+
+@pytest.mark.parametrize(("verb", "arguments"), [("basins", BASINS), ("scatter", SCATTER)])
+def test_basins_and_scatters_are_drawn(cli, tmp_path, verb, arguments):
+    drive = ["--amplitude", "0.2", "--omega", "0.5"]
+    done = cli(verb, "zhao2004", *arguments, *drive, "--store", "store", "--no-figure")
+    assert done.status == 0
+    shown = cli("show", "store", "--figure", f"{verb}.png")
+    assert shown.out.startswith(f"{verb}: 4 of 4 points (100%), 0 failed\n")
+    assert (tmp_path / f"{verb}.png").read_bytes().startswith(b"\x89PNG")
+    study = mi.read_study(tmp_path / "store")
+    with pytest.raises(mi.InvalidParameter, match="must be"):
+        (mi.plot_scatter if verb == "basins" else mi.plot_basins)(study)

@@ -3,7 +3,8 @@
 import os
 import signal
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from types import SimpleNamespace
 
 import pytest
 
@@ -169,3 +170,26 @@ def is_there(process):
             return file.read().rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+class Deserted(Executor):
+    """A cluster to which no worker has come yet, as Dask's executor shows it."""
+
+    _client = SimpleNamespace(nthreads=dict)
+
+    def submit(self, *_arguments):
+        return Future()
+
+
+def test_that_no_worker_comes_is_said_once(monkeypatch, caplog):
+    monkeypatch.setattr("mems_impact.studies.executors.PATIENCE", 0.0)
+    looks = []
+
+    def stop(done):
+        looks.append(done)
+        if len(looks) == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(mi.StudyInterrupted):
+        run_study(STUDY, executor=Deserted(), progress=stop)
+    assert caplog.messages == ["waiting for workers: the cluster has none; its own log tells why"]
