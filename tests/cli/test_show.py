@@ -66,21 +66,9 @@ def test_no_figure_of_its_kind(cli, store):
     assert "there is no figure of the kind toy" in complaint
 
 
-BASINS = [
-    "--x",
-    "x2",
-    "-0.2",
-    "0.2",
-    "2",
-    "--y",
-    "v2",
-    "0",
-    "0.5",
-    "2",
-    "--settle-tolerance",
-    "1e-3",
-]
-SCATTER = ["--over", "e=norm:0.8:0.02", "--samples", "4", "--settle-tolerance", "1e-3"]
+ROUGH = ["--settle-tolerance", "1e-3"]
+BASINS = ["--x", "x2", "-0.2", "0.2", "2", "--y", "v2", "0", "0.5", "2", *ROUGH]
+SCATTER = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
 
 
 @pytest.mark.parametrize(("verb", "arguments"), [("basins", BASINS), ("scatter", SCATTER)])
