@@ -247,12 +247,10 @@ class ActuatorSystem(ActuatorNumerics):
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
     def ending(self, until: Callable[..., float]) -> System:
-        """Refuse: the functions of an actuator are not written by name."""
-        problem = (
-            "functions are for systems made by mems_impact.System; give periods=, duration= or "
-            "until='still'"
-        )
-        raise InvalidParameter("until", None, "", problem=problem)
+        """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
+        from mems_impact.actuator.ending import ended  # which returns one of these
+
+        return ended(self, until)
 
     def standstill(self) -> Callable[[Trajectory], float | None]:
         """Return what tells after how many periods a run stands still; None if it does not."""

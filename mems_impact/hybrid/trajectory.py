@@ -94,11 +94,9 @@ class Events:
         return self.impacts_among(automaton.guards)
 
     def impacts_among(self, guards: Sequence[Guard]) -> NDArray[np.bool_]:
-        """Return where the rows are impacts at one of an automaton's guards."""
-        kinds = np.array([guard.impact for guard in guards])
-        impact: NDArray[np.bool_] = self.kind == loop.TRANSITION
-        impact[impact] = kinds[self.guard[impact]]
-        return impact
+        """Return where the rows are impacts at one of the first of an automaton's guards."""
+        places = [i for i, guard in enumerate(guards) if guard.impact]
+        return (self.kind == loop.TRANSITION) & np.isin(self.guard, places)
 
     def crossings(self, direction: int) -> Events:
         """Return the crossings of the section in `direction` (0: both)."""

@@ -1,0 +1,45 @@
+"""Runs of an actuator that end where a function of the user's falls through zero."""
+
+import pickle
+
+import pytest
+
+import mems_impact as mi
+
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+
+
+def arrived(mode, t, y, p):
+    return 0.01 * p.delta - y.x1
+
+
+def test_the_frame_comes_to_a_place():
+    zhao = mi.load_actuator("zhao2004")
+    start = mi.kicked(zhao)
+    run = mi.simulate(zhao, DRIVE, until=arrived, initial=start)
+    assert run.ended == "until"
+    assert run.final.x1 == pytest.approx(0.01 * zhao.delta, rel=1e-12)
+    assert run.events["event"].iloc[-1] == "until"
+    whole = mi.simulate(zhao, DRIVE, periods=run.periods, initial=start)
+    for name in run.system.states:
+        assert whole.final[name] == pytest.approx(run.final[name], abs=1e-8)
+    assert len(whole.impacts) == len(run.impacts)
+    assert pickle.loads(pickle.dumps(run)).final == run.final
+
+
+@pytest.mark.slow
+def test_a_device_in_si_units_with_a_term():
+    mita = mi.load_actuator("mita2003").adding(mi.Tilt(angle=0.1))
+
+    def near(mode, t, y, p):
+        return 0.9 * p.delta - y.x2
+
+    run = mi.simulate(mita, mi.Sine(amplitude=100.0, omega=6.2832), until=near, periods=1)
+    assert run.ended == "until"
+    assert run.final.x2 == pytest.approx(0.9 * mita.delta, rel=1e-12)
+    assert run.impacts.empty
+
+
+def test_a_function_of_other_arguments():
+    with pytest.raises(mi.InvalidParameter, match=r"called with \(mode, t, y, p\)"):
+        mi.simulate(mi.load_actuator("zhao2004"), DRIVE, until=lambda y: y.x1)
