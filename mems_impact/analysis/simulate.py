@@ -51,7 +51,8 @@ def simulate(
     until : callable or "still", optional
         ``until(mode, t, y, p)``, positive while the run goes on: it ends where this falls through
         zero. Of an actuator ``p`` has the eleven parameters of the device; besides, ``"still"``:
-        the run ends when its motion repeats and the frame gets nowhere, or after `periods` if that does not come; `Run.ended` tells.
+        the run ends when its motion repeats and the frame gets nowhere, or after `periods` if that
+        does not come; `Run.ended` tells.
     initial : State or mapping of str to float, optional
         Where the run starts; the system's own start by default.
     window : tuple of float, optional
