@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import click
 
+from mems_impact.cli.everywhere import with_options
 from mems_impact.cli.failures import (
     INTERRUPTED,
     PROGRAM,
@@ -24,6 +25,7 @@ from mems_impact.cli.failures import (
     report,
 )
 from mems_impact.cli.former import in_present_words
+from mems_impact.cli.showing import finish
 
 __all__ = ["main"]
 
@@ -59,7 +61,7 @@ class _Commands(click.Group):
             return None
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
-        return command
+        return with_options(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -73,7 +75,13 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         with past_click():
-            return super().invoke(ctx)
+            try:
+                result = super().invoke(ctx)
+            except click.exceptions.Exit:  # a verdict that is not the one wanted
+                finish(ctx)
+                raise
+            finish(ctx)
+            return result
 
 
 def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:

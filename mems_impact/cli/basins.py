@@ -22,7 +22,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import show_table
 from mems_impact.cli.studied import add_running, from_file, run_kept, settling
 
 KIND = "basins"
@@ -94,5 +94,5 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
         few = found.attractors[shown]
         few.attrs = found.attractors.attrs
-        click.echo(text_of(few, 5) + "\n")
-        click.echo(files.said())
+        show_table("attractors", few, 5)
+        files.tell()

@@ -21,6 +21,7 @@ from mems_impact.cli.options import (
     transient_option,
 )
 from mems_impact.cli.ranges import ranges_option
+from mems_impact.cli.showing import Told, show, tell_values
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -106,11 +107,12 @@ def command(
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})
-        click.echo(f"{found}\n")
+        tell_values({name: Told(getattr(found, name)) for name in ("verdict", "note", "misfit")})
+        show(f"{found}\n")
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-        click.echo(f"The fitted device, for other commands: {device} {settings}\n")
-        click.echo(files.said())
+        show(f"The fitted device, for other commands: {device} {settings}\n")
+        files.tell()
     if found.verdict != "good":
         ctx.exit(FAILED)
 

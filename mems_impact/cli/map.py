@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.failures import say, show_warnings_briefly, warn
 from mems_impact.cli.options import (
     actuator_from,
     axis_options,
@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import show, show_table
 from mems_impact.cli.studied import add_running, from_file, run_kept, settling
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         boundaries = chart or ()
         files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure, DPI)
         _show(found.table)
-        click.echo(files.said())
+        files.tell()
 
 
 def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
@@ -150,7 +150,7 @@ def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.Chart
         progress=say if progress else False,
     )
     for note in chart.notes:
-        say(f"warning: {note}")
+        warn(note)
     return chart
 
 
@@ -164,10 +164,11 @@ def _show(table: pd.DataFrame) -> None:
     """Show how many points there are of each kind, where, and why points have failed."""
     from mems_impact.studies.motions import map_summary
 
-    click.echo(text_of(map_summary(table), 6))
+    show_table("summary", map_summary(table), 6)
     failed = table[table["status"] != "ok"]
     x, y = table.columns[:2]
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
-        click.echo(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
-    click.echo("")
+        show(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
+    if len(failed):
+        show("")

@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import show_table
 from mems_impact.cli.studied import add_running, from_file, run_kept, settling
 
 KIND = "scatter"
@@ -125,7 +125,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.draw(lambda: mi.plot_scatter(found).figure, DPI)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
-        for table in (seen, found.yields, found.indices):
-            if table is not None and len(table):
-                click.echo(text_of(table, 5) + "\n")
-        click.echo(files.said())
+        show_table("quantiles", seen, 5)
+        show_table("yields", found.yields, 5)
+        if found.indices is not None:
+            show_table("indices", found.indices, 5)
+        files.tell()

@@ -19,7 +19,7 @@ from mems_impact.cli.options import (
     progress_option,
     state_from,
 )
-from mems_impact.cli.showing import show_lines, text_of
+from mems_impact.cli.showing import Told, show, show_table, show_values, tell_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,40 +110,34 @@ def command(
         files.draw(lambda: mi.plot_run(run).figure)
         _show(run)
         if verification is not None:
-            click.echo(f"Two unrelated methods of integration:\n{verification}\n")
-        click.echo(files.said())
+            tell_values({"agrees": Told(verification.agrees)})
+            show(f"Two unrelated methods of integration:\n{verification}\n")
+        files.tell()
     if verification is not None and not verification.agrees:
         ctx.exit(FAILED)
 
 
 def _show(run: ActuatorRun) -> None:
     first, last = run.window
-    click.echo(f"Statistics over forcing periods {first:g} to {last:g}:")
+    show(f"Statistics over forcing periods {first:g} to {last:g}:")
+    units = run.statistics.attrs["units"]
+    values = {str(name): Told(value, units.get(name, "")) for name, value in run.statistics.items()}
+    tell_values(values)
     # Without an impact there is no impact speed: what is not defined is not shown.
     defined = run.statistics.drop(["window first", "window last"]).dropna()
-    units = run.statistics.attrs["units"]
-    show_lines(
-        {
-            f"{name} [{units[name]}]" if name in units else str(name): f"{value:.9g}"
-            for name, value in defined.items()
-        }
-    )
+    show_values({name: values[name] for name in defined.index})
+    show("")
     impacts = run.impacts
     if impacts.empty:
-        click.echo("\nNo impact.")
+        show("No impact.\n")
+        return
+    show(f"The first of {len(impacts)} impacts:")
+    show_table("impacts", impacts.head(FIRST_ROWS), 6)
+    if len(run.blows) == len(impacts):
+        show("Each is a blow of its own.\n")
     else:
-        click.echo(f"\nThe first of {len(impacts)} impacts:")
-        click.echo(_first_rows(impacts))
-        if len(run.blows) == len(impacts):
-            click.echo("\nEach is a blow of its own.")
-        else:
-            click.echo(f"\nThe first of the {len(run.blows)} blows that they make:")
-            click.echo(_first_rows(run.blows))
-    click.echo("")
-
-
-def _first_rows(table: pd.DataFrame) -> str:
-    return text_of(table.head(FIRST_ROWS), 6)
+        show(f"The first of the {len(run.blows)} blows that they make:")
+        show_table("blows", run.blows.head(FIRST_ROWS), 6)
 
 
 def _tables(run: ActuatorRun) -> dict[str, pd.DataFrame]:

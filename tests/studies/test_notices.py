@@ -5,6 +5,7 @@ import logging
 
 import pytest
 
+from mems_impact.analysis import progress
 from mems_impact.studies import notices
 from mems_impact.studies.running import run_study
 from tests.studies.toys import Toy
@@ -13,7 +14,7 @@ from tests.studies.toys import Toy
 class Clock:
     def __init__(self, monkeypatch):
         self.now = 0.0
-        monkeypatch.setattr(notices.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(progress.time, "monotonic", lambda: self.now)
 
 
 @pytest.fixture
