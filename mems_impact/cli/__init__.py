@@ -23,6 +23,7 @@ from mems_impact.cli.failures import (
     interruptible,
     past_click,
     report,
+    show_warnings_briefly,
 )
 from mems_impact.cli.former import in_present_words
 from mems_impact.cli.showing import finish
@@ -54,11 +55,16 @@ class _Commands(click.Group):
     """A group whose commands are the modules of this package."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        from mems_impact import plugins
+
+        return [
+            *COMMANDS,
+            *(name for name in plugins.names(plugins.COMMANDS) if name not in COMMANDS),
+        ]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
-            return None
+            return _added(name)
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return with_options(command)
@@ -82,6 +88,17 @@ class _Commands(click.Group):
                 raise
             finish(ctx)
             return result
+
+
+def _added(name: str) -> click.Command | None:
+    """Return the command of that name of another package, if there is one."""
+    from mems_impact import plugins
+
+    def is_command(found: Any) -> bool:
+        return isinstance(found, click.Command)
+
+    found = plugins.plugin(plugins.COMMANDS, name, is_command, "a command of click")
+    return None if found is None else with_options(found)
 
 
 def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
@@ -124,6 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     disk or standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM;
     141, nobody reads standard output.
     """
+    show_warnings_briefly()
     with interruptible() as signals:
         try:
             # Outside click's own mode, which would print several lines for a usage error.

@@ -19,12 +19,15 @@ def command() -> None:
     """
     import pandas as pd
 
-    from mems_impact.actuator.terms import TERMS
-    from mems_impact.actuator.terms.files import term_type
+    from mems_impact.actuator.terms.files import term_names, term_type
+    from mems_impact.errors import InvalidParameter
 
     rows: list[tuple[str, str, str, Any]] = []
-    for name in TERMS:
-        term = term_type(name)
+    for name in term_names():
+        try:
+            term = term_type(name)
+        except InvalidParameter:  # that of another package, which fails
+            continue
         said = (term.__doc__ or "").partition("\n")[0].rstrip(".")
         show(f"{name}: {said}")
         for key, field in term.model_fields.items():
