@@ -57,10 +57,7 @@ class _Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         from mems_impact import plugins
 
-        return [
-            *COMMANDS,
-            *(name for name in plugins.names(plugins.COMMANDS) if name not in COMMANDS),
-        ]
+        return list(plugins.names(plugins.COMMANDS, COMMANDS))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:

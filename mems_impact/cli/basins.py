@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     AXIS,
     axis_options,
@@ -76,7 +75,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     progress = options["progress"]
     beside = ("follow", "shares")
     system, given = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import say, show_warnings_briefly, warn
+from mems_impact.cli.failures import say, warn
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -79,7 +79,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)

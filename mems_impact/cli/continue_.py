@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly, warn
+from mems_impact.cli.failures import warn
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -85,7 +85,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     drive = drive_from({parameter: start})
     if parameter not in drive.names:
         changes = {**changes, parameter: start}

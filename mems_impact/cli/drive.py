@@ -7,7 +7,6 @@ import math
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options, output_options
 from mems_impact.cli.showing import Told, show, show_values
 
@@ -35,7 +34,6 @@ def command(
     from mems_impact.actuator.figures.drive import plot_drive, seen
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     forces = [force for stretch in seen(drive, actuator) for force in stretch.force]

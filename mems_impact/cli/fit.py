@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options, in_fields
-from mems_impact.cli.failures import FAILED, show_warnings_briefly
+from mems_impact.cli.failures import FAILED
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -91,7 +91,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     measured = [_target(text) for text in targets]
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_options
-from mems_impact.cli.failures import say, show_warnings_briefly, warn
+from mems_impact.cli.failures import say, warn
 from mems_impact.cli.options import (
     axis_options,
     device_options,
@@ -82,7 +82,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     column, progress = options["column"], options["progress"]
     axes = {name: options[name] for name in ("x", "y")}
     varied = {axis[0]: axis[1] for axis in axes.values() if axis is not None}

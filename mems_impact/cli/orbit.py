@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -56,7 +55,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial, actuator)

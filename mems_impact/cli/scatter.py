@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from mems_impact.cli.drives import drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     device_options,
     initial_option,
@@ -89,7 +88,6 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     system, given = study_of(ctx, options, KIND, lambda: _drawn(options))
     figure, bare = options["figure"], options["no_figure"]
     with Output(options["output"], figure, bare, KIND) as files:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -75,7 +74,6 @@ def command(
     from mems_impact.studies.of_orbits import sensitivity_from
     from mems_impact.studies.sensitivity import check_tolerances
 
-    show_warnings_briefly()
     given: dict[str, Any]
     if holds_study(device):
         system, given = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.showing import Told, show, show_table, tell_values
 
 if TYPE_CHECKING:
@@ -48,7 +47,6 @@ def command(*, store: str, output: str | None, figure: str | None, no_figure: bo
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     study = mi.read_study(store)
     if figure is not None and not study.figure:
         raise click.UsageError(f"--figure: there is no figure of the kind {study.kind}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import FAILED, show_warnings_briefly
+from mems_impact.cli.failures import FAILED
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -83,7 +83,6 @@ def command(
     from mems_impact.actuator.results import ActuatorRun
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     state = state_from(initial, actuator)

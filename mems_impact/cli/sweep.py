@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -95,7 +94,6 @@ def command(
     from mems_impact.cli.output import Output
     from mems_impact.studies.words import executor_named
 
-    show_warnings_briefly()
     if "." in parameter:  # of a term, which the device may not have yet
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+from mems_impact.cli.failures import FAILED, say
 from mems_impact.cli.options import directory_options, progress_option, workers_option
 from mems_impact.cli.showing import Told, show, tell_values
 
@@ -56,7 +56,6 @@ def command(
         run_suite,
     )
 
-    show_warnings_briefly()
     wanted = sorted(set(figures)) or list(FIGURES)
     expected = None if expect is None else expected_verdicts(expect)
     with Output(output, None, True, "validate") as files:
