@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.energy import plot_energy
     from mems_impact.actuator.figures.load import plot_load
     from mems_impact.actuator.figures.response import plot_response
+    from mems_impact.actuator.own_system import load_system
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.study_file import load_study
     from mems_impact.actuator.system import kicked
@@ -213,6 +214,7 @@ __all__ = [
     "load_drive",
     "lyapunov",
     "load_study",
+    "load_system",
     "map_summary",
     "modes",
     "operating_chart",
@@ -261,6 +263,7 @@ _HOMES = {
     "actuator.figures.drive": ("plot_drive",),
     "actuator.figures.energy": ("plot_energy",),
     "actuator.figures.load": ("plot_load",),
+    "actuator.own_system": ("load_system",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "actuator.study_file": ("load_study",),
     "engines.options": ("Options",),

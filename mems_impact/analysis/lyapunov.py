@@ -218,7 +218,7 @@ def lyapunov(
     options : Options, optional
         How it is integrated; by default by method ``"auto"``.
     progress : bool or callable, optional
-        True: show a progress bar if it takes over a second. A function is called with the periods
+        True: say how far it is if it takes over a second. A function is called with the periods
         done, several times a second; an exception that it raises ends the run.
 
     Returns

@@ -15,7 +15,8 @@ Report = Callable[[float], None]
 
 _log = logging.getLogger("mems_impact")
 
-SHORT = 1.0  # s of work of which nothing is said
+SHORT = 1.0  # s of work of which no bar is shown
+SOON = 3.0  # s after which the first line is due, and at least between two
 SELDOM = 30.0  # s after which a line is due
 SHARE = 0.1  # of all after which one is
 
@@ -29,8 +30,8 @@ def progress_bar(
     Parameters
     ----------
     progress : bool or callable
-        True: on a terminal a bar, elsewhere a line now and then, both where the work takes over a
-        second. A function is handed on.
+        True: on a terminal a bar, elsewhere a line now and then, where the work takes over a
+        second, or three. A function is handed on.
     unit : str
         What is counted.
     total : float, optional
@@ -97,6 +98,8 @@ def is_watched() -> bool:
 class Lines:
     """Lines for a log, as that of a batch job: soon, then every 10 % or 30 s, and at the end.
 
+    Nothing is said of work that is done soon.
+
     Parameters
     ----------
     unit : str
@@ -121,10 +124,12 @@ class Lines:
     def __call__(self, done: float, more: str = "") -> None:
         """Say how far it is, if a line is due; `more` comes at its end."""
         now = time.monotonic()
-        due = now - self.told >= SELDOM
+        since = now - self.told
+        due = since >= SELDOM
         if self.total is not None:
-            due |= done - self.share >= SHARE * self.total or done == self.total
-        if now - self.begin < SHORT or not due:
+            due |= since >= SOON and done - self.share >= SHARE * self.total
+            due |= done == self.total
+        if now - self.begin < SOON or not due:
             return
         self.told, self.share = now, done
         _say(self.line(done, now - self.begin, more))

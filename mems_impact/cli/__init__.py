@@ -33,11 +33,13 @@ __all__ = ["main"]
 COMMANDS = (
     "basins",
     "chart",
+    "completion",
     "continue",
     "devices",
     "drive",
     "fit",
     "map",
+    "new",
     "optimize",
     "orbit",
     "pull-in",

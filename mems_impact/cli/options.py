@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+from click.shell_completion import CompletionItem
 
 from mems_impact.cli.everywhere import quiet
 from mems_impact.engines.options import ENGINES, METHODS, Options
@@ -51,8 +52,16 @@ def _assignments(
     return dict(map(assignment, texts))
 
 
+def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Return what a shell offers for DEVICE: the presets, and files."""
+    from mems_impact.actuator.parameters import preset_names
+
+    names = [CompletionItem(name) for name in preset_names() if name.startswith(begun)]
+    return [*names, CompletionItem(begun, type="file")]
+
+
 device_options = combined(
-    click.argument("device"),
+    click.argument("device", shell_complete=_devices),
     click.option(
         "--set",
         "changes",

@@ -20,8 +20,8 @@ def noticed(progress: Progress, kind: str, before: int, total: int) -> Iterator[
     Parameters
     ----------
     progress : bool or callable
-        True: on a terminal a bar, elsewhere a line now and then, both where the work takes over a
-        second. A function is called with the points done so far.
+        True: on a terminal a bar, elsewhere a line now and then, where the work takes over a
+        second, or three. A function is called with the points done so far.
     kind : str
         What runs.
     before, total : int
