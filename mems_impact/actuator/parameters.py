@@ -129,6 +129,13 @@ class Actuator(Checked):
     def __repr_args__(self) -> Any:
         return list(self)
 
+    def _repr_html_(self) -> str:
+        from mems_impact.analysis.values import html_table
+
+        label = self.scales.label
+        named = {label(name, PARAMETER_UNITS.get(name, "")): value for name, value in self}
+        return html_table(type(self).__name__, named)
+
     def adding(self, *terms: Term) -> Self:
         """Return the device with more terms; each takes the place of the one of its kind.
 

@@ -128,7 +128,7 @@ class Lines:
         due = since >= SELDOM
         if self.total is not None:
             due |= since >= SOON and done - self.share >= SHARE * self.total
-            due |= done == self.total
+            due |= done == self.total and self.told > -math.inf
         if now - self.begin < SOON or not due:
             return
         self.told, self.share = now, done
