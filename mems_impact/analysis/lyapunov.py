@@ -287,7 +287,7 @@ def _start(
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
         return system.instant(initial, problem)
-    named = {"periods": length} if system.forced else {"duration": length}
+    named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     run = simulate(system, initial=initial, options=options, **named)
     final: Instant = run.trajectory.final
     return final

@@ -13,7 +13,7 @@ import numpy as np
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.targets import Target
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.analysis.simulate import simulate
+from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.values import Shown
 from mems_impact.engines.options import Options
