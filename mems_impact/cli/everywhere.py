@@ -59,7 +59,7 @@ def _flag(name: str, key: str, text: str) -> click.Option:
 
 _OPTIONS = (
     _flag("--json", _JSON, "Show all that was found as one JSON document, for programs."),
-    _flag("--quiet", _QUIET, "Show errors alone; with --json the document, too."),
+    _flag("--quiet", _QUIET, "Show errors alone, and the document if it is asked for."),
 )
 
 

@@ -37,7 +37,7 @@ def command(*, kind: str, file: str | None) -> None:
     if path.suffix != ending:
         raise click.UsageError(f"{path}: the name must end in {ending}")
     text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
-    text = text.replace("FILE", str(path)).replace("  # noqa: D205, D400", "")
+    text = text.replace("FILE", str(path))
     try:
         with open(path, "x", encoding="utf-8") as new:
             new.write(text)

@@ -2,7 +2,7 @@
 
 mems-impact simulate FILE:oscillator --periods 300
 python FILE
-"""  # noqa: D400
+"""
 
 import math
 
