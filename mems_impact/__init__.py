@@ -37,17 +37,18 @@ if TYPE_CHECKING:
     from mems_impact.actuator.figures.energy import plot_energy
     from mems_impact.actuator.figures.load import plot_load
     from mems_impact.actuator.figures.response import plot_response
+    from mems_impact.actuator.own_system import load_system
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.study_file import load_study
     from mems_impact.actuator.system import kicked
     from mems_impact.actuator.term import *  # noqa: F403
     from mems_impact.actuator.term import Term
+    from mems_impact.actuator.verbs import find_orbit, simulate
     from mems_impact.analysis.attractor import Settling
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
     from mems_impact.analysis.curve import Curve, continue_curve
     from mems_impact.analysis.equilibria import EquilibriumBranch, continue_equilibrium
     from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint, find_equilibria
-    from mems_impact.analysis.finding import find_orbit
     from mems_impact.analysis.lyapunov import LyapunovSpectrum, classify, lyapunov
     from mems_impact.analysis.modes import modes
     from mems_impact.analysis.observable import Observable
@@ -59,7 +60,6 @@ if TYPE_CHECKING:
     from mems_impact.analysis.parts.surface import Surface
     from mems_impact.analysis.quantity import Quantity
     from mems_impact.analysis.run import Run
-    from mems_impact.analysis.simulate import simulate
     from mems_impact.analysis.special import GrazingType, SpecialPoint, grazing_type
     from mems_impact.analysis.state import State
     from mems_impact.analysis.storing.file import load
@@ -77,6 +77,7 @@ if TYPE_CHECKING:
         InvalidParameter,
         MemsImpactError,
         OrbitError,
+        PluginWarning,
         RunError,
         ScaleWarning,
         StiffnessWarning,
@@ -114,6 +115,7 @@ if TYPE_CHECKING:
     from mems_impact.studies.sensitivity import Sensitivity, sensitivity
     from mems_impact.studies.stored_study import StoredStudy, read_study
     from mems_impact.studies.sweep import sweep
+    from mems_impact.tables.labelled import to_xarray
     from mems_impact.tables.sweep import sweep_summary
 
 __all__ = [
@@ -161,6 +163,7 @@ __all__ = [
     "Run",
     "ParetoFront",
     "Part",
+    "PluginWarning",
     "Quantity",
     "Relay",
     "RingDown",
@@ -211,6 +214,7 @@ __all__ = [
     "load_drive",
     "lyapunov",
     "load_study",
+    "load_system",
     "map_summary",
     "modes",
     "operating_chart",
@@ -248,6 +252,7 @@ __all__ = [
     "sweep",
     "sweep_summary",
     "switch_branch",
+    "to_xarray",
 ]
 
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
@@ -259,6 +264,7 @@ _HOMES = {
     "actuator.figures.drive": ("plot_drive",),
     "actuator.figures.energy": ("plot_energy",),
     "actuator.figures.load": ("plot_load",),
+    "actuator.own_system": ("load_system",),
     "actuator.parameters": ("Actuator", "load_actuator"),
     "actuator.study_file": ("load_study",),
     "engines.options": ("Options",),
@@ -273,6 +279,7 @@ _HOMES = {
         "InvalidParameter",
         "MemsImpactError",
         "OrbitError",
+        "PluginWarning",
         "RunError",
         "ScaleWarning",
         "StiffnessWarning",
@@ -299,7 +306,7 @@ _HOMES = {
     "actuator.design.charting": ("operating_chart",),
     "analysis.equilibria": ("EquilibriumBranch", "continue_equilibrium"),
     "analysis.equilibrium": ("Equilibrium", "EquilibriumPoint", "find_equilibria"),
-    "analysis.finding": ("find_orbit",),
+    "actuator.verbs": ("find_orbit", "simulate"),
     "analysis.orbit": ("Orbit",),
     "plotting.pareto": ("plot_pareto",),
     "plotting.sensitivity": ("plot_sensitivity",),
@@ -339,7 +346,6 @@ _HOMES = {
     "analysis.lyapunov": ("LyapunovSpectrum", "classify", "lyapunov"),
     "analysis.quantity": ("Quantity",),
     "analysis.run": ("Run",),
-    "analysis.simulate": ("simulate",),
     "analysis.state": ("State",),
     "actuator.system": ("kicked",),
     "analysis.observable": ("Observable",),
@@ -357,6 +363,7 @@ _HOMES = {
     "studies.motions": ("map_summary",),
     "studies.operating_map": ("OperatingMap", "operating_map"),
     "studies.stored_study": ("StoredStudy", "read_study"),
+    "tables.labelled": ("to_xarray",),
     "tables.sweep": ("sweep_summary",),
 }
 

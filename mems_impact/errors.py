@@ -25,6 +25,7 @@ __all__ = [
     "MemsImpactError",
     "OrbitError",
     "Picklable",
+    "PluginWarning",
     "RunError",
     "ScaleWarning",
     "StiffnessWarning",
@@ -297,6 +298,10 @@ class EngineFallbackWarning(UserWarning):
 
 class FitWarning(UserWarning):
     """A fit does not reach what was measured, or the data do not determine what was fitted."""
+
+
+class PluginWarning(UserWarning):
+    """What another package adds cannot be had, and is left out."""
 
 
 class UnitsWarning(UserWarning):

@@ -8,8 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import reduce
+from inspect import Parameter, Signature
 from numbers import Real
-from typing import Annotated, Any, Literal, Self, get_args, get_origin
+from operator import or_
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    Self,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -47,7 +60,21 @@ Fraction = Annotated[Number, Field(ge=0, le=1)]
 """A finite number between 0 and 1, both included."""
 
 
-class Checked(BaseModel):
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(Field,))
+class _Kind(ModelMetaclass):
+    """Of parameter objects: what completion offers of them is their own, none of pydantic's."""
+
+    def __dir__(cls) -> list[str]:
+        return _own(super().__dir__())
+
+
+class Checked(BaseModel, metaclass=_Kind):
     """Base of parameter objects: immutable, keyword-only, every value checked.
 
     Raises
@@ -67,6 +94,30 @@ class Checked(BaseModel):
         except OverflowError:
             problem = "its numbers are too large, or too small, to calculate with"
             raise InvalidParameter(type(self).__name__, None, "", problem=problem) from None
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **more: Any) -> None:
+        # Of types and defaults alone, without what pydantic needs for checking.
+        super().__pydantic_init_subclass__(**more)
+        cls.__signature__ = Signature(
+            [
+                Parameter(
+                    name,
+                    Parameter.KEYWORD_ONLY,
+                    default=Parameter.empty if field.is_required() else field.default,
+                    annotation=_plain(field.annotation),
+                )
+                for name, field in cls.model_fields.items()
+            ]
+        )
+
+    def __dir__(self) -> list[str]:
+        return _own(super().__dir__())
+
+    def _repr_html_(self) -> str:
+        from mems_impact.analysis.values import html_table
+
+        return html_table(type(self).__name__, dict(self))
 
     def replace(self, /, **changes: Any) -> Self:
         """Return a copy with some parameters changed, checked like a new one.
@@ -89,6 +140,24 @@ class Checked(BaseModel):
 
     # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
     __replace__ = replace
+
+
+_PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("__"))
+
+
+def _own(names: Iterable[str]) -> list[str]:
+    return [name for name in names if name not in _PYDANTIC]
+
+
+def _plain(kind: Any) -> Any:
+    """Return a type without the checks that are annotated to it."""
+    if get_origin(kind) is Annotated:
+        return _plain(get_args(kind)[0])
+    if get_origin(kind) is tuple:
+        return tuple[tuple(map(_plain, get_args(kind)))]  # type: ignore[misc]
+    if get_origin(kind) is Union:
+        return reduce(or_, map(_plain, get_args(kind)))
+    return kind
 
 
 def _translated(error: ValidationError, model: type[BaseModel]) -> InvalidParameter:

@@ -15,9 +15,8 @@ from pydantic import Field, model_validator
 
 from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive, unknown
 from mems_impact.actuator.reading import parse_toml, read_bytes
-from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
-from mems_impact.actuator.terms.files import term_of, term_with
+from mems_impact.actuator.terms.files import term_names, term_of, term_with
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, UnitsWarning
 from mems_impact.units import DIMENSIONLESS, Scales
@@ -129,6 +128,13 @@ class Actuator(Checked):
 
     def __repr_args__(self) -> Any:
         return list(self)
+
+    def _repr_html_(self) -> str:
+        from mems_impact.analysis.values import html_table
+
+        label = self.scales.label
+        named = {label(name, PARAMETER_UNITS.get(name, "")): value for name, value in self}
+        return html_table(type(self).__name__, named)
 
     def adding(self, *terms: Term) -> Self:
         """Return the device with more terms; each takes the place of the one of its kind.
@@ -282,7 +288,7 @@ class _DeviceFile(Checked):
             if name in content:
                 allowed = "in the table [parameters]"
                 raise InvalidParameter(name, content[name], allowed)
-        known = (*cls.model_fields, *TERMS)
+        known = (*cls.model_fields, *term_names())
         for name in content:
             if name not in known:
                 raise unknown(name, content[name], known)
@@ -332,7 +338,8 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     else:
         raw = _read(source)
     content = parse_toml(raw, source, "a table [parameters] of lines like m1 = 5.0")
-    tables = {name: content.pop(name) for name in list(content) if name in TERMS}
+    names = term_names()
+    tables = {name: content.pop(name) for name in list(content) if name in names}
     try:
         file = _DeviceFile(**content)
         if "units" in file.parameters:

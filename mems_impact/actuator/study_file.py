@@ -12,6 +12,7 @@ from mems_impact.actuator.checked import unknown
 from mems_impact.actuator.code import Wanted, code_path, run_code
 from mems_impact.actuator.drive import Drive, load_drive
 from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind
+from mems_impact.actuator.own_system import load_system, made_system, system_names
 from mems_impact.actuator.parameters import Actuator, load_actuator, preset_names
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.system import kicked
@@ -161,19 +162,16 @@ class _Reader:
                 problem = f"not beside system = {self.content['system']!r}, which is all of it"
                 raise InvalidParameter(name, None, "", problem=problem)
         value = self.content["system"]
+        if value in system_names():
+            return self._changed(load_system(value))
         source, _, name = value.rpartition(":") if isinstance(value, str) else ("", "", "")
         if not source or not name.isidentifier():
             raise InvalidParameter("system", value, f"a {CODE.what}")
         path = code_path(source, self.file, self.allow_code, CODE)
         found = getattr(run_code(path, CODE), name, None)
-        if callable(found) and not isinstance(found, System):
-            try:
-                found = found()
-            except Exception as error:
-                reason = f"{name}() fails ({type(error).__name__}: {error})"
-                raise InvalidFile(path, reason, f"give a {CODE.what}") from None
-        if not isinstance(found, System):
-            raise InvalidFile(path, f"holds no system {name}", f"give a {CODE.what}")
+        return self._changed(made_system(found, path, name))
+
+    def _changed(self, found: System) -> System:
         changes = dict(_flat(self.content.get("set", {}), "set"))
         return found.changed(**changes) if changes else found
 

@@ -339,7 +339,7 @@ class ActuatorSystem(ActuatorNumerics):
 
 
 def kind_of(drive: Drive) -> str:
-    """Return the kind of a waveform, as files name it; empty if it is none of the package's."""
+    """Return the kind of a waveform, as files name it; empty if files do not know it."""
     kinds = {name: kind for kind, name in WAVEFORMS.items()}
     kind = kinds.get(type(drive).__name__, "")
     return kind if kind and drive_of_kind(kind) is type(drive) else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -287,7 +287,7 @@ def _exponent(problem: Problem, start: Instant) -> tuple[float, float]:
 def _reason(case: Case, settle: Settling, options: Options) -> str:
     """Return why a point fails: an ordinary run of it, which fails in the same place, says so."""
     length = settle.transient + settle.periods
-    lasting = {"periods": length} if case.system.forced else {"duration": length}
+    lasting: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
     try:
         simulate(case.system, **lasting, initial=case.initial, options=options).gathered  # noqa: B018
     except (RunError, FunctionError, InvalidParameter) as error:

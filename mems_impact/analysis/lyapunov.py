@@ -218,7 +218,7 @@ def lyapunov(
     options : Options, optional
         How it is integrated; by default by method ``"auto"``.
     progress : bool or callable, optional
-        True: show a progress bar if it takes over a second. A function is called with the periods
+        True: say how far it is if it takes over a second. A function is called with the periods
         done, several times a second; an exception that it raises ends the run.
 
     Returns
@@ -287,7 +287,7 @@ def _start(
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
         return system.instant(initial, problem)
-    named = {"periods": length} if system.forced else {"duration": length}
+    named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     run = simulate(system, initial=initial, options=options, **named)
     final: Instant = run.trajectory.final
     return final

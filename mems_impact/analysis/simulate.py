@@ -65,7 +65,7 @@ def simulate(
     options : Options, optional
         How it is integrated.
     progress : bool or callable, optional
-        True: show a progress bar if the run takes over a second. A function is called with the
+        True: say how far it is if the run takes over a second. A function is called with the
         periods done, several times a second; an exception that it raises ends the run.
 
     Returns

@@ -14,12 +14,24 @@ import numpy as np
 
 from mems_impact.hybrid.portable import same_function
 
-__all__ = ["Value", "same"]
+__all__ = ["Shown", "Value", "html_table", "same"]
 
 KEPT = "_kept"  # what a result that came without its system's functions brought along
 
 
-class Value:
+class Shown:
+    """What a notebook shows as a small table."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return what matters of it, by name, for a small table: numbers and words by default."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        return {name: each for name, each in values.items() if isinstance(each, Number | str)}
+
+    def _repr_html_(self) -> str:
+        return html_table(type(self).__name__, self.summary())
+
+
+class Value(Shown):
     """What a result can do beside what it tells.
 
     Two results are equal if they are of one kind, and their systems, options and arrays are. They
@@ -73,22 +85,20 @@ class Value:
 
         save(self, path)
 
-    def summary(self) -> dict[str, Any]:
-        """Return what matters of it, by name, for a small table."""
-        return {}
-
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{escape(str(name))}</th>"
-            f"<td style='text-align:left'>{escape(_told(value))}</td></tr>"
-            for name, value in self.summary().items()
-        )
-        return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"
-
     def take_over(self, tables: Mapping[str, Any]) -> None:
         """Take over what was saved since it cannot be made here."""
         vars(self).update(tables)
         vars(self)[KEPT] = tuple(tables)
+
+
+def html_table(caption: str, rows: Mapping[str, Any]) -> str:
+    """Return names and values as HTML."""
+    cells = "".join(
+        f"<tr><th style='text-align:left'>{escape(str(name))}</th>"
+        f"<td style='text-align:left'>{escape(_told(value))}</td></tr>"
+        for name, value in rows.items()
+    )
+    return f"<table><caption>{escape(caption)}</caption>{cells}</table>"
 
 
 def same(one: Any, other: Any) -> bool:

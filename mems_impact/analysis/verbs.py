@@ -5,30 +5,54 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar, overload
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
 
 from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Verb", "takes_system"]
 
+P = ParamSpec("P")
 R = TypeVar("R")
 Result = TypeVar("Result", covariant=True)
 
 
-class Verb(Protocol[Result]):
-    """What takes a system, or what makes one: then results have more than any system's."""
+class Model(Protocol):
+    """What makes a system, given what drives it."""
+
+    def under(self, drive: Any) -> System:
+        """Return the system."""
+
+
+class Done(Protocol):
+    """A run or an orbit, which stands for its system and for where it ended."""
+
+    @property
+    def system(self) -> System:
+        """Its system."""
+
+
+class Verb(Protocol[P, Result]):
+    """What takes a system, or what makes one, before its other arguments."""
 
     __name__: str
 
     @overload
-    def __call__(self, system: System, /, *arguments: Any, **named: Any) -> Result: ...
+    def __call__(self, system: System | Done, /, *rest: P.args, **named: P.kwargs) -> Result: ...
 
     @overload
-    def __call__(self, *arguments: Any, **named: Any) -> Any: ...
+    def __call__(self, model: Model, drive: Any, /, *rest: P.args, **named: P.kwargs) -> Result: ...
+
+    @overload
+    def __call__(self, model: Model, /, *, drive: Any, **named: Any) -> Result: ...
+
+    @overload
+    def __call__(self, /, **named: Any) -> Result: ...
 
 
-def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
+def takes_system(
+    start: str,
+) -> Callable[[Callable[Concatenate[System, P], R]], Verb[P, R]]:
     """Let a verb be called with what makes a system in place of its first argument.
 
     ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
@@ -36,7 +60,7 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
     or an orbit stands for its system, and for where it ended: the verb's argument `start`.
     """
 
-    def decorated(verb: Callable[..., R]) -> Verb[R]:
+    def decorated(verb: Callable[Concatenate[System, P], R]) -> Verb[P, R]:
         first = next(iter(inspect.signature(verb).parameters))
 
         @functools.wraps(verb)
@@ -58,6 +82,6 @@ def takes_system(start: str) -> Callable[[Callable[..., R]], Verb[R]]:
             drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
             return verb(model.under(drive), *rest, **named)
 
-        return called
+        return cast("Verb[P, R]", called)
 
     return decorated

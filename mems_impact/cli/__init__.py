@@ -15,6 +15,7 @@ from typing import Any, NoReturn
 
 import click
 
+from mems_impact.cli.everywhere import with_options
 from mems_impact.cli.failures import (
     INTERRUPTED,
     PROGRAM,
@@ -22,19 +23,23 @@ from mems_impact.cli.failures import (
     interruptible,
     past_click,
     report,
+    show_warnings_briefly,
 )
 from mems_impact.cli.former import in_present_words
+from mems_impact.cli.showing import finish
 
 __all__ = ["main"]
 
 COMMANDS = (
     "basins",
     "chart",
+    "completion",
     "continue",
     "devices",
     "drive",
     "fit",
     "map",
+    "new",
     "optimize",
     "orbit",
     "pull-in",
@@ -52,14 +57,16 @@ class _Commands(click.Group):
     """A group whose commands are the modules of this package."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        from mems_impact import plugins
+
+        return list(plugins.names(plugins.COMMANDS, COMMANDS))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in COMMANDS:
-            return None
+            return _added(name)
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
-        return command
+        return with_options(command)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -73,7 +80,24 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         with past_click():
-            return super().invoke(ctx)
+            try:
+                result = super().invoke(ctx)
+            except click.exceptions.Exit:  # a verdict that is not the one wanted
+                finish(ctx)
+                raise
+            finish(ctx)
+            return result
+
+
+def _added(name: str) -> click.Command | None:
+    """Return the command of that name of another package, if there is one."""
+    from mems_impact import plugins
+
+    def is_command(found: Any) -> bool:
+        return isinstance(found, click.Command)
+
+    found = plugins.plugin(plugins.COMMANDS, name, is_command, "a command of click")
+    return None if found is None else with_options(found)
 
 
 def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) -> None:
@@ -116,6 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     disk or standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM;
     141, nobody reads standard output.
     """
+    show_warnings_briefly()
     with interruptible() as signals:
         try:
             # Outside click's own mode, which would print several lines for a usage error.

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.drives import drive_options
 from mems_impact.cli.options import (
-    actuator_from,
+    AXIS,
     axis_options,
     device_options,
     initial_option,
@@ -17,13 +18,15 @@ from mems_impact.cli.options import (
     progress_option,
     sample_options,
     settle_options,
-    state_from,
     study_integrator_options,
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import text_of
-from mems_impact.cli.studied import add_running, from_file, run_kept, settling
+from mems_impact.cli.showing import show_table
+from mems_impact.cli.studied import run_kept, study_of
+
+if TYPE_CHECKING:
+    import mems_impact as mi
 
 KIND = "basins"
 DPI = 300  # the figure is as wide as a column
@@ -36,6 +39,13 @@ HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a 
     "The component of the initial state to the right, x1, x2, v1 or v2.",
     "The component upwards; one may be enough.",
 )
+@click.option(
+    "--follow",
+    type=AXIS,
+    metavar="NAME START STOP POINTS",
+    help="Follow the attractors over a parameter then, to where they begin and end.",
+)
+@click.option("--shares", is_flag=True, help="With --follow, tell the shares at its values, too.")
 @ranges_option(
     "--box", "v2=-1:1", "In place of --x and --y, a component between ends: states are drawn."
 )
@@ -52,39 +62,28 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     """Tell what the motions of DEVICE come to from many initial states, and which are the same.
 
     Shows the attractors with their shares, and writes them, every point, and a figure of the
-    basins. A sample of a box tells shares with bounds; a grid is a picture. In place of DEVICE a
-    study file may stand.
+    basins. A sample of a box tells shares with bounds; a grid is a picture. With --follow the
+    branches of the attractors over a parameter, too. In place of DEVICE a study file may stand.
 
     \b
-    Example:
+    Examples:
       mems-impact basins zhao2004 --x x2 -0.35 0.35 60 --y v2 -0.5 0.5 60 \\
         --amplitude 0.2 --omega 0.5
+      mems-impact basins zhao2004 --y v2 -1 1 40 --amplitude 0.2 --omega 0.5 \\
+        --follow amplitude 0.15 0.25 41
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.study_file import holds_study
     from mems_impact.cli.output import Output
-    from mems_impact.studies.words import range_axis
 
-    show_warnings_briefly()
-    device = options["device"]
-    given: dict[str, Any]
-    if holds_study(device):
-        system, given = from_file(ctx, device, KIND)
-    else:
-        actuator = actuator_from(device, options["changes"])
-        system = actuator.under(drive_from())
-        axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
-        given = {name: range_axis(*axis) for name, axis in axes.items()}
-        if options["box"]:
-            given |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
-        if options["initial"]:
-            given["initial"] = state_from(options["initial"], actuator)
-        given |= settling(options)
-    add_running(given, options)
+    progress = options["progress"]
+    beside = ("follow", "shares")
+    system, given = study_of(ctx, options, KIND, lambda: _starts(options), beside=beside)
+    if options["follow"] is not None:
+        system.check_parameter(options["follow"][0])
     figure, bare = options["figure"], options["no_figure"]
     with Output(options["output"], figure, bare, KIND) as files:
         found = run_kept(
-            lambda: mi.basins(system, **given, progress=options["progress"]),
+            lambda: mi.basins(system, **given, progress=progress),
             lambda table: files.tables({"table": table}),
         )
         files.tables(
@@ -94,5 +93,38 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
         few = found.attractors[shown]
         few.attrs = found.attractors.attrs
-        click.echo(text_of(few, 5) + "\n")
-        click.echo(files.said())
+        show_table("attractors", few, 5)
+        if options["follow"] is not None:
+            followed = run_kept(
+                lambda: _follow(found, options, given),
+                lambda table: files.tables({"followed": table}),
+            )
+            files.tables({"followed": followed.table, "branches": followed.branches})
+            show_table("branches", followed.branches, 6)
+        files.tell()
+
+
+def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that say where motions start."""
+    from mems_impact.studies.words import range_axis
+
+    axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
+    given: dict[str, Any] = {name: range_axis(*axis) for name, axis in axes.items()}
+    if options["box"]:
+        given |= {name: options[name] for name in ("box", "samples", "sampling", "seed")}
+    return given
+
+
+def _follow(
+    found: mi.Basins, options: Mapping[str, Any], given: Mapping[str, Any]
+) -> mi.AttractorBranches:
+    """Follow the attractors as they were found, in a store within that of the basins."""
+    import mems_impact as mi
+    from mems_impact.studies.words import range_axis
+
+    shared = ("settle", "distance", "options", "executor", "workers")
+    same = {name: given[name] for name in shared if name in given}
+    store = os.path.join(given["store"], "followed") if "store" in given else None
+    parameter, values = range_axis(*options["follow"])
+    more = {"shares": options["shares"], "store": store, "progress": options["progress"]}
+    return mi.follow_attractors(found, parameter, values, **same, **more)

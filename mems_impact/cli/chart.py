@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.failures import say, warn
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -17,7 +17,7 @@ from mems_impact.cli.options import (
     range_options,
     workers_option,
 )
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import show_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,7 +79,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
@@ -102,12 +101,10 @@ def command(
         files.tables(_tables(chart))
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
-            say(f"warning: {note}")
-        click.echo(text_of(chart.types, 9) + "\n")
-        if len(chart.special_table):
-            points = text_of(chart.special_table, 12)
-            click.echo(points + "\n")
-        click.echo(files.said())
+            warn(note)
+        show_table("types", chart.types, 9)
+        show_table("points", chart.special_table, 12)
+        files.tell()
 
 
 def _tables(chart: mi.Chart) -> dict[str, pd.DataFrame]:

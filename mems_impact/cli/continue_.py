@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.failures import warn
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -20,7 +20,7 @@ from mems_impact.cli.options import (
     range_options,
     state_from,
 )
-from mems_impact.cli.showing import unit_of
+from mems_impact.cli.showing import show, tell_tables, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +85,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     drive = drive_from({parameter: start})
     if parameter not in drive.names:
         changes = {**changes, parameter: start}
@@ -108,14 +107,15 @@ def command(
                     try:
                         part = mi.switch_branch(special, progress=progress)
                     except mi.OrbitError as error:
-                        say(f"warning: period doubling at {special.value:.9g}{unit}: {error}")
+                        warn(f"period doubling at {special.value:.9g}{unit}: {error}")
                         continue
                     files.tables(_tables(part, f"-{len(branches)}"))
                     branches.append(part)
         files.draw(lambda: mi.plot_branch(branches).figure)
+        tell_tables({"branches": _summary(branches)})
         for part in branches:
             _show(part)
-        click.echo(files.said())
+        files.tell()
 
 
 def _tables(branch: mi.Branch, end: str = "") -> dict[str, pd.DataFrame]:
@@ -128,21 +128,38 @@ def _show(branch: mi.Branch) -> None:
     unit = unit_of(table, table.columns[0])
     periods = branch.orbits[0].periods
     each = "one forcing period" if periods == 1 else f"{periods} forcing periods"
-    click.echo(
+    show(
         f"{len(branch)} orbits of {each}, {branch.parameter} "
         f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} of them stable; "
         f"{branch.ended}"
     )
     for special in branch.special_points:
-        side = ""
-        if special.label == "G":
-            import mems_impact as mi
-
-            try:
-                kind = mi.grazing_type(special)
-                side = f" ({kind}: type {kind.paper})"
-            except mi.InvalidParameter:
-                side = " (of an orbit with impacts)"
+        side = f" ({_side(special)})" if special.label == "G" else ""
         name = "" if special.label == special.kind else f" {special.kind}"
-        click.echo(f"  {special.label:<3}{special.value:.12g}{unit}{name}{side}")
-    click.echo("")
+        show(f"  {special.label:<3}{special.value:.12g}{unit}{name}{side}")
+    show("")
+
+
+def _side(grazing: mi.SpecialPoint) -> str:
+    """Return what becomes of an orbit at a grazing, in words of the package and of the paper."""
+    import mems_impact as mi
+
+    try:
+        kind = mi.grazing_type(grazing)
+    except mi.InvalidParameter:
+        return "of an orbit with impacts"
+    return f"{kind}: type {kind.paper}"
+
+
+def _summary(branches: list[mi.Branch]) -> pd.DataFrame:
+    """Return one row a branch."""
+    import pandas as pd
+
+    return pd.DataFrame(
+        {
+            "periods": [branch.orbits[0].periods for branch in branches],
+            "orbits": [len(branch) for branch in branches],
+            "stable": [int(branch.table["stable"].sum()) for branch in branches],
+            "ended": [branch.ended for branch in branches],
+        }
+    )

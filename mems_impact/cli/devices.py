@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
+
+from mems_impact.cli.showing import show, tell_tables
 
 
 @click.command(short_help="List the devices of the package.")
 def command() -> None:
     """List the devices that come with the package, their parameters and their terms."""
+    import pandas as pd
+
     from mems_impact.actuator.parameters import (
         PARAMETER_NAMES,
         PARAMETER_UNITS,
@@ -15,17 +21,23 @@ def command() -> None:
         preset_names,
     )
 
+    rows: list[tuple[str, str, Any, str]] = []
     for name in preset_names():
         actuator = load_actuator(name)
-        units = PARAMETER_UNITS if actuator.units == "SI" else {}
-        values = [
-            f"{key} = {getattr(actuator, key):g} {units.get(key, '')}".rstrip()
-            for key in PARAMETER_NAMES
-        ]
+        named = actuator.scales.named
+        units = PARAMETER_UNITS if named else {}
+        told = [(key, getattr(actuator, key), units.get(key, "")) for key in PARAMETER_NAMES]
         for term in actuator.terms:
-            of_term = dict(term.units) if units else {}
-            values += [
-                f"{term.name()}.{key} = {value} {of_term.get(key, '')}".rstrip()
+            of_term = term.units if named else {}
+            told += [
+                (f"{term.name()}.{key}", value, of_term.get(key, ""))
                 for key, value in dict(term).items()
             ]
-        click.echo(f"{name}: {', '.join(values)}")
+        values = [f"{key} = {_shown(value)} {unit}".rstrip() for key, value, unit in told]
+        show(f"{name}: {', '.join(values)}")
+        rows += [(name, *each) for each in told]
+    tell_tables({"devices": pd.DataFrame(rows, columns=["device", "parameter", "value", "unit"])})
+
+
+def _shown(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)

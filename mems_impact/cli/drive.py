@@ -7,9 +7,8 @@ import math
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options, output_options
-from mems_impact.cli.showing import show_lines
+from mems_impact.cli.showing import Told, show, show_values
 
 
 @click.command(short_help="Show what a device sees of a voltage.")
@@ -35,21 +34,22 @@ def command(
     from mems_impact.actuator.figures.drive import plot_drive, seen
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     forces = [force for stretch in seen(drive, actuator) for force in stretch.force]
     shown = ", ".join(f"{time:.9g}" for time in drive.switches[:8])
     more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
-    label = actuator.scales.label
+    ends = min(forces), max(forces)
     lines = {
-        "drive": str(type(drive).__name__),
-        label("forcing period", "s"): f"{drive.period:.9g}",
-        label("angular frequency", "rad/s"): f"{2.0 * math.pi / drive.period:.9g}",
-        label("switches", "s"): f"{shown}{more}" if shown else "none",
-        label("force at x2 = 0", "N"): f"{min(forces):.9g} to {max(forces):.9g}",
+        "drive": Told(type(drive).__name__),
+        "forcing period": Told(drive.period, "s"),
+        "angular frequency": Told(2.0 * math.pi / drive.period, "rad/s"),
+        "switches": Told(drive.switches, "s", f"{shown}{more}" if shown else "none"),
+        "force at x2 = 0": Told(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
     }
     with Output(output, figure, no_figure, "drive") as files:
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)
-        show_lines(lines)
-        click.echo(f"\n{files.said()}" if files.written else "")
+        show_values(lines, named=actuator.scales.named)
+        show("")
+        if files.written:
+            files.tell()

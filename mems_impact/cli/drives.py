@@ -136,9 +136,9 @@ def in_fields(given: Mapping[str, float]) -> dict[str, float]:
 
 def described_by_options(kind: str) -> tuple[str, ...]:
     """Return the parameters of a waveform if each has an option, else none."""
-    from mems_impact.actuator.drives.files import drive_of_kind
+    from mems_impact.actuator.drives.files import drive_kinds, drive_of_kind
 
-    names = tuple(drive_of_kind(kind).model_fields) if kind in WAVEFORMS else ()
+    names = tuple(drive_of_kind(kind).model_fields) if kind in drive_kinds() else ()
     return names if NUMBERS.keys() >= set(names) else ()
 
 
@@ -169,12 +169,12 @@ def _of_file(
     from pathlib import Path
 
     from mems_impact.actuator.drive import Sampled, load_drive
-    from mems_impact.actuator.drives.files import TABLES
+    from mems_impact.actuator.drives.files import TABLES, drive_kinds
 
-    if path in WAVEFORMS and not Path(path).exists():
+    if path in drive_kinds() and not Path(path).exists():
         raise click.UsageError(f"--drive {path}: describe it in a TOML file and give that")
     if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
-        kinds = ", ".join(filter(described_by_options, WAVEFORMS))
+        kinds = ", ".join(filter(described_by_options, drive_kinds()))
         raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
     if path.lower().endswith(TABLES):
         measured = {name: given.pop(name) for name in ("period", "phase") if name in given}

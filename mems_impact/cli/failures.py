@@ -15,6 +15,7 @@ from types import FrameType
 
 import click
 
+from mems_impact.cli.everywhere import quiet
 from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
 from mems_impact.interruptions import Interrupted
 
@@ -120,11 +121,17 @@ def say(text: str) -> None:
         click.echo(f"{PROGRAM}: {' '.join(text.split())}", err=True)
 
 
+def warn(text: str) -> None:
+    """Say what the user should know, unless errors alone are wanted."""
+    if not quiet():
+        say(f"warning: {text}")
+
+
 def show_warnings_briefly() -> None:
     """Let a warning be one line on standard error, without the place in the code."""
 
     def show(message: Warning | str, *_rest: object) -> None:
-        say(f"warning: {message}")
+        warn(str(message))
 
     warnings.showwarning = show  # type: ignore[assignment]
 

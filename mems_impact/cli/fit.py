@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options, in_fields
-from mems_impact.cli.failures import FAILED, show_warnings_briefly
+from mems_impact.cli.failures import FAILED
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -21,6 +21,7 @@ from mems_impact.cli.options import (
     transient_option,
 )
 from mems_impact.cli.ranges import ranges_option
+from mems_impact.cli.showing import Told, show, tell_values
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -90,7 +91,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     measured = [_target(text) for text in targets]
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
@@ -106,11 +106,12 @@ def command(
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})
-        click.echo(f"{found}\n")
+        tell_values({name: Told(getattr(found, name)) for name in ("verdict", "note", "misfit")})
+        show(f"{found}\n")
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-        click.echo(f"The fitted device, for other commands: {device} {settings}\n")
-        click.echo(files.said())
+        show(f"The fitted device, for other commands: {device} {settings}\n")
+        files.tell()
     if found.verdict != "good":
         ctx.exit(FAILED)
 

@@ -11,7 +11,7 @@ from itertools import takewhile
 
 import click
 
-from mems_impact.cli.failures import say
+from mems_impact.cli.failures import warn
 
 _RANGE = {"--from": "--start {}", "--to": "--stop {}"}
 _DRIVE = {"--period": "--drive-period {}"}
@@ -53,6 +53,6 @@ def in_present_words(command: str, arguments: Sequence[str]) -> list[str]:
         result += words
         before += [name, value]
         now += words
-    if before:
-        say(f"warning: {' '.join(before)} is now written {' '.join(now)}")
+    if before and "--quiet" not in options:
+        warn(f"{' '.join(before)} is now written {' '.join(now)}")
     return result + list(arguments[len(options) :])

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.drives import drive_options
+from mems_impact.cli.failures import say, warn
 from mems_impact.cli.options import (
-    actuator_from,
     axis_options,
     device_options,
     initial_option,
     output_options,
     progress_option,
     settle_options,
-    state_from,
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.showing import text_of
-from mems_impact.cli.studied import add_running, from_file, run_kept, settling
+from mems_impact.cli.showing import show, show_table
+from mems_impact.cli.studied import run_kept, study_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,34 +79,18 @@ def command(ctx: click.Context, /, **options: Any) -> None:
       mems-impact map study.toml
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.study_file import holds_study
     from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.cli.output import Output
-    from mems_impact.studies.words import range_axis
 
-    show_warnings_briefly()
-    device, column, progress = options["device"], options["column"], options["progress"]
-    x: Axis | None = options["x"]
-    y: Axis | None = options["y"]
-    given: dict[str, Any]
-    if holds_study(device):
-        system, given = from_file(ctx, device, KIND, beside=("column", "curves", "energy"))
-    else:
-        varied = {axis[0]: axis[1] for axis in (x, y) if axis is not None}
-        terms = {name: value for name, value in varied.items() if "." in name}
-        # It may not have the term yet.
-        actuator = actuator_from(device, {**terms, **options["changes"]})
-        if x is None or y is None:
-            raise click.UsageError(f"missing option '--{'x' if x is None else 'y'}'")
-        system = actuator.under(drive_from(varied))
-        given = {"x": range_axis(*x), "y": range_axis(*y), **settling(options)}
-        if options["initial"]:
-            given["initial"] = state_from(options["initial"], actuator)
+    column, progress = options["column"], options["progress"]
+    axes = {name: options[name] for name in ("x", "y")}
+    varied = {axis[0]: axis[1] for axis in axes.values() if axis is not None}
+    beside = ("column", "curves", "energy")
+    system, given = study_of(ctx, options, KIND, lambda: _axes(axes), varied=varied, beside=beside)
     if options["energy"]:
         if not isinstance(system, ActuatorSystem):
             raise click.UsageError("--energy: of maps of a device")
         system = system.with_energy()
-    add_running(given, options)
     _check_column(column, system, given)
     with Output(options["output"], options["figure"], options["no_figure"], KIND) as files:
         chart = _chart(system, given, progress) if options["curves"] else None
@@ -119,7 +102,18 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         boundaries = chart or ()
         files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure, DPI)
         _show(found.table)
-        click.echo(files.said())
+        files.tell()
+
+
+def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
+    from mems_impact.studies.words import range_axis
+
+    given = {}
+    for name, axis in axes.items():
+        if axis is None:
+            raise click.UsageError(f"missing option '--{name}'")
+        given[name] = range_axis(*axis)
+    return given
 
 
 def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
@@ -150,7 +144,7 @@ def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.Chart
         progress=say if progress else False,
     )
     for note in chart.notes:
-        say(f"warning: {note}")
+        warn(note)
     return chart
 
 
@@ -164,10 +158,11 @@ def _show(table: pd.DataFrame) -> None:
     """Show how many points there are of each kind, where, and why points have failed."""
     from mems_impact.studies.motions import map_summary
 
-    click.echo(text_of(map_summary(table), 6))
+    show_table("summary", map_summary(table), 6)
     failed = table[table["status"] != "ok"]
     x, y = table.columns[:2]
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
-        click.echo(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
-    click.echo("")
+        show(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
+    if len(failed):
+        show("")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -19,7 +18,7 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import show_lines, text_of
+from mems_impact.cli.showing import Told, show, show_table, show_values
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -103,7 +102,6 @@ def command(
     from mems_impact.cli.output import Output
     from mems_impact.studies.of_orbits import optimize_from
 
-    show_warnings_briefly()
     given: dict[str, Any]
     if holds_study(device):
         system, given = from_file(ctx, device, KIND)
@@ -136,13 +134,13 @@ def command(
         if isinstance(found, mi.ParetoFront):
             files.tables(_found(found))
             files.draw(lambda: mi.plot_pareto(found).figure)
-            click.echo(text_of(found.table, 6) + "\n")
+            show_table("front", found.table, 6)
         else:
             margins = found.margins
             files.tables({**_found(found), "margins": margins})
             files.draw(lambda: mi.plot_orbit(found.orbit).figure)
             _show(found, margins)
-        click.echo(files.said())
+        files.tell()
 
 
 def _found(found: Any) -> dict[str, pd.DataFrame]:
@@ -151,16 +149,18 @@ def _found(found: Any) -> dict[str, pd.DataFrame]:
 
 
 def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
-    label = best.system.label
+    system = best.system
     begin = best.history[best.quantity].iloc[0]
     unit = best.history.attrs.get("units", {}).get(best.quantity, "")
-    told = best.system.scales.label(best.quantity, unit)
-    show_lines(
+    better = f"{best.value:.9g}, from {begin:.6g}"
+    show_values(
         {
-            told: f"{best.value:.9g}, from {begin:.6g}",
-            **{label(name): f"{value:.9g}" for name, value in best.values.items()},
-            "held by": "; ".join(best.active) or "nothing",
-            "ended": best.ended,
-        }
+            best.quantity: Told(best.value, unit, better),
+            **{name: Told(value, system.unit(name)) for name, value in best.values.items()},
+            "held by": Told(best.active, text="; ".join(best.active) or "nothing"),
+            "ended": Told(best.ended),
+        },
+        named=system.scales.named,
     )
-    click.echo("\nTo the next bifurcation:\n" + text_of(margins, 6) + "\n")
+    show("\nTo the next bifurcation:")
+    show_table("margins", margins, 6)

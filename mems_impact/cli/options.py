@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
+from click.shell_completion import CompletionItem
 
+from mems_impact.cli.everywhere import quiet
 from mems_impact.engines.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
@@ -51,8 +52,16 @@ def _assignments(
     return dict(map(assignment, texts))
 
 
+def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Return what a shell offers for DEVICE: the presets, and files."""
+    from mems_impact.actuator.parameters import preset_names
+
+    names = [CompletionItem(name) for name in preset_names() if name.startswith(begun)]
+    return [*names, CompletionItem(begun, type="file")]
+
+
 device_options = combined(
-    click.argument("device"),
+    click.argument("device", shell_complete=_devices),
     click.option(
         "--set",
         "changes",
@@ -278,21 +287,15 @@ directory_option = directory_options("out", "Where tables and figure go")
 
 
 def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:
-    # A log would take hundreds of updates of a bar.
-    return _is_terminal() if asked is None else asked
-
-
-def _is_terminal() -> bool:
-    """Return whether somebody may be watching standard error, which may be closed."""
-    return sys.stderr is not None and sys.stderr.isatty()
+    return not quiet() if asked is None else asked
 
 
 progress_option = click.option(
     "--progress/--no-progress",
     default=None,
     callback=_wanted,
-    show_default="if standard error is a terminal",
-    help="Say how far the work is.",
+    show_default="progress, unless --quiet",
+    help="Say how far the work is: on a terminal a bar, elsewhere a line now and then.",
 )
 
 output_options = combined(

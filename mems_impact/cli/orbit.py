@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
@@ -17,7 +16,7 @@ from mems_impact.cli.options import (
     output_options,
     state_from,
 )
-from mems_impact.cli.showing import show_lines, text_of
+from mems_impact.cli.showing import Told, show, show_table, show_values, tell_values
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
@@ -56,7 +55,6 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     actuator = actuator_from(device, changes)
     drive = drive_from()
     guess = state_from(initial, actuator)
@@ -69,29 +67,30 @@ def command(
         files.tables({"impacts": orbit.impacts, "segments": orbit.segments, "samples": samples})
         files.draw(lambda: mi.plot_orbit(orbit).figure)
         _show(orbit)
-        click.echo(files.said())
+        files.tell()
 
 
 def _show(orbit: ActuatorOrbit) -> None:
     state = orbit.state
     multipliers = ", ".join(f"{m:.9g}" if m.imag else f"{m.real:.9g}" for m in orbit.multipliers)
-    label = orbit.system.scales.label
+    stable = "stable" if orbit.stable else "unstable"
+    closes = f"closes after {orbit.periods} forcing period{'s' if orbit.periods > 1 else ''}"
+    components = {"x2": "m", "v2": "m/s", "v1": "m/s"}
     lines = {
-        "orbit": f"{'stable' if orbit.stable else 'unstable'}, closes after {orbit.periods} "
-        f"forcing period{'s' if orbit.periods > 1 else ''}",
-        label("forcing period", "s"): f"{orbit.period:.9g}",
-        label("x2", "m"): f"{state.x2:.12g}",
-        label("v2", "m/s"): f"{state.v2:.12g}",
-        label("v1", "m/s"): f"{state.v1:.12g}",
-        "multipliers": multipliers,
-        label("step", "m"): f"{orbit.step:.9g}",
-        "residual, dimensionless": f"{orbit.residual:.2g}",
-        "method": orbit.options.method,
+        "orbit": Told(stable, text=f"{stable}, {closes}"),
+        "forcing period": Told(orbit.period, "s"),
+        **{
+            name: Told(getattr(state, name), unit, f"{getattr(state, name):.12g}")
+            for name, unit in components.items()
+        },
+        "multipliers": Told(orbit.multipliers, text=multipliers),
+        "step": Told(orbit.step, "m"),
+        "residual, dimensionless": Told(orbit.residual, text=f"{orbit.residual:.2g}"),
+        "method": Told(orbit.options.method),
     }
-    show_lines(lines)
-    click.echo("\n" + text_of(orbit.segments, 9))
-    if orbit.impacts.empty:
-        click.echo("\nNo impact.\n")
-    else:
-        shown = orbit.impacts.drop(columns=["phase"])
-        click.echo("\n" + text_of(shown, 6) + "\n")
+    show_values(lines, named=orbit.system.scales.named)
+    tell_values({"periods": Told(orbit.periods)})
+    show("")
+    show_table("segments", orbit.segments, 9)
+    shown = orbit.impacts.drop(columns=["phase"])
+    show_table("impacts", shown, 6, empty="No impact.")

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 import click
 
+from mems_impact.cli.showing import show, tell_files, tell_tables
 from mems_impact.writing import replacing
 
 FIGURES = (".png", ".pdf", ".svg")
@@ -73,6 +74,7 @@ class Output:
         error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
+        tell_files(self.written)
         if not self.written:
             self._remove_made()
         elif error is not None:
@@ -82,6 +84,7 @@ class Output:
         """Write pandas tables as CSV, by the last part of their names: all of them, or none."""
         from mems_impact.tables.common import with_units  # pandas is slow to import
 
+        tell_tables(tables)
         paths = [self.directory / f"{self.name}-{what}.csv" for what in tables]
         with ExitStack() as stack:
             for path, table in zip(paths, tables.values(), strict=True):
@@ -96,6 +99,10 @@ class Output:
         with replacing(self.figure) as temporary:
             figure.savefig(temporary, dpi=dpi)
         self.written.append(self.figure)
+
+    def tell(self) -> None:
+        """Show what was written."""
+        show(self.said())
 
     def said(self) -> str:
         """Return what was written, as a sentence."""

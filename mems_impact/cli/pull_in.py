@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import click
 
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import actuator_from, device_options
-from mems_impact.cli.showing import show_lines
+from mems_impact.cli.showing import Told, show_values
 
 
 @click.command("pull-in", short_help="Show the voltages at which a device pulls in and lets go.")
@@ -24,6 +23,6 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.design.targets import of_device
 
-    show_warnings_briefly()
-    quantities = of_device(actuator_from(device, changes))
-    show_lines({name: f"{value:.9g}" for name, value in quantities.items()})
+    actuator = actuator_from(device, changes)
+    told = {name: Told(*quantity) for name, quantity in of_device(actuator).items()}
+    show_values(told, named=actuator.scales.named)

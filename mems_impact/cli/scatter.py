@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
+from mems_impact.cli.drives import drive_options
 from mems_impact.cli.options import (
-    actuator_from,
     device_options,
     initial_option,
     output_options,
     progress_option,
     sample_options,
     settle_options,
-    state_from,
     study_integrator_options,
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import text_of
-from mems_impact.cli.studied import add_running, from_file, run_kept, settling
+from mems_impact.cli.showing import show_table
+from mems_impact.cli.studied import run_kept, study_of
 
 KIND = "scatter"
 DPI = 300  # the figure is as wide as a column
@@ -88,28 +86,9 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         --specification "displacement per period=3e-4:"
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.study_file import holds_study
     from mems_impact.cli.output import Output
-    from mems_impact.studies.words import distributions
 
-    show_warnings_briefly()
-    device = options["device"]
-    given: dict[str, Any]
-    if holds_study(device):
-        system, given = from_file(ctx, device, KIND)
-    else:
-        actuator = actuator_from(device, options["changes"])
-        system = actuator.under(drive_from())
-        if not options["over"]:
-            raise click.UsageError("missing option '--over'")
-        given = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
-        given["over"] = distributions("over", options["over"])
-        if options["specification"]:
-            given["specification"] = options["specification"]
-        if options["initial"]:
-            given["initial"] = state_from(options["initial"], actuator)
-        given |= settling(options)
-    add_running(given, options)
+    system, given = study_of(ctx, options, KIND, lambda: _drawn(options))
     figure, bare = options["figure"], options["no_figure"]
     with Output(options["output"], figure, bare, KIND) as files:
         found = run_kept(
@@ -125,7 +104,21 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.draw(lambda: mi.plot_scatter(found).figure, DPI)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
-        for table in (seen, found.yields, found.indices):
-            if table is not None and len(table):
-                click.echo(text_of(table, 5) + "\n")
-        click.echo(files.said())
+        show_table("quantiles", seen, 5)
+        show_table("yields", found.yields, 5)
+        if found.indices is not None:
+            show_table("indices", found.indices, 5)
+        files.tell()
+
+
+def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that say what is drawn, and what it shall be."""
+    from mems_impact.studies.words import distributions
+
+    if not options["over"]:
+        raise click.UsageError("missing option '--over'")
+    given = {name: options[name] for name in ("samples", "sampling", "seed", "indices")}
+    given["over"] = distributions("over", options["over"])
+    if options["specification"]:
+        given["specification"] = options["specification"]
+    return given

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -17,7 +16,7 @@ from mems_impact.cli.options import (
     state_from,
     tolerance_option,
 )
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import Told, show, show_table, show_values
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -75,7 +74,6 @@ def command(
     from mems_impact.studies.of_orbits import sensitivity_from
     from mems_impact.studies.sensitivity import check_tolerances
 
-    show_warnings_briefly()
     given: dict[str, Any]
     if holds_study(device):
         system, given = from_file(ctx, device, KIND, beside=("quantity", "tolerances"))
@@ -102,16 +100,17 @@ def command(
         files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)
         _show(found, quantity)
         if tolerances:
-            click.echo(text_of(tables["scatter"].iloc[:, :4], 6) + "\n")
-        click.echo(files.said())
+            show_table("scatter", tables["scatter"].iloc[:, :4], 6)
+        files.tell()
 
 
 def _show(found: mi.Sensitivity, quantity: str) -> None:
     row = found.row(quantity)
-    label = found.system.scales.label(quantity, found.units[row])
-    click.echo(f"{label}: {found.values[row]:.9g}\n")
+    value = Told(float(found.values[row]), found.units[row])
+    show_values({quantity: value}, named=found.system.scales.named)
+    show("")
     table = found.table
     shown = table[table["quantity"] == quantity].sort_values(
         "per cent", key=lambda column: -column.abs()
     )
-    click.echo(text_of(shown[["parameter", "at", "derivative", "elasticity"]], 6) + "\n")
+    show_table("table", shown[["parameter", "at", "derivative", "elasticity"]], 6)

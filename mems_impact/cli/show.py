@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import show_warnings_briefly
-from mems_impact.cli.showing import text_of
+from mems_impact.cli.showing import Told, show, show_table, tell_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,7 +47,6 @@ def command(*, store: str, output: str | None, figure: str | None, no_figure: bo
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
     study = mi.read_study(store)
     if figure is not None and not study.figure:
         raise click.UsageError(f"--figure: there is no figure of the kind {study.kind}")
@@ -62,20 +60,20 @@ def command(*, store: str, output: str | None, figure: str | None, no_figure: bo
         if study.done > 0:
             files.draw(lambda: study.draw().figure)
         _show(study)
-        click.echo(files.said())
+        files.tell()
 
 
 def _show(study: mi.StoredStudy) -> None:
     share = study.done / study.total if study.total else 1.0
-    click.echo(
-        f"{study.kind}: {study.done} of {study.total} points ({share:.0%}), {study.failed} failed"
-    )
+    show(f"{study.kind}: {study.done} of {study.total} points ({share:.0%}), {study.failed} failed")
+    told = {name: getattr(study, name) for name in ("kind", "done", "total", "failed")}
+    tell_values({name: Told(value) for name, value in told.items()})
     reasons = study.table["status"].value_counts()
     for reason, rows in reasons[reasons.index != "ok"].head(SHOWN_REASONS).items():
-        click.echo(f"  {rows} failed: {_cut(str(reason))}")
+        show(f"  {rows} failed: {_cut(str(reason))}")
     if study.done > 0:
-        click.echo("\n" + text_of(_ranges(study.table), 6))
-    click.echo("")
+        show("")
+        show_table("ranges", _ranges(study.table), 6)
 
 
 def _cut(reason: str) -> str:

@@ -6,25 +6,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import FAILED, show_warnings_briefly
+from mems_impact.cli.drives import drive_options
+from mems_impact.cli.failures import FAILED
 from mems_impact.cli.options import (
     Initial,
-    actuator_from,
     device_options,
     initial_option,
     integrator_options,
     output_options,
     periods_option,
     progress_option,
-    state_from,
 )
-from mems_impact.cli.showing import show_lines, text_of
+from mems_impact.cli.showing import Told, show, show_table, show_values, tell_values
+from mems_impact.cli.subject import subject_from
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.actuator.results import ActuatorRun
+    import mems_impact as mi
 
 FIRST_ROWS = 6
 
@@ -33,6 +32,11 @@ FIRST_ROWS = 6
 @device_options
 @drive_options
 @periods_option("Forcing periods to simulate.", 300, float)
+@click.option(
+    "--duration",
+    type=float,
+    help="Time to simulate, in place of --periods, of a system that nothing forces [s].",
+)
 @initial_option
 @click.option(
     "--window",
@@ -56,6 +60,7 @@ def command(
     device: str,
     changes: dict[str, float],
     periods: float,
+    duration: float | None,
     initial: Initial,
     window: tuple[float, float] | None,
     method: str,
@@ -70,37 +75,37 @@ def command(
 ) -> None:
     """Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
 
+    In place of DEVICE a system of your own may stand: FILE.py:NAME or MODULE:NAME, whose Python
+    code is run, or one that another package adds.
+
     Shows the statistics, the first impacts and the first blows (a sequence of impacts that ends in
     rest is one), and writes the tables of impacts, blows, events and statistics as CSV and the
     last periods of the motion as a figure. With --verify the exit status is 1 if the second run
     does not agree.
 
     \b
-    Example:
+    Examples:
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
+      mems-impact simulate oscillator.py:oscillator --set A=0.7 --periods 300
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.results import ActuatorRun
     from mems_impact.cli.output import Output
 
-    show_warnings_briefly()
-    actuator = actuator_from(device, changes)
-    drive = drive_from()
-    state = state_from(initial, actuator)
+    system, state = subject_from(device, changes, initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         try:
             run = mi.simulate(
-                actuator,
-                drive,
-                periods,
+                system,
+                periods if system.forced and duration is None else None,
+                duration=duration,
                 initial=state,
                 window=window,
                 options=options,
                 progress=progress,
             )
         except (mi.RunError, mi.RunInterrupted) as error:
-            if isinstance(error.trajectory, ActuatorRun):
+            if isinstance(error.trajectory, mi.Run):
                 files.tables(_tables(error.trajectory))
             raise
         files.tables(_tables(run))
@@ -110,49 +115,46 @@ def command(
         files.draw(lambda: mi.plot_run(run).figure)
         _show(run)
         if verification is not None:
-            click.echo(f"Two unrelated methods of integration:\n{verification}\n")
-        click.echo(files.said())
+            tell_values({"agrees": Told(verification.agrees)})
+            show(f"Two unrelated methods of integration:\n{verification}\n")
+        files.tell()
     if verification is not None and not verification.agrees:
         ctx.exit(FAILED)
 
 
-def _show(run: ActuatorRun) -> None:
+def _show(run: mi.Run) -> None:
+    from mems_impact.actuator.results import ActuatorRun
+
     first, last = run.window
-    click.echo(f"Statistics over forcing periods {first:g} to {last:g}:")
-    # Without an impact there is no impact speed: what is not defined is not shown.
-    defined = run.statistics.drop(["window first", "window last"]).dropna()
+    over = "forcing periods" if run.system.forced else "times"
+    show(f"Statistics over {over} {first:g} to {last:g}:")
     units = run.statistics.attrs["units"]
-    show_lines(
-        {
-            f"{name} [{units[name]}]" if name in units else str(name): f"{value:.9g}"
-            for name, value in defined.items()
-        }
-    )
+    values = {str(name): Told(value, units.get(name, "")) for name, value in run.statistics.items()}
+    tell_values(values)
+    # Without an impact there is no impact speed: what is not defined is not shown.
+    defined = run.statistics.drop(["window first", "window last"], errors="ignore").dropna()
+    show_values({name: values[name] for name in defined.index})
+    show("")
     impacts = run.impacts
     if impacts.empty:
-        click.echo("\nNo impact.")
+        show("No impact.\n")
+        return
+    show(f"The first of {len(impacts)} impacts:")
+    show_table("impacts", impacts.head(FIRST_ROWS), 6)
+    if not isinstance(run, ActuatorRun):
+        return
+    if len(run.blows) == len(impacts):
+        show("Each is a blow of its own.\n")
     else:
-        click.echo(f"\nThe first of {len(impacts)} impacts:")
-        click.echo(_first_rows(impacts))
-        if len(run.blows) == len(impacts):
-            click.echo("\nEach is a blow of its own.")
-        else:
-            click.echo(f"\nThe first of the {len(run.blows)} blows that they make:")
-            click.echo(_first_rows(run.blows))
-    click.echo("")
+        show(f"The first of the {len(run.blows)} blows that they make:")
+        show_table("blows", run.blows.head(FIRST_ROWS), 6)
 
 
-def _first_rows(table: pd.DataFrame) -> str:
-    return text_of(table.head(FIRST_ROWS), 6)
+def _tables(run: mi.Run) -> dict[str, pd.DataFrame]:
+    from mems_impact.actuator.results import ActuatorRun
 
-
-def _tables(run: ActuatorRun) -> dict[str, pd.DataFrame]:
     units = run.statistics.attrs["units"]
     statistics = run.statistics.rename_axis("quantity").reset_index(name="value")
     statistics["unit"] = [units.get(name, "") for name in statistics["quantity"]]
-    return {
-        "impacts": run.impacts,
-        "blows": run.blows,
-        "events": run.events,
-        "statistics": statistics,
-    }
+    blows = {"blows": run.blows} if isinstance(run, ActuatorRun) else {}
+    return {"impacts": run.impacts, **blows, "events": run.events, "statistics": statistics}

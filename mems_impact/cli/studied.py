@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import code_is_allowed
+from mems_impact.cli.drives import code_is_allowed, drive_from
+from mems_impact.cli.options import actuator_from, state_from
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -37,7 +38,50 @@ def from_file(
     return study.system, study.arguments
 
 
-def settling(given: dict[str, Any]) -> dict[str, Any]:
+def study_of(
+    ctx: click.Context,
+    options: Mapping[str, Any],
+    kind: str,
+    own: Callable[[], Mapping[str, Any]],
+    *,
+    varied: Mapping[str, float] | None = None,
+    beside: Collection[str] = (),
+) -> tuple[mi.System, dict[str, Any]]:
+    """Return system and arguments of the study that the options of a command tell.
+
+    Parameters
+    ----------
+    ctx : click.Context
+    options : mapping of str to object
+        `device_options`, `initial_option`, `settle_options`, `study_integrator_options` and
+        `study_options`, with their values.
+    kind : str
+        Of the study.
+    own : callable
+        Returns the arguments that are of this kind alone; not asked where there is a study file.
+    varied : mapping of str to float, optional
+        Parameters that are varied, and the values to begin with.
+    beside : collection of str, optional
+        Options of the command that may stand beside a study file.
+    """
+    from mems_impact.actuator.study_file import holds_study
+
+    device, varied = options["device"], varied or {}
+    if holds_study(device):
+        system, given = from_file(ctx, device, kind, beside)
+    else:
+        # The device may not have the term yet of which a parameter is varied.
+        terms = {name: value for name, value in varied.items() if "." in name}
+        actuator = actuator_from(device, {**terms, **options["changes"]})
+        given = {**own(), **_settling(options)}
+        system = actuator.under(drive_from(varied))
+        if options["initial"]:
+            given["initial"] = state_from(options["initial"], actuator)
+    add_running(given, options)
+    return system, given
+
+
+def _settling(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return how motions are followed, of the options `settle_options` and of the integrator."""
     import mems_impact as mi
 
@@ -49,7 +93,7 @@ def settling(given: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def add_running(given: dict[str, Any], options: dict[str, Any]) -> None:
+def add_running(given: dict[str, Any], options: Mapping[str, Any]) -> None:
     """Add to the arguments of a verb what `study_options` say."""
     from mems_impact.studies.words import executor_named
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import show_warnings_briefly
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -21,7 +20,7 @@ from mems_impact.cli.options import (
     study_options,
     transient_option,
 )
-from mems_impact.cli.showing import text_of, unit_of
+from mems_impact.cli.showing import show, show_table, tell_tables, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -95,7 +94,6 @@ def command(
     from mems_impact.cli.output import Output
     from mems_impact.studies.words import executor_named
 
-    show_warnings_briefly()
     if "." in parameter:  # of a term, which the device may not have yet
         changes = {**changes, parameter: start}
     actuator = actuator_from(device, changes)
@@ -124,7 +122,7 @@ def command(
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
         _show(table)
-        click.echo(files.said())
+        files.tell()
 
 
 def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -134,13 +132,19 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _show(table: pd.DataFrame) -> None:
+    import pandas as pd
+
     from mems_impact.tables.sweep import sweep_summary, switches
 
     summary = sweep_summary(table)
-    click.echo(text_of(summary, 6) + "\n")
+    show_table("summary", summary, 6)
     parameter = summary.columns[0]
     unit = unit_of(summary, parameter)
-    turns = {direction: (value, begins) for direction, value, begins in switches(table)}
+    found = switches(table)
+    tell_tables(
+        {"switches": pd.DataFrame(found, columns=["direction", parameter, "impacts begin"])}
+    )
+    turns = {direction: (value, begins) for direction, value, begins in found}
     for direction, chain in summary.groupby("direction", sort=False):
         failed = chain[chain["status"] != "ok"]
         line = f"{parameter.partition(' [')[0]} {WORDS[str(direction)]}, {len(chain)} values: "
@@ -150,8 +154,8 @@ def _show(table: pd.DataFrame) -> None:
             line += f", which {'begin' if begins else 'cease'} at {value:.9g}{unit}"
         if len(failed):
             line += f"; {len(failed)} failed"
-        click.echo(line)
+        show(line)
         reasons = zip(failed[parameter], failed["status"], strict=True)
         for value, reason in islice(reasons, SHOWN_FAILURES):
-            click.echo(f"  failed at {value:.9g}{unit}: {reason}")
-    click.echo("")
+            show(f"  failed at {value:.9g}{unit}: {reason}")
+    show("")

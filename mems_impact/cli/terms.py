@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
+
+from mems_impact.cli.showing import show, tell_tables
 
 
 @click.command(short_help="List the terms that a model may have.")
@@ -13,14 +17,23 @@ def command() -> None:
     tilt.angle=0.1 adds it to any device. In brackets the unit of a device in SI, and what a
     parameter is if it is not given.
     """
-    from mems_impact.actuator.terms import TERMS
-    from mems_impact.actuator.terms.files import term_type
+    import pandas as pd
 
-    for name in TERMS:
-        term = term_type(name)
+    from mems_impact.actuator.terms.files import term_names, term_type
+    from mems_impact.errors import InvalidParameter
+
+    rows: list[tuple[str, str, str, Any]] = []
+    for name in term_names():
+        try:
+            term = term_type(name)
+        except InvalidParameter:  # that of another package, which fails
+            continue
         said = (term.__doc__ or "").partition("\n")[0].rstrip(".")
-        click.echo(f"{name}: {said}")
+        show(f"{name}: {said}")
         for key, field in term.model_fields.items():
             notes = [unit] if (unit := term.units.get(key)) else []
             notes += [] if field.is_required() else [f"{field.default!r} by default"]
-            click.echo(f"  {name}.{key}" + (f" [{', '.join(notes)}]" if notes else ""))
+            show(f"  {name}.{key}" + (f" [{', '.join(notes)}]" if notes else ""))
+            default = None if field.is_required() else field.default
+            rows.append((name, key, term.units.get(key, ""), default))
+    tell_tables({"terms": pd.DataFrame(rows, columns=["term", "parameter", "unit", "default"])})

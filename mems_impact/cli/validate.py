@@ -6,8 +6,9 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.failures import FAILED, say, show_warnings_briefly
+from mems_impact.cli.failures import FAILED, say
 from mems_impact.cli.options import directory_options, progress_option, workers_option
+from mems_impact.cli.showing import Told, show, tell_values
 
 
 @click.command(short_help="Reproduce the paper, figure by figure, with verdicts.")
@@ -55,7 +56,6 @@ def command(
         run_suite,
     )
 
-    show_warnings_briefly()
     wanted = sorted(set(figures)) or list(FIGURES)
     expected = None if expect is None else expected_verdicts(expect)
     with Output(output, None, True, "validate") as files:
@@ -71,11 +71,12 @@ def command(
             files.written += map(Path, stop.report.written)
             raise
         files.written += map(Path, report.written)
-        click.echo(str(report))
-        click.echo(f"{files.said()}; read {output}/report.md first")
+        tell_values({name: Told(verdict) for name, verdict in report.verdicts.items()})
+        show(str(report))
+        show(f"{files.said()}; read {output}/report.md first")
     if expected is not None:
         changes = changed_verdicts(report, expected)
         if changes:
             say(f"verdicts changed: {'; '.join(changes)}")
             ctx.exit(FAILED)
-        click.echo(f"no verdict differs from {expect}")
+        show(f"no verdict differs from {expect}")

@@ -11,7 +11,7 @@ from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.analysis.simulate import simulate
+from mems_impact.actuator.verbs import simulate
 from mems_impact.paper import tables
 from mems_impact.paper.displacement import plot_displacement
 from mems_impact.paper.outcome import Devices, Effort, Outcome

@@ -11,10 +11,10 @@ from mems_impact.actuator.drive import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked
+from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
 from mems_impact.analysis.finding import find_orbit
 from mems_impact.analysis.orbit import Orbit
-from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.special import SpecialPoint, grazing_type
 from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError

@@ -208,7 +208,7 @@ class SweepStudy(Study):
         point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}
         return run.final
 
-    def _lasting(self, length: float) -> dict[str, float]:
+    def _lasting(self, length: float) -> dict[str, Any]:
         """Return the argument of `simulate` that says how long."""
         return {"periods" if self.system.forced else "duration": length}
 

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import logging
-import math
-import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["Notice", "Progress", "noticed"]
+from mems_impact.analysis.progress import SHORT, Lines, is_watched
 
-_log = logging.getLogger("mems_impact")
+__all__ = ["Notice", "Progress", "noticed"]
 
 Progress = bool | Callable[[float], None]
 Notice = Callable[[float, int], None]  # points done so far, and those of them that failed
-
-SHORT = 1.0  # s of work of which nothing is said
-SELDOM = 30.0  # s after which a line is due
-SHARE = 0.1  # of all points after which one is
 
 
 @contextmanager
@@ -28,8 +20,8 @@ def noticed(progress: Progress, kind: str, before: int, total: int) -> Iterator[
     Parameters
     ----------
     progress : bool or callable
-        True: on a terminal a bar, elsewhere a line now and then, both where the work takes over a
-        second. A function is called with the points done so far.
+        True: on a terminal a bar, elsewhere a line now and then, where the work takes over a
+        second, or three. A function is called with the points done so far.
     kind : str
         What runs.
     before, total : int
@@ -39,10 +31,11 @@ def noticed(progress: Progress, kind: str, before: int, total: int) -> Iterator[
         yield lambda done, failed: progress(done)
     elif not progress:
         yield None
-    elif sys.stderr is not None and sys.stderr.isatty():
+    elif is_watched():
         yield from _bar(kind, before, total)
     else:
-        yield _Lines(kind, before, total)
+        lines = Lines("points", total, before, kind)
+        yield lambda done, failed: lines(done, f"{failed} failed")
 
 
 def _bar(kind: str, before: int, total: int) -> Iterator[Notice]:
@@ -56,48 +49,3 @@ def _bar(kind: str, before: int, total: int) -> Iterator[Notice]:
             bar.update(int(done) - bar.n)
 
         yield show
-
-
-class _Lines:
-    """Lines for a log, as that of a batch job: soon, then every 10 % or 30 s, and at the end."""
-
-    def __init__(self, kind: str, before: int, total: int) -> None:
-        self.kind, self.before, self.total = kind, before, total
-        self.begin = time.monotonic()
-        self.told = -math.inf
-        self.share = before
-
-    def __call__(self, done: float, failed: int) -> None:
-        now = time.monotonic()
-        due = done - self.share >= SHARE * self.total or now - self.told >= SELDOM
-        if now - self.begin < SHORT or not (due or done == self.total):
-            return
-        self.told, self.share = now, int(done)
-        _say(self.line(done, failed, now - self.begin))
-
-    def line(self, done: float, failed: int, seconds: float) -> str:
-        """Return how far it is."""
-        parts = [f"{self.kind}: {int(done)} of {self.total} points ({done / self.total:.0%})"]
-        rate = (done - self.before) / seconds
-        if rate > 0.0:
-            parts.append(f"{rate:.3g} points/s")
-        if rate > 0.0 and done < self.total:
-            parts.append(f"{_duration((self.total - done) / rate)} left")
-        parts.append(f"{failed} failed")
-        return ", ".join(parts)
-
-
-def _duration(seconds: float) -> str:
-    for unit, size in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2.0 * size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} s"
-
-
-def _say(text: str) -> None:
-    """Say it in the log if somebody keeps one, for it was asked for: else on standard error."""
-    if _log.hasHandlers() and _log.isEnabledFor(logging.INFO):
-        _log.info(text)
-    elif sys.stderr is not None:
-        sys.stderr.write(f"mems-impact: {text}\n")
-        sys.stderr.flush()

@@ -10,6 +10,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.analysis.values import Shown
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies import parquet
 from mems_impact.studies.frames import frame
@@ -31,7 +32,7 @@ FIGURES = {
 
 
 @dataclass(frozen=True, eq=False)
-class StoredStudy:
+class StoredStudy(Shown):
     """What a store held when it was read.
 
     Attributes
@@ -72,6 +73,10 @@ class StoredStudy:
         files = [path_of(directory, part) for part in self._parts]
         chunks = [parquet.columns(file, self._schema) for file in files]
         return frame(chunks, self._schema, self.attrs)
+
+    def summary(self) -> dict[str, Any]:
+        """Return how far the study is."""
+        return {name: getattr(self, name) for name in ("path", "kind", "done", "total", "failed")}
 
     @property
     def figure(self) -> str:

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import failures, options
+from mems_impact.cli import failures
 from mems_impact.cli.failures import interruptible
 
 resource = pytest.importorskip("resource")
@@ -64,7 +64,7 @@ def names(directory):
     ids=["simulate", "sweep"],
 )
 def test_a_reader_that_goes_away_loses_no_file(tmp_path, arguments, files):
-    command = started(*arguments, "--output", str(tmp_path))
+    command = started(*arguments, "--no-progress", "--output", str(tmp_path))
     command.stdout.close()
     assert command.stderr.read() == ""
     assert command.wait() == 141
@@ -76,7 +76,7 @@ def test_a_reader_that_goes_away_loses_no_file(tmp_path, arguments, files):
 def test_a_full_standard_output(tmp_path, unbuffered):
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [*PROGRAM, *SIMULATE, "--no-figure", "--output", str(tmp_path)],
+            [*PROGRAM, *SIMULATE, "--no-figure", "--no-progress", "--output", str(tmp_path)],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
@@ -100,7 +100,7 @@ def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path):
     for table in TABLES:
         (tmp_path / table).write_text("the run before")
     done = subprocess.run(
-        [*PROGRAM, *SIMULATE, "--no-figure", "--output", str(tmp_path)],
+        [*PROGRAM, *SIMULATE, "--no-figure", "--no-progress", "--output", str(tmp_path)],
         capture_output=True,
         text=True,
         # No file may be longer: writing fails as on a full disk.
@@ -231,16 +231,14 @@ def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "terminal", "shown"),
-    [([], False, False), ([], True, True), (["--progress"], False, True),
-     (["--no-progress"], True, False)],
+    ("arguments", "shown"),
+    [([], True), (["--quiet"], False), (["--progress"], True), (["--no-progress"], False),
+     (["--progress", "--quiet"], True)],
 )  # fmt: skip
 @pytest.mark.parametrize(
     ("name", "command"), [("simulate", SIMULATE), ("sweep", SWEEP), ("operating_chart", CHART)]
 )
-def test_progress_is_for_terminals_or_who_asks(
-    cli, monkeypatch, name, command, arguments, terminal, shown
-):
+def test_progress_unless_quiet(cli, monkeypatch, name, command, arguments, shown):
     asked = []
 
     def heard(*_arguments, progress, **_more):
@@ -248,6 +246,5 @@ def test_progress_is_for_terminals_or_who_asks(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(mi, name, heard)
-    monkeypatch.setattr(options, "_is_terminal", lambda: terminal)
     assert cli(*command, *arguments).status == 130
     assert asked == [shown]

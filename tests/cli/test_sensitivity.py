@@ -10,7 +10,7 @@ NEAR = ["--initial", "x2=0.32945", "--initial", "v2=0.33758", "--transient", "0"
 def test_sensitivity(cli, tmp_path):
     done = cli("sensitivity", *POINT, *NEAR, "--tolerance", "delta=0.005")
     assert done.status == 0
-    assert "mean speed: 5.83534" in done.out
+    assert "mean speed  5.83534" in done.out
     out = tmp_path / "out"
     assert {path.name for path in out.iterdir()} == {
         "sensitivity-table.csv", "sensitivity-scatter.csv", "sensitivity.png"

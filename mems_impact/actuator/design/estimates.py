@@ -21,6 +21,7 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import State
+from mems_impact.analysis.values import Shown
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Events, Floats
@@ -306,7 +307,7 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Window:
+class Window(Shown):
     """The voltages between which an orbit lasts.
 
     Attributes

@@ -6,15 +6,16 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.targets import Target
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
-from mems_impact.analysis.simulate import simulate
+from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
+from mems_impact.analysis.values import Shown
 from mems_impact.engines.options import Options
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
@@ -45,7 +46,7 @@ REMEDIES: dict[Verdict, str] = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Shown):
     """A fitted actuator, and how well it is known.
 
     Attributes
@@ -84,6 +85,11 @@ class Fit:
     note: str
     converged: bool
     evaluations: int
+
+    def summary(self) -> dict[str, Any]:
+        """Return the verdict, and the fitted values."""
+        rows = zip(self.parameters.iloc[:, 0], self.parameters["fitted"], strict=True)
+        return {"verdict": self.verdict, "note": self.note, "misfit": self.misfit, **dict(rows)}
 
     def __str__(self) -> str:
         shown = {"index": False, "float_format": "{:.6g}".format}

@@ -51,12 +51,9 @@ OF_DEVICE: dict[str, tuple[Callable[[Actuator], float], str]] = {
 QUANTITIES = (*OF_RUN, *OF_DEVICE)
 
 
-def of_device(actuator: Actuator) -> dict[str, float]:
-    """Return the quantities that need no drive, by name with the unit if the actuator is in SI."""
-    return {
-        actuator.scales.label(name, unit): value(actuator)
-        for name, (value, unit) in OF_DEVICE.items()
-    }
+def of_device(actuator: Actuator) -> dict[str, tuple[float, str]]:
+    """Return the quantities that need no drive, by name, each with its SI unit."""
+    return {name: (value(actuator), unit) for name, (value, unit) in OF_DEVICE.items()}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,16 +8,17 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
+from mems_impact import plugins
 from mems_impact.actuator.code import Wanted, code_path, run_code
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.custom import Custom
 from mems_impact.actuator.drives.sampled import Sampled
 from mems_impact.actuator.reading import parse_toml, read_bytes
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms.files import term_names
 from mems_impact.errors import InvalidFile, InvalidParameter
 
-__all__ = ["TABLES", "drive_in_table", "drive_of_kind", "load_drive"]
+__all__ = ["TABLES", "drive_in_table", "drive_kinds", "drive_of_kind", "load_drive"]
 
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
@@ -29,7 +30,7 @@ CODE = Wanted(
     reader="load_drive",
 )
 REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
-_BESIDE = ("name", "description", "units", "parameters", *TERMS)  # what a device file holds
+_BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
 _LARGEST_FILE = 10_000_000  # bytes
 
 
@@ -79,7 +80,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
     try:
         for name, value in content.items():
-            if name not in ("drive", *_BESIDE):
+            if name not in ("drive", *_BESIDE, *term_names()):
                 raise InvalidParameter(name, value, "in the table [drive]")
         if not isinstance(content.get("drive"), dict):
             raise InvalidFile(source, "holds no table [drive]", REMEDY)
@@ -88,13 +89,27 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
         raise error if error.source else error.located(source) from None
 
 
+def drive_kinds() -> tuple[str, ...]:
+    """Return the kinds of waveforms, those of other packages last."""
+    return plugins.names(plugins.DRIVES, WAVEFORMS)
+
+
 def drive_of_kind(kind: str) -> type[Drive]:
     """Return the waveform of that name; InvalidParameter if there is none."""
-    if not isinstance(kind, str) or kind not in WAVEFORMS:
-        raise InvalidParameter("kind", kind, f"one of {', '.join(WAVEFORMS)}")
-    module = import_module(f"{__package__}.{kind.replace('-', '_')}")
-    waveform: type[Drive] = getattr(module, WAVEFORMS[kind])
-    return waveform
+    if isinstance(kind, str) and kind in WAVEFORMS:
+        module = import_module(f"{__package__}.{kind.replace('-', '_')}")
+        own: type[Drive] = getattr(module, WAVEFORMS[kind])
+        return own
+    added: type[Drive] | None = None
+    if isinstance(kind, str):
+        added = plugins.plugin(plugins.DRIVES, kind, _is_drive, "a subclass of Drive")
+    if added is None:
+        raise InvalidParameter("kind", kind, f"one of {', '.join(drive_kinds())}")
+    return added
+
+
+def _is_drive(found: Any) -> bool:
+    return isinstance(found, type) and issubclass(found, Drive)
 
 
 def drive_in_table(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
@@ -107,7 +122,7 @@ def drive_in_table(table: dict[str, Any], file: Path, allow_code: bool) -> Drive
 def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     values = dict(table)
     if "kind" not in values:
-        allowed = f"one of {', '.join(WAVEFORMS)}"
+        allowed = f"one of {', '.join(drive_kinds())}"
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
     if kind is Sampled and "file" in values:

@@ -6,19 +6,33 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
+from mems_impact import plugins
 from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["table_of", "term_of", "term_type", "term_with"]
+__all__ = ["table_of", "term_names", "term_of", "term_type", "term_with"]
+
+
+def term_names() -> tuple[str, ...]:
+    """Return the names of terms, those of other packages last."""
+    return plugins.names(plugins.TERMS, TERMS)
 
 
 def term_type(name: str) -> type[Term]:
     """Return the term of that name; InvalidParameter if there is none."""
-    if name not in TERMS:
-        raise InvalidParameter("term", name, f"one of {', '.join(TERMS)}")
-    found: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERMS[name])
-    return found
+    if name in TERMS:
+        own: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERMS[name])
+        return own
+
+    def is_term(found: Any) -> bool:
+        return isinstance(found, type) and issubclass(found, Term) and found.name() == name
+
+    what = f"a subclass of Term in a file {name}.py"
+    added: type[Term] | None = plugins.plugin(plugins.TERMS, name, is_term, what)
+    if added is None:
+        raise InvalidParameter("term", name, f"one of {', '.join(term_names())}")
+    return added
 
 
 def term_of(name: str, table: Mapping[str, Any]) -> Term:

@@ -1,0 +1,50 @@
+"""`mems-impact new`: a commented file to start from."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from pathlib import Path
+
+import click
+
+from mems_impact.cli.failures import PROGRAM
+from mems_impact.cli.showing import show, tell_files
+
+TEMPLATES = {
+    "device": ("device.toml", "simulate {} --drive {}"),
+    "system": ("system.py", "simulate {}:oscillator"),
+}
+"""What may be written: the file that is, and its name; and a first command for it."""
+
+
+@click.command(short_help="Write a commented file to start from.")
+@click.argument("kind", type=click.Choice(list(TEMPLATES)))
+@click.argument("file", type=click.Path(), required=False)
+def command(*, kind: str, file: str | None) -> None:
+    """Write a commented FILE to start from: of a device (TOML), or of a system (Python).
+
+    FILE is device.toml or system.py by default. A file that is there already is left alone. What
+    is written runs as it is.
+
+    \b
+    Examples:
+      mems-impact new device mine.toml
+      mems-impact simulate mine.toml --drive mine.toml
+    """  # noqa: D301 - click looks for the backspace itself
+    template, first = TEMPLATES[kind]
+    path = Path(file or template)
+    ending = Path(template).suffix
+    if path.suffix != ending:
+        raise click.UsageError(f"{path}: the name must end in {ending}")
+    text = (files("mems_impact.cli") / "templates" / template).read_text("utf-8")
+    text = text.replace("FILE", str(path))
+    try:
+        with open(path, "x", encoding="utf-8") as new:
+            new.write(text)
+    except FileExistsError:
+        raise click.ClickException(f"{path}: is there already; give another name") from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise click.ClickException(f"{path}: cannot be written ({reason})") from None
+    tell_files([path])
+    show(f"written: {path}; try it: {PROGRAM} {first.format(path, path)}")

@@ -1,0 +1,68 @@
+"""Files to start from, and completion."""
+
+import subprocess
+import sys
+
+import pytest
+
+import mems_impact as mi
+from mems_impact.cli import _group
+from mems_impact.cli.new import TEMPLATES
+
+
+def test_a_device_runs_as_it_is(cli, tmp_path):
+    done = cli("new", "device", "mine.toml")
+    assert done.out == (
+        "written: mine.toml; try it: mems-impact simulate mine.toml --drive mine.toml\n"
+    )
+    first = done.out.partition("mems-impact ")[2].split()
+    assert cli(*first, "--periods", "2", "--no-figure").status == 0
+    assert mi.load_actuator("mine.toml").units == "SI"
+    text = (tmp_path / "mine.toml").read_text()
+    assert "simulate mine.toml --drive mine.toml" in text
+
+
+def test_a_system_runs_as_it_is(cli):
+    done = cli("new", "system", "mine.py")
+    first = done.out.partition("mems-impact ")[2].split()
+    assert first[1] == "mine.py:oscillator"
+    walked = cli(*first, "--periods", "20", "--engine", "interpreted", "--no-figure")
+    assert walked.status == 0
+    assert "impacts per period" in walked.out
+
+
+@pytest.mark.slow
+def test_a_system_runs_as_a_script(cli, tmp_path):
+    cli("new", "system")
+    subprocess.run([sys.executable, "system.py"], cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("kind", TEMPLATES)
+def test_nothing_is_overwritten(cli, tmp_path, kind):
+    name = TEMPLATES[kind][0]
+    (tmp_path / name).write_text("my own")
+    assert "is there already; give another name" in cli("new", kind).complaint()
+    assert (tmp_path / name).read_text() == "my own"
+    assert "must end in" in cli("new", kind, "mine.txt").complaint()
+    assert "cannot be written" in cli("new", kind, f"nowhere/{name}").complaint()
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion(cli, shell):
+    script = cli("completion", shell).out
+    assert "_MEMS_IMPACT_COMPLETE" in script
+    assert "mems-impact" in script
+
+
+def test_a_shell_completes_commands_options_and_devices():
+    from click.shell_completion import BashComplete
+
+    def offered(*before, begun):
+        bash = BashComplete(_group, {}, "mems-impact", "_MEMS_IMPACT_COMPLETE")
+        found = bash.get_completions(list(before), begun)
+        return [(each.type, each.value) for each in found]
+
+    assert offered(begun="sim") == [("plain", "simulate")]
+    assert offered("simulate", begun="zh") == [("plain", "zhao2004"), ("file", "zh")]
+    assert ("plain", "--periods") in offered("simulate", begun="--per")

@@ -1,0 +1,175 @@
+"""What a user's checker sees: every public name once, as `mypy --strict` infers it.
+
+Nothing here is run; `test_consumer` lets mypy read it.
+"""
+
+import math
+from typing import Any, assert_type
+
+import mems_impact as mi
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+
+
+def errors(caught: BaseException) -> str:
+    known = (
+        mi.EngineUnavailable | mi.FileNotWritten | mi.FunctionError | mi.FunctionsMissing
+        | mi.InvalidFile | mi.OrbitError | mi.RunError | mi.WorkersLost
+    )  # fmt: skip
+    interrupted = (
+        mi.ChartInterrupted | mi.OptimizationInterrupted | mi.RunInterrupted
+        | mi.StudyInterrupted | mi.SweepInterrupted
+    )  # fmt: skip
+    if isinstance(caught, mi.InvalidParameter):
+        return assert_type(caught.field, str)
+    if isinstance(caught, known | mi.MemsImpactError | interrupted | mi.Interrupted):
+        return str(caught)
+    return "none of the package's"
+
+
+WARNINGS: tuple[type[Warning], ...] = (
+    mi.EngineFallbackWarning, mi.FitWarning, mi.PluginWarning, mi.ScaleWarning,
+    mi.StiffnessWarning, mi.UnitsWarning, mi.ValidityWarning,
+)  # fmt: skip
+
+
+def devices() -> tuple[mi.Actuator, mi.Drive]:
+    terms: tuple[mi.Term, ...] = (
+        mi.Adhesion(force=1e-6),
+        mi.CompliantStopper(stiffness=1e3),
+        mi.CubicStiffness(k3=1e9),
+        mi.DielectricCharging(share=0.1, time=1.0),
+        mi.FrameLoad(force=1e-6),
+        mi.FrameSpring(k1=1.0),
+        mi.Fringing(width=1e-4),
+        mi.PowerLawRestitution(speed=1.0),
+        mi.RegularizedFriction(width=1e-6),
+        mi.SeriesResistance(resistance=1e6),
+        mi.SqueezeFilm(
+            length=1e-4, width=1e-4, viscosity=1.8e-5, pressure=1e5, free_path_pressure=7e-3
+        ),
+        mi.StribeckFriction(speed=1e-3),
+        mi.TabulatedRestitution(speeds=(0.0, 1.0), values=(0.8, 0.7)),
+        mi.Tilt(angle=0.05),
+    )
+    actuator = mi.load_actuator("mita2003").adding(*terms[-2:])
+    assert_type(actuator.k, float)
+    sine = mi.Sine(amplitude=100.0, omega=6.0)
+    drives: list[mi.Drive] = [
+        mi.Square(amplitude=1.0, omega=6.0),
+        mi.Pulse(amplitude=1.0, width=0.1, period=1.0),
+        mi.Trapezoid(amplitude=1.0, omega=6.0),
+        mi.Sampled(times=(0.0, 0.5), voltages=(0.0, 1.0), period=1.0),
+        mi.Burst(wave=sine, on=3.0, off=2.0),
+        mi.TwoSided(right=sine, left=sine),
+        mi.Custom(function=math.cos, rate=math.sin, period=1.0),
+        mi.load_drive("wave.toml"),
+    ]
+    assert_type(mi.pull_in_voltage(actuator), float)
+    assert_type(mi.resting_voltage(actuator), float)
+    mi.step_length(actuator, 0.1)
+    return actuator, drives[0]
+
+
+def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
+    run = mi.simulate(actuator, drive, periods=300, initial=mi.State(x2=0.0, v2=1.0))
+    assert_type(run, ActuatorRun)
+    assert_type(mi.simulate(actuator.under(drive), 3, initial=mi.kicked(actuator)), ActuatorRun)
+    assert_type(mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun)
+    assert_type(run.verify(), mi.Verification)
+    assert_type(mi.blows(run), mi.Blows)
+    assert_type(mi.duty_cycle(run), mi.Duty)
+    assert_type(mi.energy(run), mi.Energy)
+    assert_type(mi.life(run, wear=1e-16, area=1e-9, depth=1e-7), mi.Life)
+    assert_type(mi.lyapunov(run), mi.LyapunovSpectrum)
+    mi.classify(0.1, 0.01)
+    mi.step_lengths(run)
+    mi.plot_run(run)
+    mi.plot_energy(mi.energy(run))
+    mi.plot_drive(drive)
+    mi.to_xarray(run.samples())
+    again: Any = mi.load("run.zip")
+    assert isinstance(again, mi.Run)
+
+
+def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
+    target = mi.Target(quantity="pull-in voltage", value=30.0)
+    assert_type(mi.fit(actuator, [target], ["k"]), mi.Fit)
+    assert_type(mi.load_curve(actuator, drive, [0.0]), mi.LoadCurve)
+    assert_type(mi.ring_down(actuator, drive), mi.RingDown)
+    assert_type(mi.operating_chart(actuator), mi.Chart)
+    assert_type(mi.period_one_window(actuator, drive, low=1.0, high=2.0), mi.Window)
+    mi.resolution(mi.speed_over_voltage(actuator, drive, [1.0]))
+    mi.plot_response(mi.frequency_response(actuator, drive, [1.0]))
+    mi.impact_onset(mi.frequency_response(actuator, drive, [1.0]))
+    mi.plot_load(mi.load_curve(actuator, drive, [0.0]))
+    mi.plot_chart(mi.operating_chart(actuator))
+
+
+def flow(mode: int, t: float, y: Any, p: Any) -> tuple[float, float]:
+    return y.v, -y.x
+
+
+def systems() -> mi.System:
+    parts: list[mi.Part] = [
+        mi.Friction("ground", "v", mu=mi.Stribeck(0.4, 0.3, 1.0)),
+        mi.Stopper("wall", "x", "v", upper=1.0, restitution=0.8),
+        mi.Relay("switch", "x", lower=-1.0, upper=1.0),
+        mi.Surface("sliding", "x"),
+    ]
+    guards = [
+        mi.Impact("floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (mode, (0.0, -y.v))),
+        mi.Guard("apex", lambda mode, t, y, p: y.v),
+    ]
+    height = mi.Observable("height", lambda mode, t, y, p: y.x)
+    system = mi.System(states=("x", "v"), flow=flow, parts=parts, observables=[height])
+    free, _held = mi.modes("free", "held")
+    assert free is not None
+    assert guards
+    assert_type(mi.load_system("own.py:oscillator"), mi.System)
+    return system
+
+
+def orbits(system: mi.System, actuator: mi.Actuator, drive: mi.Drive) -> None:
+    assert_type(mi.simulate(system, duration=3.0), mi.Run)
+    orbit = assert_type(mi.find_orbit(system), mi.Orbit)
+    assert_type(mi.find_orbit(actuator, drive), ActuatorOrbit)
+    branch = assert_type(mi.continue_orbit(orbit, "A", 1.0, steps=mi.Steps()), mi.Branch)
+    special = assert_type(branch.special_points[0], mi.SpecialPoint)
+    assert_type(mi.grazing_type(special), mi.GrazingType)
+    assert_type(mi.switch_branch(special), mi.Branch)
+    curve = assert_type(mi.continue_curve(special, "omega", 1.0), mi.Curve)
+    equilibrium = assert_type(mi.find_equilibria(system)[0], mi.Equilibrium)
+    places = assert_type(mi.continue_equilibrium(equilibrium, "A", 1.0), mi.EquilibriumBranch)
+    assert_type(places.special_points[0], mi.EquilibriumPoint)
+    mi.plot_orbit(orbit)
+    mi.plot_branch(branch)
+    mi.plot_curve(curve)
+
+
+def studies(system: mi.System, orbit: mi.Orbit) -> None:
+    table = mi.sweep(system, "A", [0.1, 0.2])
+    mi.sweep_summary(table)
+    mi.plot_sweep(table)
+    axes = {"x": ("A", [0.1]), "y": ("omega", [1.0])}
+    found = mi.operating_map(system, x=axes["x"], y=axes["y"], settle=mi.Settling())
+    assert_type(found, mi.OperatingMap)
+    mi.map_summary(found.table)
+    mi.plot_map(found)
+    basins = assert_type(mi.basins(system, x=("x", [0.0])), mi.Basins)
+    assert_type(mi.follow_attractors(basins, "A", [0.1]), mi.AttractorBranches)
+    mi.plot_basins(basins)
+    scattered = assert_type(mi.scatter(system, over={}), mi.Scatter)
+    mi.plot_scatter(scattered)
+    size = mi.Quantity("size", lambda orbit: 1.0)
+    derivatives = assert_type(mi.sensitivity(orbit, quantities=[size]), mi.Sensitivity)
+    mi.plot_sensitivity(derivatives, "size")
+    best = mi.optimize(orbit, over={"A": (0.1, 0.2)}, maximize="size")
+    assert_type(best, mi.Optimum)
+    front = mi.pareto_front(
+        orbit, {"size": "maximize", "period": "minimize"}, over={"A": (0.1, 0.2)}
+    )
+    assert_type(front, mi.ParetoFront)
+    mi.plot_pareto(front)
+    mi.margins(orbit, ["A"])
+    assert_type(mi.read_study("store"), mi.StoredStudy)
+    mi.load_study("study.toml").run()

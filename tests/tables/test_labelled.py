@@ -1,0 +1,55 @@
+"""Tables as labelled arrays."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+
+pytest.importorskip("xarray")
+DEVICE = mi.load_actuator("mita2003")
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return mi.simulate(DEVICE, mi.Sine(amplitude=20.0, omega=900.0), 3).samples(per_period=50)
+
+
+def test_samples_over_time_with_units(samples):
+    dataset = mi.to_xarray(samples)
+    assert dataset["x2"].dims == ("t",)
+    np.testing.assert_array_equal(dataset["x2"], samples["x2"])
+    np.testing.assert_array_equal(dataset["t"], samples["t"])
+    told = {str(name): dataset[name].attrs["units"] for name in samples.attrs["units"]}
+    assert told == samples.attrs["units"]
+    assert (told["x2"], told["t"]) == ("m", "s")
+    assert dataset.attrs["system"] == samples.attrs["system"]
+
+
+def test_a_grid_has_its_axes():
+    rows = [(a, w, a * w) for w in (1.0, 2.0) for a in (0.1, 0.2, 0.3)]
+    table = pd.DataFrame(rows, columns=["amplitude", "omega", "speed"])
+    table.attrs = {"units": {"amplitude": "V"}}
+    dataset = mi.to_xarray(table, ("omega", "amplitude"))
+    assert dataset["speed"].shape == (2, 3)
+    assert float(dataset["speed"].sel(omega=2.0, amplitude=0.3)) == 0.6
+    assert dataset["amplitude"].attrs == {"units": "V"}
+    with pytest.raises(mi.InvalidParameter, match="no two rows are the same"):
+        mi.to_xarray(pd.concat([table, table]), ("omega", "amplitude"))
+
+
+def test_rows_are_numbered_where_nothing_tells_them_apart():
+    assert mi.to_xarray(pd.DataFrame({"a": [3, 4]}))["a"].dims == ("row",)
+
+
+def test_an_unknown_column(samples):
+    with pytest.raises(mi.InvalidParameter, match="index = 'time of day'"):
+        mi.to_xarray(samples, "time of day")
+    with pytest.raises(mi.InvalidParameter, match="a DataFrame"):
+        mi.to_xarray(samples["x2"])
+
+
+def test_without_xarray(samples, monkeypatch):
+    monkeypatch.setattr("mems_impact.tables.labelled.find_spec", lambda _: None)
+    with pytest.raises(mi.InvalidParameter, match=r"pip install 'mems-impact\[xarray\]'"):
+        mi.to_xarray(samples)
