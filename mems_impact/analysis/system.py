@@ -98,6 +98,10 @@ class System(Numerics):
     FunctionError
         If a function does not do what it must, as far as a short run meets it.
 
+    See Also
+    --------
+    Guard, Impact, modes, Friction, Stopper, simulate
+
     Examples
     --------
     >>> import mems_impact as mi

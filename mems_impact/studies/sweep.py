@@ -104,9 +104,23 @@ def sweep(
     SweepInterrupted
         On Ctrl-C; its ``table`` holds the values done.
 
+    See Also
+    --------
+    sweep_summary, plot_sweep, operating_map, continue_orbit
+
     Notes
     -----
     Where the forcing period changes, the phase of the drive is carried over as a fraction of it.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> summary = mi.sweep_summary(table)
+    >>> summary["impacting"].tolist()  # from rest: off, then on
+    [False, True]
     """
     if direction not in CHAINS:
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")
