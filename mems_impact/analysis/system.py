@@ -116,7 +116,7 @@ class System(Numerics):
     ...     guards=[mi.Impact("floor", height, bounce)], initial={"x": 1.0},
     ... )
     >>> len(mi.simulate(ball, duration=2.0).impacts)
-    4
+    3
     """
 
     # The classes of its runs and orbits, where a kind of system adds tables of its own.

@@ -62,8 +62,9 @@ def sweep(
     transient, periods : int, optional
         Forcing periods that each value is given to settle, and that are then measured; 300 and 60
         by default.
-    transient, duration : float
-        The same as times, where nothing forces the system. They have to be given.
+    duration : float, optional
+        The time to measure, where nothing forces the system; `transient` is a time there, too, and
+        both have to be given.
     section : {1, -1, 0}, optional
         Which crossings of the Poincaré section are kept: upwards, downwards or both. A system
         without a section is looked at where its forcing periods begin; where nothing forces it, at
