@@ -1,21 +1,73 @@
-"""How Sphinx builds these pages and the gallery: ``python -m sphinx docs docs/_build/html``."""
+"""How Sphinx builds these pages, the reference and the gallery.
+
+``python -m sphinx docs docs/_build/html``
+"""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for scraping
+sys.path.insert(0, str(Path(__file__).parent))  # for executing and scraping
+
+import mems_impact as mi
 
 project = "mems_impact"
 author = "mems_impact developers"
 
-extensions = ["myst_parser", "sphinx.ext.mathjax", "sphinx_gallery.gen_gallery"]
-exclude_patterns = ["_build", "examples", "sg_execution_times.rst"]
-html_theme = "alabaster"
+extensions = [
+    "executing",
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
+    "sphinx_gallery.gen_gallery",
+]
+exclude_patterns = [
+    "_build",
+    "examples",
+    "tutorials",
+    "ideas",
+    "templates",
+    "sg_execution_times.rst",
+]
+nitpicky = True  # a reference that leads nowhere is a warning, and a warning an error
+numfig = True
+math_numfig = True
+math_eqref_format = "({number})"
+
+html_theme = "pydata_sphinx_theme"
+html_title = "mems_impact"
+html_show_sourcelink = False
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+}
+
 myst_heading_anchors = 3  # links lead to headings, as on a forge
+myst_enable_extensions = ["dollarmath", "amsmath"]
+
+templates_path = ["templates"]
+autosummary_generate = True
+# `Basins` and `basins` would be one file where case does not count.
+autosummary_filename_map = {
+    f"mems_impact.{name}": f"mems_impact.{name}-class"
+    for name in mi.__all__
+    if name[0].isupper() and name.lower() in mi.__all__
+}
+autodoc_typehints = "none"  # the docstrings give the types
+autodoc_member_order = "groupwise"
+numpydoc_show_class_members = False  # autodoc shows them, with their docstrings
+numpydoc_attributes_as_param_list = True
+
+# Other addresses than those of a forge's pages are not asked; each in turn, with time to answer.
+linkcheck_timeout = 30
+linkcheck_retries = 2
+linkcheck_workers = 2
 
 sphinx_gallery_conf = {
-    "examples_dirs": "examples",
-    "gallery_dirs": "gallery",
+    "examples_dirs": ["tutorials", "ideas", "examples"],
+    "gallery_dirs": ["learn", "concepts", "gallery"],
     "filename_pattern": r"\.py$",  # all of them are run
     "within_subsection_order": "FileNameSortKey",
     "image_scrapers": ("scraping.pictures",),
@@ -23,4 +75,6 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
+    "backreferences_dir": "reference/examples",
+    "doc_module": ("mems_impact",),
 }

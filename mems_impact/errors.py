@@ -46,7 +46,21 @@ class Picklable(BaseException):
 
 
 class MemsImpactError(Picklable, Exception):
-    """Base of every exception that the package raises on purpose."""
+    """Base of every exception that the package raises on purpose.
+
+    See Also
+    --------
+    InvalidParameter, RunError, OrbitError, Interrupted
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> try:
+    ...     mi.load_actuator("zhao2004").replace(delta=2)
+    ... except mi.MemsImpactError as error:
+    ...     print(error)
+    delta = 2: must be between 0 and d = 1 (exclusive)
+    """
 
 
 class InvalidParameter(MemsImpactError, ValueError):
@@ -70,6 +84,19 @@ class InvalidParameter(MemsImpactError, ValueError):
     ----------
     field, value, allowed, source, problem
         As given; `source` is a str or None.
+
+    See Also
+    --------
+    MemsImpactError, InvalidFile
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> try:
+    ...     mi.load_actuator("zhao2004").replace(e=-1)
+    ... except mi.InvalidParameter as error:
+    ...     error.field, error.value
+    ('e', -1)
     """
 
     def __init__(
@@ -117,6 +144,21 @@ class InvalidFile(MemsImpactError, ValueError):
     ----------
     path, reason, remedy : str
         As given.
+
+    See Also
+    --------
+    InvalidParameter, load_actuator, load
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import mems_impact as mi
+    >>> _ = Path("mine.toml").write_text("m1 = ")
+    >>> try:
+    ...     mi.load_actuator("mine.toml")
+    ... except mi.InvalidFile as error:
+    ...     str(error)[:25]
+    'mine.toml: not valid TOML'
     """
 
     def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
@@ -145,6 +187,21 @@ class FunctionError(MemsImpactError, TypeError):
     ----------
     trajectory : object
         The run after which it was found out, None where there was none.
+
+    See Also
+    --------
+    System, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def flow(mode, t, y, p):
+    ...     return (y.v,)
+    >>> try:
+    ...     mi.System(states=("x", "v"), flow=flow)
+    ... except mi.FunctionError as error:
+    ...     error.role, error.problem
+    ("flow 'flow'", 'returns 1 numbers for 2 states in mode free')
     """
 
     def __init__(self, role: str, problem: str, remedy: str, file: str = "", line: int = 0) -> None:
@@ -173,6 +230,17 @@ class FunctionsMissing(MemsImpactError, RuntimeError):
     ----------
     reason : str
         As given.
+
+    See Also
+    --------
+    load, System
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> error = mi.FunctionsMissing("ball.zip holds no functions")
+    >>> str(error).partition("; ")[2]
+    'give the system: mems_impact.load(path, system=…)'
     """
 
     def __init__(self, reason: str) -> None:
@@ -191,6 +259,21 @@ class FileNotWritten(MemsImpactError):
         What happened.
     remedy : str
         What to do about it.
+
+    See Also
+    --------
+    Run, load
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, 10)
+    >>> try:
+    ...     run.save("run.zip")
+    ... except mi.FileNotWritten as error:
+    ...     print(error.remedy)
     """
 
     def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
@@ -224,6 +307,21 @@ class RunError(MemsImpactError, RuntimeError):
     ----------
     reason, remedy, cycle, phase_time, mode, state, trajectory
         As given; `state` is a dict.
+
+    See Also
+    --------
+    simulate, Options, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     mi.simulate(actuator, drive, options=mi.Options(max_steps=10))
+    ... except mi.RunError as error:
+    ...     error.cycle, len(error.trajectory.events), error.remedy
+    (0, 0, "raise max_steps, loosen rtol, or use method 'auto' if the system is stiff")
     """
 
     def __init__(
@@ -260,6 +358,20 @@ class EngineUnavailable(MemsImpactError, ImportError):
         What is missing or does not fit.
     remedy : str
         What to do about it.
+
+    See Also
+    --------
+    Options, EngineFallbackWarning
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     run = mi.simulate(actuator, drive, 10, options=mi.Options(engine="compiled"))
+    ... except mi.EngineUnavailable as error:
+    ...     print(error.remedy)
     """
 
     def __init__(self, reason: str, remedy: str) -> None:
@@ -279,6 +391,22 @@ class WorkersLost(MemsImpactError, RuntimeError):
         The table of the chunks that were done.
     done, total : int
         Number of points that were done, and of all.
+
+    See Also
+    --------
+    StudyInterrupted, operating_map
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
+    ... except mi.WorkersLost as error:
+    ...     table = error.table  # the chunks that were done
+    >>> len(table) > 0
+    True
     """
 
     def __init__(self, reason: str, table: object, done: int, total: int) -> None:
@@ -293,11 +421,41 @@ class WorkersLost(MemsImpactError, RuntimeError):
 
 
 class EngineFallbackWarning(UserWarning):
-    """The engine that was asked for is unavailable, and a slower one does its work."""
+    """The engine that was asked for is unavailable, and a slower one does its work.
+
+    See Also
+    --------
+    EngineUnavailable, Options
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", mi.EngineFallbackWarning)  # rather fail than be slow
+    ...     run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 10)
+    """
 
 
 class FitWarning(UserWarning):
-    """A fit does not reach what was measured, or the data do not determine what was fitted."""
+    """A fit does not reach what was measured, or the data do not determine what was fitted.
+
+    See Also
+    --------
+    fit, Fit
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     found = mi.fit(mita, [pull_in], free=["k", "alpha"])  # one number, two parameters
+    >>> found.verdict, [warning.category.__name__ for warning in caught]
+    ('undetermined', ['FitWarning'])
+    """
 
 
 class PluginWarning(UserWarning):
@@ -305,19 +463,90 @@ class PluginWarning(UserWarning):
 
 
 class UnitsWarning(UserWarning):
-    """The numbers of a device file look like SI, but it does not say so."""
+    """The numbers of a device file look like SI, but it does not say so.
+
+    See Also
+    --------
+    load_actuator, Actuator
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> from pathlib import Path
+    >>> mita = mi.load_actuator("mita2003")
+    >>> names = ("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g")
+    >>> values = {name: getattr(mita, name) for name in names}
+    >>> lines = ["[parameters]", *(f"{name} = {value}" for name, value in values.items())]
+    >>> _ = Path("mine.toml").write_text(chr(10).join(lines))
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     device = mi.load_actuator("mine.toml")
+    >>> [warning.category.__name__ for warning in caught]
+    ['UnitsWarning']
+    """
 
 
 class ScaleWarning(UserWarning):
-    """Numbers lie far from order one, and nothing was said of what is typical."""
+    """Numbers lie far from order one, and nothing was said of what is typical.
+
+    See Also
+    --------
+    System
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def spring(mode, t, y, p):
+    ...     return y.v, -1e12 * y.x
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     small = mi.System(states=("x", "v"), flow=spring, initial={"x": 1e-6})
+    ...     run = mi.simulate(small, duration=1e-5)
+    >>> [warning.category.__name__ for warning in caught]
+    ['ScaleWarning']
+    """
 
 
 class ValidityWarning(UserWarning):
-    """A run went where a term of the model does not hold."""
+    """A run went where a term of the model does not hold.
+
+    See Also
+    --------
+    Term, SqueezeFilm, Run
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> film = mi.SqueezeFilm(length=1, width=0.5, pressure=2, viscosity=1, free_path_pressure=0.1)
+    >>> actuator = mi.load_actuator("zhao2004").adding(film)
+    >>> drive = mi.Sine(amplitude=0.6, omega=0.5)
+    >>> options = mi.Options(engine="interpreted")  # nothing to compile for so short a run
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     run = mi.simulate(actuator, drive, 0.2, initial=mi.State(v2=1.0), options=options)
+    >>> [warning.category.__name__ for warning in caught]
+    ['ValidityWarning']
+    """
 
 
 class StiffnessWarning(UserWarning):
-    """The steps of an explicit method are limited by stability; an implicit one may be faster."""
+    """The steps of an explicit method are limited by stability; an implicit one may be faster.
+
+    See Also
+    --------
+    Options, EngineFallbackWarning
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", mi.StiffnessWarning)
+    ...     run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 10)
+    """
 
 
 def _restore(
@@ -340,6 +569,20 @@ class OrbitError(MemsImpactError, RuntimeError):
         What to do about it.
     partial : object, optional
         What had been computed.
+
+    See Also
+    --------
+    find_orbit, Orbit, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> try:
+    ...     mi.find_orbit(actuator, mi.Sine(amplitude=0.2357, omega=0.45))
+    ... except mi.OrbitError as error:
+    ...     error.remedy.partition(", ")[0]
+    'let transients die out (transient=300)'
     """
 
     def __init__(self, reason: str, remedy: str, partial: object = None) -> None:

@@ -21,6 +21,22 @@ class Interrupted(Picklable, KeyboardInterrupt):
     ----------
     after : str
         How far it had come, worded to follow "after".
+
+    See Also
+    --------
+    RunInterrupted, StudyInterrupted, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     run = mi.simulate(actuator, drive, periods=300)
+    ... except mi.Interrupted as stopped:
+    ...     print(f"stopped after {stopped.after}")
+    >>> issubclass(mi.Interrupted, KeyboardInterrupt)
+    True
     """
 
     after: str
@@ -35,6 +51,22 @@ class RunInterrupted(Interrupted):
         What was computed up to the interruption.
     periods : float
         Periods that were done.
+
+    See Also
+    --------
+    Interrupted, simulate, RunError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     trajectory = mi.simulate(actuator, drive, periods=300).trajectory
+    ... except mi.RunInterrupted as stopped:
+    ...     trajectory = stopped.trajectory
+    >>> len(trajectory.events) > 0
+    True
     """
 
     def __init__(self, trajectory: object, periods: float) -> None:
@@ -53,6 +85,22 @@ class SweepInterrupted(Interrupted):
         The table of the values that were done.
     done, total : int
         Number of values that were done, and of all.
+
+    See Also
+    --------
+    Interrupted, sweep, StudyInterrupted
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
+    ... except mi.SweepInterrupted as stopped:
+    ...     table = stopped.table
+    >>> len(table) > 0
+    True
     """
 
     def __init__(self, table: object, done: int, total: int) -> None:
@@ -72,6 +120,23 @@ class StudyInterrupted(Interrupted):
         The table of the chunks that were done.
     done, total : int
         Number of points that were done, and of all.
+
+    See Also
+    --------
+    Interrupted, operating_map, read_study
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     found = mi.operating_map(actuator, drive, x=("amplitude", [0.2]), y=("omega", [0.5]))
+    ...     table = found.table
+    ... except mi.StudyInterrupted as stopped:
+    ...     table = stopped.table
+    >>> len(table)
+    1
     """
 
     def __init__(self, table: object, done: int, total: int) -> None:
@@ -92,6 +157,22 @@ class ChartInterrupted(Interrupted):
     done, total : int
         Number of boundaries that were done, and of all; the latter is 0 as long as the types of
         the range, and so their number, were not known.
+
+    See Also
+    --------
+    Interrupted, operating_chart, Chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    ... except mi.ChartInterrupted as stopped:
+    ...     chart = stopped.chart
+    >>> len(chart.table) > 0
+    True
     """
 
     def __init__(self, chart: object, done: int, total: int) -> None:
@@ -111,6 +192,23 @@ class OptimizationInterrupted(Interrupted):
         The best point so far, and all before it.
     points : int
         Number of points that it took.
+
+    See Also
+    --------
+    Interrupted, optimize, Optimum
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> try:
+    ...     best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
+    ... except mi.OptimizationInterrupted as stopped:
+    ...     best = stopped.optimum
+    >>> best.quantity
+    'mean speed'
     """
 
     def __init__(self, optimum: object, points: int) -> None:

@@ -80,6 +80,21 @@ class Actuator(Checked):
     InvalidParameter
         If a value is out of range or not a number, or a parameter is missing or unknown; if two
         terms are of one kind, or would each take the place of the same rule.
+
+    See Also
+    --------
+    load_actuator, Term, Drive, System
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> softer = actuator.replace(e=0.7)
+    >>> softer.e, actuator.e
+    (0.7, 0.8)
+    >>> system = actuator.under(mi.Sine(amplitude=0.24, omega=0.5))
+    >>> system.states
+    ('x1', 'v1', 'x2', 'v2')
     """
 
     m1: Positive
@@ -328,6 +343,18 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     -----
     UnitsWarning
         If the file says nothing of units, and its masses look like kilograms.
+
+    See Also
+    --------
+    Actuator, load_drive, load_study
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mi.load_actuator("zhao2004").mu_d
+    0.27
+    >>> mi.load_actuator("mita2003").units
+    'SI'
     """
     if not isinstance(name_or_path, str | PathLike) or isinstance(fspath(name_or_path), bytes):
         allowed = "the name of a preset or the path of a TOML file"

@@ -92,11 +92,27 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
     InvalidParameter
         If it holds a wrong, missing or unknown entry; says where.
 
+    See Also
+    --------
+    read_study, operating_map
+
     Examples
     --------
+    >>> from pathlib import Path
     >>> import mems_impact as mi
-    >>> found = mi.load_study("map.toml").run(progress=True)
-    >>> own = mi.load_study("own.toml", allow_code=True)  # it says system = "own.py:oscillator"
+    >>> _ = Path("map.toml").write_text('''
+    ... device = "zhao2004"
+    ... [drive]
+    ... kind = "sine"
+    ... [study]
+    ... kind = "map"
+    ... x = ["amplitude", 0.22, 0.24, 2]
+    ... y = ["omega", [0.5]]
+    ... initial = "kicked"
+    ... ''')
+    >>> found = mi.load_study("map.toml").run()
+    >>> found.table["motion"].tolist()
+    ['periodic', 'periodic']
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a TOML file")

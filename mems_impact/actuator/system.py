@@ -363,6 +363,27 @@ def kicked(actuator: Actuator) -> State:
     """Return the state in which the block passes the middle fast enough to strike a stopper.
 
     Its kinetic energy is four times what the spring takes up on the way.
+
+    Parameters
+    ----------
+    actuator : Actuator
+
+    Returns
+    -------
+    State
+
+    See Also
+    --------
+    State, simulate, sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300, initial=mi.kicked(actuator))
+    >>> float(run.statistics["impacts per period"])
+    1.0
     """
     return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
 

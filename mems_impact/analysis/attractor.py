@@ -64,6 +64,22 @@ class Settling:
     ------
     InvalidParameter
         If a number is out of range.
+
+    See Also
+    --------
+    operating_map, basins, classify
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> found = mi.operating_map(
+    ...     actuator, drive, x=("amplitude", [0.2, 0.24]), y=("omega", [0.5]),
+    ...     settle=mi.Settling(transient=100, periods=50, exponents="none"),
+    ... )
+    >>> found.table["period"].tolist()
+    [1, 1]
     """
 
     transient: float = 300

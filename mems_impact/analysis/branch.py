@@ -108,6 +108,22 @@ class Branch(OneParameter, Followed):
         In the order in which the branch passes them.
     ended : str
         Why the branch ends.
+
+    See Also
+    --------
+    continue_orbit, plot_branch, SpecialPoint
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> branch.special_table["label"].tolist()
+    ['CF', 'G']
+    >>> bool(branch.table["stable"].all())
+    False
     """
 
     system: System = field(repr=False)
@@ -197,6 +213,22 @@ def continue_orbit(
     ------
     InvalidParameter
         If an argument is out of range, or `stop` is no value for the parameter.
+
+    See Also
+    --------
+    Branch, switch_branch, continue_curve, sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> [(special.label, round(special.value, 7)) for special in branch.special_points]
+    [('CF', 0.1765154), ('G', 0.2271776)]
+    >>> branch.ended
+    'amplitude reached its bound'
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
@@ -248,6 +280,22 @@ def switch_branch(
         If `special` is neither.
     OrbitError
         If no such orbit is found.
+
+    See Also
+    --------
+    continue_orbit, SpecialPoint
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.29, omega=0.45)
+    >>> orbit = mi.find_orbit(actuator, drive, guess=mi.kicked(actuator), transient=300)
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.25)
+    >>> (doubling,) = [special for special in branch.special_points if special.label == "PD"]
+    >>> twice = mi.switch_branch(doubling, bounds=(0.26, 0.29))
+    >>> twice.orbits[1].periods / orbit.periods
+    2.0
     """
     check_kind(special, "special", SpecialPoint | EquilibriumPoint, "a special point of a branch")
     if special.label not in ("PD", "H"):

@@ -39,6 +39,21 @@ class Curve(Followed):
     special_points : tuple of CodimensionTwo
     ended : str
         Why the curve ends.
+
+    See Also
+    --------
+    continue_curve, plot_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.51)
+    >>> list(curve.table.columns[:2]), curve.ended
+    (['omega', 'amplitude'], 'omega reached its bound')
     """
 
     system: System = field(repr=False)
@@ -137,6 +152,22 @@ def continue_curve(
     ------
     InvalidParameter
         If an argument is out of range.
+
+    See Also
+    --------
+    Curve, continue_orbit, plot_curve, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> fold = branch.special_points[0]
+    >>> curve = mi.continue_curve(fold, "omega", stop=0.51)
+    >>> curve.kind, curve.parameters
+    ('fold', ('amplitude', 'omega'))
     """
     check_kind(special, "special", SpecialPoint, "a special point of a branch")
     system, first = special.orbit.system, special.parameter

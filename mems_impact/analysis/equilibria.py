@@ -44,6 +44,21 @@ class EquilibriumBranch(OneParameter):
         In the order in which the branch passes them.
     ended : str
         Why the branch ends.
+
+    See Also
+    --------
+    continue_equilibrium, plot_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
+    >>> [(point.label, round(point.value, 6) + 0.0) for point in branch.special_points]
+    [('BP', 0.0)]
     """
 
     system: System = field(repr=False)
@@ -135,6 +150,21 @@ def continue_equilibrium(
     ------
     InvalidParameter
         If an argument is out of range, or the equilibrium is one of a continuum.
+
+    See Also
+    --------
+    find_equilibria, EquilibriumBranch, switch_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=0.2)
+    >>> branch.ended
+    'a reached its bound'
     """
     check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
     system = equilibrium.system

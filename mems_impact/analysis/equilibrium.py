@@ -34,6 +34,22 @@ class Equilibrium(Value):
         At the parameters of the equilibrium.
     found : StationaryState
         The equilibrium as arrays.
+
+    See Also
+    --------
+    find_equilibria, continue_equilibrium
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> round(found.state.x, 9), found.stable
+    (1.0, True)
+    >>> [f"{value:.4f}" for value in found.eigenvalues]
+    ['-0.0500+1.4133j', '-0.0500-1.4133j']
     """
 
     system: System = field(repr=False)
@@ -119,6 +135,22 @@ class EquilibriumPoint(Value):
         There.
     bounds : tuple of float
         Of the branch.
+
+    See Also
+    --------
+    EquilibriumBranch, continue_curve, switch_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
+    >>> point = branch.special_points[0]
+    >>> point.kind, point.parameter
+    ('branch point', 'a')
     """
 
     kind: str
@@ -187,16 +219,19 @@ def find_equilibria(
     OrbitError
         If none is found.
 
+    See Also
+    --------
+    Equilibrium, continue_equilibrium
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> pendulum = mi.System(
-    ...     states=("angle", "speed"), parameters={"damping": 0.1},
-    ...     flow=lambda mode, t, y, p: (y.speed, -math.sin(y.angle) - p.damping * y.speed),
-    ... )
-    >>> upright, hanging = mi.find_equilibria(pendulum, bounds={"angle": (-1.0, 4.0)})
-    >>> hanging.stable, upright.stable
-    (True, False)
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> found = mi.find_equilibria(well, bounds={"x": (-2.0, 2.0), "v": (-1.0, 1.0)})
+    >>> sorted((round(point.state.x, 9) + 0.0, point.stable) for point in found)
+    [(-1.0, True), (0.0, False), (1.0, True)]
     """
     if system.forced:
         problem = (

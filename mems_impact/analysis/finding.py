@@ -83,6 +83,21 @@ def find_orbit(
         If the run from the guess fails.
     FunctionError
         If a function does not do what it must in a mode of the orbit that no run has come to.
+
+    See Also
+    --------
+    Orbit, continue_orbit, simulate, lyapunov
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit.stable, len(orbit.impacts)
+    (True, 1)
+    >>> f"{orbit.step:.4e}"
+    '3.6665e-04'
     """
     if periods is not None:
         periods = whole("periods", periods, 1)

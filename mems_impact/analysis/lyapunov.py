@@ -59,6 +59,10 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
         zero, or zero of a motion that repeats, as near a bifurcation. "quasi-periodic": zero to
         within 0.01, of a motion that has not been seen to repeat. "undecided": none of these.
 
+    See Also
+    --------
+    lyapunov, LyapunovSpectrum, Settling
+
     Examples
     --------
     >>> import mems_impact as mi
@@ -97,6 +101,18 @@ class LyapunovSpectrum(Value):
         Whether the state still changes at the end.
     final : State
         Where the run ended; from a spectrum other verbs go on, and `lyapunov` itself.
+
+    See Also
+    --------
+    lyapunov, classify
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> zhao = mi.load_actuator("zhao2004")
+    >>> spectrum = mi.lyapunov(zhao, mi.Sine(amplitude=0.27, omega=0.46))
+    >>> spectrum.kind, f"{spectrum.per_period[0]:.3f}", spectrum.converged
+    ('periodic', '-0.317', True)
     """
 
     system: System = field(repr=False)
@@ -234,6 +250,10 @@ def lyapunov(
         `Run` of the transient.
     RunInterrupted
         On Ctrl-C, with the same.
+
+    See Also
+    --------
+    LyapunovSpectrum, classify, find_orbit
 
     Notes
     -----

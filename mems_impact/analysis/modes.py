@@ -30,6 +30,19 @@ class Mode(int):
 def modes(*names: str) -> tuple[Mode, ...]:
     """Return one mode a name, numbered from 0.
 
+    Parameters
+    ----------
+    *names : str
+
+    Returns
+    -------
+    tuple of Mode
+        Integers that know their names.
+
+    See Also
+    --------
+    System, Guard
+
     Examples
     --------
     >>> import mems_impact as mi

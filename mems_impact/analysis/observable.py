@@ -35,6 +35,10 @@ class Observable:
         smallest or largest; "gain" is the change of a quantity of the state per period.
     unit : str, optional
 
+    See Also
+    --------
+    System, Quantity, sweep
+
     Examples
     --------
     >>> import mems_impact as mi

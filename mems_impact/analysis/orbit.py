@@ -47,6 +47,23 @@ class Orbit(Value):
         At the parameters of the orbit.
     found : PeriodicOrbit
         The orbit as arrays.
+
+    See Also
+    --------
+    find_orbit, continue_orbit, plot_orbit, sensitivity
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> [f"{abs(number):.3f}" for number in orbit.multipliers]
+    ['0.433', '0.433']
+    >>> orbit.segments["mode"].tolist()
+    ['stuck-free', 'forward-free', 'stuck-free']
+    >>> orbit.residual < 1e-9, orbit.admissible
+    (True, True)
     """
 
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not

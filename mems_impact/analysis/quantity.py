@@ -34,6 +34,10 @@ class Quantity:
     costly : bool, optional
         Whether to tell it only where it is asked for by name.
 
+    See Also
+    --------
+    sensitivity, optimize, Observable
+
     Examples
     --------
     >>> import mems_impact as mi

@@ -46,6 +46,24 @@ class Run(Value):
         the units of the numerics.
     ended : str
         What ended the run: "time", or "until".
+
+    See Also
+    --------
+    simulate, plot_run, load, Verification
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> len(run.events), len(run.impacts)
+    (584, 292)
+    >>> samples = run.samples(per_period=100, first=299, last=300)
+    >>> len(samples)
+    101
+    >>> f"{run.final.v2:.4f}"
+    '0.3376'
     """
 
     system: System = field(repr=False)

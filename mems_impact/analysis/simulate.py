@@ -82,11 +82,28 @@ def simulate(
         If a function does not do what it must in a mode that the run was the first to come to; its
         ``trajectory`` is the `Run`.
 
+    See Also
+    --------
+    Run, find_orbit, sweep, System
+
     Notes
     -----
     An actuator starts at rest in the middle by default. A sliding frame is allowed; a block on a
     stopper that moves into it strikes at once. The frame at rest stays so if static friction holds
     it: the initial mode follows from Equation (4) of the paper.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> run.statistics["impacts per period"].item()
+    1.0
+    >>> f"{run.statistics['displacement per period']:.3e}"
+    '3.666e-04'
+    >>> run.impacts["stopper"].iloc[-1]
+    'right'
     """
     problem = system.problem(options)
     if isinstance(until, str):

@@ -31,6 +31,18 @@ class GrazingType(StrEnum):
     CONTINUOUS: a small attractor with impacts bifurcates from it, the paper's type II. JUMP: the
     next attractor is far away, and there is hysteresis, type I. DIED_EARLIER: the orbit was
     unstable before it grazed, the stable one having vanished in a fold, type III.
+
+    See Also
+    --------
+    grazing_type, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> [kind.paper for kind in mi.GrazingType]
+    ['II', 'I', 'III']
+    >>> mi.GrazingType("jump").paper
+    'I'
     """
 
     CONTINUOUS = grazing.CONTINUOUS
@@ -61,6 +73,23 @@ class SpecialPoint(Value):
         There.
     bounds : tuple of float
         Of the branch.
+
+    See Also
+    --------
+    Branch, switch_branch, continue_curve, grazing_type
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> fold = branch.special_points[0]
+    >>> fold.kind, fold.parameter, round(fold.value, 7)
+    ('fold', 'amplitude', 0.1765154)
+    >>> f"{max(fold.multipliers.real):.3f}"
+    '1.000'
     """
 
     kind: str
@@ -168,10 +197,25 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     InvalidParameter
         If `special` is another point, or the orbit has other impacts.
 
+    See Also
+    --------
+    GrazingType, SpecialPoint, operating_chart
+
     Notes
     -----
     Nordmark (1991): the sign of the sequence grad h . M^k kick, k = 1, 2, …, with the monodromy
     matrix M of the orbit without impact.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
+    >>> kind = mi.grazing_type(branch.special_points[1])
+    >>> kind == "jump", kind.paper
+    (True, 'I')
     """
     check_kind(special, "special", SpecialPoint, "a special point of a branch")
     found = special.without_impact

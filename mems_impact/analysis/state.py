@@ -35,6 +35,10 @@ class State:
     InvalidParameter
         If a number is not finite, or `time` is negative.
 
+    See Also
+    --------
+    kicked, simulate, System
+
     Examples
     --------
     >>> from mems_impact import State

@@ -98,6 +98,10 @@ class System(Numerics):
     FunctionError
         If a function does not do what it must, as far as a short run meets it.
 
+    See Also
+    --------
+    Guard, Impact, modes, Friction, Stopper, simulate
+
     Examples
     --------
     >>> import mems_impact as mi
@@ -112,7 +116,7 @@ class System(Numerics):
     ...     guards=[mi.Impact("floor", height, bounce)], initial={"x": 1.0},
     ... )
     >>> len(mi.simulate(ball, duration=2.0).impacts)
-    4
+    3
     """
 
     # The classes of its runs and orbits, where a kind of system adds tables of its own.

@@ -58,6 +58,20 @@ class Verification(Value):
         Forcing periods up to which the runs were compared, and agree.
     verdict : str
         The same in one line.
+
+    See Also
+    --------
+    Run, simulate
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> verification = run.verify()
+    >>> verification.agrees, verification.verdict
+    (True, 'agree to the end, period 300')
     """
 
     table: pd.DataFrame = field(repr=False)

@@ -29,6 +29,20 @@ class Steps:
     initial, smallest, largest : float
     most : int
         Points that a branch may have.
+
+    See Also
+    --------
+    continue_orbit, continue_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.2, steps=mi.Steps(most=3))
+    >>> branch.ended.split(";")[0]
+    'the budget of 3 points is used up'
     """
 
     initial: float = 1e-3

@@ -41,6 +41,20 @@ class Options:
     ------
     InvalidParameter
         Names the field, the value and the allowed range.
+
+    See Also
+    --------
+    simulate, StiffnessWarning
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> fine = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
+    >>> run = mi.simulate(actuator, drive, options=fine)
+    >>> run.options.method
+    'dop853'
     """
 
     method: str = "adams"

@@ -43,10 +43,28 @@ class Guard:
     rest : callable, optional
         Of an impact; as `transition`.
 
+    See Also
+    --------
+    Impact, System, modes
+
     Notes
     -----
     An `Automaton` has one function for all margins and one for all transitions. Where these are not
     made from its guards (see `mems_impact.hybrid.written`), guards have a name and an order alone.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -1.0
+    >>> def apex(mode, t, y, p):
+    ...     return y.v
+    >>> stone = mi.System(
+    ...     states=("x", "v"), flow=fall, guards=[mi.Guard("apex", apex)], initial={"v": 1.0}
+    ... )
+    >>> event = mi.simulate(stone, duration=1.5).events.iloc[0]
+    >>> event["event"], f"{event['t']:.9f}", f"{event['x']:.9f}"
+    ('apex', '1.000000000', '0.500000000')
     """
 
     name: str
@@ -71,11 +89,31 @@ class Impact(Guard):
 
     Parameters
     ----------
-    name, margin, transition, modes, rate, order
+    name, margin, transition, modes, rate, order : optional
         As of a `Guard`; `margin` is the gap, and `transition` the rebound.
     rest : callable, optional
         ``rest(mode, t, y, p)`` returns the mode and the state in which the bodies stay together,
         when a sequence of ever weaker impacts has ended. Without it such a sequence ends the run.
+
+    See Also
+    --------
+    Guard, System, Stopper
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -1.0
+    >>> def height(mode, t, y, p):
+    ...     return y.x
+    >>> def bounce(mode, t, y, p):
+    ...     return mode, (0.0, -0.8 * y.v)
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=fall, initial={"x": 0.5},
+    ...     guards=[mi.Impact("floor", height, bounce)],
+    ... )
+    >>> [round(t, 9) for t in mi.simulate(ball, duration=5.0).impacts["t"]]  # 1, then 1 + 1.6, ...
+    [1.0, 2.6, 3.88, 4.904]
     """
 
     impact: bool = True

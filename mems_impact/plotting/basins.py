@@ -67,8 +67,17 @@ def plot_basins(
     InvalidParameter
         If `basins` is none, or starts do not differ in a component.
 
+    See Also
+    --------
+    basins, Basins, plot_map
+
     Examples
     --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [-0.2, 0.0, 0.2]), y=("v2", v2))
     >>> mi.plot_basins(found).figure.savefig("basins.png")
     """
     if isinstance(basins, StoredStudy) and basins.kind == "basins":

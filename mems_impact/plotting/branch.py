@@ -77,9 +77,18 @@ def plot_branch(
         If `branch` is none, there is no such quantity, or branches and sweep are over different
         parameters.
 
+    See Also
+    --------
+    continue_orbit, Branch, plot_sweep
+
     Examples
     --------
-    >>> plot_branch(branch, sweep=table).figure.savefig("branch.png")
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> mi.plot_branch(branch).figure.savefig("branch.png")
     """
     diagrams = list(branch) if isinstance(branch, Sequence) else [branch]
     for diagram in diagrams:

@@ -66,9 +66,19 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     InvalidParameter
         If `curve` is none, or the curves are over different parameters.
 
+    See Also
+    --------
+    continue_curve, Curve, plot_chart
+
     Examples
     --------
-    >>> plot_curve([grazing, fold]).figure.savefig("curves.png")
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.505)
+    >>> mi.plot_curve(curve).figure.savefig("curve.png")
     """
     curves = list(curve) if isinstance(curve, Sequence) else [curve]
     for each in curves:

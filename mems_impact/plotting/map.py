@@ -86,12 +86,18 @@ def plot_map(
         If `found` is no map, there is no such column of numbers, or a boundary is over other
         parameters.
 
+    See Also
+    --------
+    operating_map, OperatingMap, plot_basins
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> chart = mi.operating_chart(actuator, drive, crises=0)
-    >>> mi.plot_map(found, boundaries=chart).figure.savefig("map.png")
-    >>> mi.plot_map(mi.read_study("out/map"), "mean speed").figure.savefig("speed.png")
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> x, y = ("amplitude", [0.2, 0.24]), ("omega", [0.49, 0.5])
+    >>> found = mi.operating_map(actuator, drive, x=x, y=y)
+    >>> mi.plot_map(found).figure.savefig("map.png")
     """
     table, cells = _given(found)
     x, y = table.columns[:2]

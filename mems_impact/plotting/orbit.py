@@ -44,9 +44,17 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     InvalidParameter
         If `orbit` is none, or has no such state.
 
+    See Also
+    --------
+    find_orbit, Orbit, plot_run
+
     Examples
     --------
-    >>> plot_orbit(orbit, x="x", y="v").figure.savefig("orbit.png")
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit.png")
     """
     if not isinstance(orbit, Orbit):
         allowed = "an Orbit, as mems_impact.find_orbit returns it"

@@ -47,8 +47,20 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     InvalidParameter
         If a table is none of a front.
 
+    See Also
+    --------
+    pareto_front, ParetoFront
+
     Examples
     --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> front = mi.pareto_front(
+    ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
+    ... )
     >>> mi.plot_pareto(front).figure.savefig("pareto.png")
     """
     start = getattr(front, "start", None)

@@ -59,9 +59,18 @@ def plot_run(
     InvalidParameter
         If the run kept no events, does not cover those periods, or has no such state.
 
+    See Also
+    --------
+    simulate, Run, plot_orbit
+
     Examples
     --------
-    >>> plot_run(run, states=["v"]).figure.savefig("run.png")
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> axes = mi.plot_run(run, first=296, states=["v2"])
+    >>> axes.figure.savefig("run.png")
     """
     if not isinstance(run, Run):
         allowed = "a Run, as mems_impact.simulate returns it"

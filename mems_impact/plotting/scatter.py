@@ -63,8 +63,20 @@ def plot_scatter(
     InvalidParameter
         If `scatter` is none, or has no such quantity.
 
+    See Also
+    --------
+    scatter, Scatter, plot_sensitivity
+
     Examples
     --------
+    >>> from scipy import stats
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.scatter(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5), over={"e": stats.norm(0.8, 0.02)},
+    ...     specification={"displacement per period": (1e-4, None)}, samples=16,
+    ...     initial=mi.kicked(actuator),
+    ... )
     >>> mi.plot_scatter(found, quantity="displacement per period").figure.savefig("scatter.png")
     """
     if isinstance(scatter, StoredStudy) and scatter.kind == "scatter":

@@ -59,8 +59,16 @@ def plot_sensitivity(
     InvalidParameter
         If there is no such quantity or parameter, or none changes it.
 
+    See Also
+    --------
+    sensitivity, Sensitivity, plot_scatter
+
     Examples
     --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
     >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
     """
     gradient = found.gradient(quantity)

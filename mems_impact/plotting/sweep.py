@@ -69,10 +69,17 @@ def plot_sweep(
     InvalidParameter
         If `table` is none of a sweep, or there is no such quantity.
 
+    See Also
+    --------
+    sweep, sweep_summary, plot_branch
+
     Examples
     --------
-    >>> plot_sweep(table).figure.savefig("sweep.png")
-    >>> plot_sweep(table, quantity="speed").figure.savefig("speed.png")
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> mi.plot_sweep(table, quantity="speed").figure.savefig("sweep.png")
     """
     table = bare(table.table if isinstance(table, StoredStudy) else table)
     if not set(COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):

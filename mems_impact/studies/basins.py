@@ -109,6 +109,22 @@ class Basins(Value):
         tells of the first of its points.
     returns : DataFrame
         The states at the returns of each attractor, once round or as many as were followed.
+
+    See Also
+    --------
+    basins, follow_attractors, plot_basins
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> found.grid().shape, len(found.table)
+    ((9, 1), 9)
+    >>> found.attractors["share"].sum().item()
+    1.0
     """
 
     system: System = field(repr=False)
@@ -256,6 +272,10 @@ def basins(
     StudyInterrupted
         On Ctrl-C; its ``table`` holds the points done.
 
+    See Also
+    --------
+    Basins, follow_attractors, plot_basins, operating_map
+
     Notes
     -----
     A periodic motion that no more than 1 % of the points come to is an attractor only if motions
@@ -272,14 +292,13 @@ def basins(
     --------
     >>> import numpy as np
     >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.2, omega=0.5)
-    >>> found = mi.basins(
-    ...     actuator, drive, x=("x2", np.linspace(-0.4, 0.4, 60)), y=("v2", np.linspace(-1, 1, 60))
-    ... )
-    >>> found.attractors[["attractor", "share", "low", "high"]]
-    >>> name = found.attractors["attractor"][0]
-    >>> mi.find_orbit(actuator, drive, guess=found.state(name))
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> sorted(found.attractors["attractor"])
+    ['off', 'period 1']
+    >>> mi.find_orbit(found.system, guess=found.state("period 1")).stable
+    True
     """
     starts = _starts(system, x, y, box, (samples, sampling, seed))
     start = system.initial if initial is None else initial

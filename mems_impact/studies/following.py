@@ -205,6 +205,21 @@ class AttractorBranches(Value):
         One row a branch: its name, the first and the last value at which it was seen, its kinds
         of ``motion`` on the way, and what becomes of it ``before`` and ``after``: the branch to
         which the motion jumps, nothing where the values end.
+
+    See Also
+    --------
+    follow_attractors, basins
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> over = mi.follow_attractors(found, "amplitude", np.linspace(0.16, 0.24, 5))
+    >>> over.parameter, sorted(over.branches["attractor"])
+    ('amplitude', ['off', 'period 1'])
     """
 
     system: System = field(repr=False)
@@ -277,15 +292,21 @@ def follow_attractors(
     StudyInterrupted
         On Ctrl-C; its ``table`` holds the points done.
 
+    See Also
+    --------
+    AttractorBranches, basins, continue_orbit
+
     Examples
     --------
     >>> import numpy as np
     >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.2, omega=0.5)
-    >>> found = mi.basins(actuator, drive, y=("v2", np.linspace(-1, 1, 40)))
-    >>> over = mi.follow_attractors(found, "amplitude", np.linspace(0.15, 0.25, 41))
-    >>> over.branches
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> over = mi.follow_attractors(found, "amplitude", np.linspace(0.16, 0.24, 5))
+    >>> rows = over.branches.set_index("attractor")
+    >>> rows.loc["off", "after"], rows.loc["period 1", "before"]
+    ('period 1', 'off')
     """
     if not isinstance(basins, Basins):
         allowed = "Basins, as mems_impact.basins returns them"

@@ -50,9 +50,19 @@ def margins(orbit: Orbit, parameters: Sequence[str], reach: float = 0.5) -> pd.D
     InvalidParameter
         If there is no such parameter, or it is 0, or `reach` is out of range.
 
+    See Also
+    --------
+    sensitivity, continue_orbit, period_one_window
+
     Examples
     --------
-    >>> mi.margins(orbit, ["amplitude", "omega"])
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> table = mi.margins(orbit, ["amplitude"])
+    >>> table.columns.tolist()
+    ['parameter', 'value', 'direction', 'at', 'margin', 'relative', 'what']
     """
     import pandas as pd
 

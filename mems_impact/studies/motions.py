@@ -60,10 +60,21 @@ def map_summary(table: pd.DataFrame) -> pd.DataFrame:
         Motion ("off", "period 1", "chaotic", …), the number of points, their share of those in the
         table, and the smallest and largest value of each parameter among them.
 
+    See Also
+    --------
+    operating_map, OperatingMap
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> mi.map_summary(found.table)[["motion", "points", "share"]]
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.operating_map(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
+    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]),
+    ... )
+    >>> summary = mi.map_summary(found.table)
+    >>> summary[["motion", "points"]].values.tolist()
+    [['off', 1], ['period 1', 3]]
     """
     table = bare(table)
     x, y = table.columns[:2]

@@ -103,6 +103,23 @@ class OperatingMap(Value):
         "resting", "chaotic", "quasi-periodic", "unsettled", "failed"), ``period`` (forcing periods
         after which it repeats itself, 0 if it does not), what is measured of it, ``returns`` for
         which it was followed, and ``status``.
+
+    See Also
+    --------
+    operating_map, plot_map, map_summary
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.operating_map(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
+    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]), initial=mi.kicked(actuator),
+    ... )
+    >>> found.table["motion"].tolist()
+    ['periodic', 'periodic', 'off', 'periodic']
+    >>> found.grid("impacts per period").round(6).tolist()
+    [[1.0, 1.0], [0.0, 1.0]]
     """
 
     system: System = field(repr=False)
@@ -199,6 +216,10 @@ def operating_map(
         with its reason.
     StudyInterrupted
         On Ctrl-C; its ``table`` holds the points done.
+
+    See Also
+    --------
+    OperatingMap, plot_map, map_summary, basins
 
     Examples
     --------

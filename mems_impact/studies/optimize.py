@@ -68,6 +68,20 @@ class Optimum(Value):
         Why the search ended.
     converged : bool
         Whether the conditions of a local optimum hold, to first order.
+
+    See Also
+    --------
+    optimize, pareto_front
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
+    >>> best.quantity, best.ended
+    ('mean speed', 'converged')
     """
 
     orbit: Orbit
@@ -158,16 +172,19 @@ def optimize(
     OptimizationInterrupted
         By Ctrl-C; the best point so far is in ``optimum``.
 
+    See Also
+    --------
+    Optimum, pareto_front, sensitivity
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> zhao = mi.load_actuator("zhao2004")
-    >>> orbit = mi.find_orbit(zhao, mi.Sine(amplitude=0.24, omega=0.5), transient=300)
-    >>> best = mi.optimize(
-    ...     orbit, maximize="mean speed", over={"amplitude": (0.2, 0.3), "omega": (0.45, 0.55)},
-    ...     subject_to={"largest multiplier": (None, 0.8)},
-    ... )
-    >>> best.values, best.margins
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
+    >>> best.converged, best.values
+    (True, {'amplitude': 0.25})
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     aim = _Aim.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})

@@ -43,6 +43,23 @@ class ParetoFront(Value):
         Where the searches began.
     failed : tuple of str
         Why points are missing, if any are.
+
+    See Also
+    --------
+    pareto_front, plot_pareto
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> front = mi.pareto_front(
+    ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
+    ... )
+    >>> list(front.aims), len(front.table)
+    (['mean speed', 'energy lost per period'], 3)
     """
 
     aims: dict[str, Sense]
@@ -128,13 +145,22 @@ def pareto_front(
     OptimizationInterrupted
         By Ctrl-C; the front so far is in ``optimum``.
 
+    See Also
+    --------
+    ParetoFront, plot_pareto, optimize
+
     Examples
     --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
     >>> front = mi.pareto_front(
     ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
-    ...     over={"amplitude": (0.2, 0.3), "omega": (0.48, 0.56)},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
     ... )
-    >>> mi.plot_pareto(front).figure.savefig("pareto.png")
+    >>> len(front.optima)
+    3
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     count = whole("points", points, 2)

@@ -48,6 +48,22 @@ class StoredStudy(Shown):
         What the numbers depend on: system, values, options, seeds.
     attrs : dict
         Of its table: units, versions.
+
+    See Also
+    --------
+    read_study, load_study
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(
+    ...     actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5, store="out/sweep"
+    ... )
+    >>> study = mi.read_study("out/sweep")
+    >>> study.failed, len(study.table)
+    (0, 10)
     """
 
     path: str
@@ -118,13 +134,23 @@ def read_study(path: str | os.PathLike[str]) -> StoredStudy:
     InvalidParameter
         If pyarrow is not installed.
 
+    See Also
+    --------
+    StoredStudy, load_study, operating_map
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> study = mi.read_study("out/map")
-    >>> study.done, study.total
-    (1472, 40000)
-    >>> study.table["status"].value_counts()
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(
+    ...     actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5, store="out/sweep"
+    ... )
+    >>> study = mi.read_study("out/sweep")
+    >>> study.kind, study.done, study.total
+    ('sweep', 2, 2)
+    >>> study.table.equals(table)
+    True
     """
     parquet.check()
     directory = Path(path)

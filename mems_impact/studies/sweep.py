@@ -62,8 +62,9 @@ def sweep(
     transient, periods : int, optional
         Forcing periods that each value is given to settle, and that are then measured; 300 and 60
         by default.
-    transient, duration : float
-        The same as times, where nothing forces the system. They have to be given.
+    duration : float, optional
+        The time to measure, where nothing forces the system; `transient` is a time there, too, and
+        both have to be given.
     section : {1, -1, 0}, optional
         Which crossings of the Poincaré section are kept: upwards, downwards or both. A system
         without a section is looked at where its forcing periods begin; where nothing forces it, at
@@ -104,9 +105,23 @@ def sweep(
     SweepInterrupted
         On Ctrl-C; its ``table`` holds the values done.
 
+    See Also
+    --------
+    sweep_summary, plot_sweep, operating_map, continue_orbit
+
     Notes
     -----
     Where the forcing period changes, the phase of the drive is carried over as a fraction of it.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> summary = mi.sweep_summary(table)
+    >>> summary["impacting"].tolist()  # from rest: off, then on
+    [False, True]
     """
     if direction not in CHAINS:
         raise InvalidParameter("direction", direction, f"one of {', '.join(CHAINS)}")

@@ -107,6 +107,19 @@ def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
         Parameter, direction, status, impacting (impacts in the measured time; False where the
         point failed), the statistics of the sweep, smallest and largest value of the first state
         on the section, and the number of crossings.
+
+    See Also
+    --------
+    sweep, plot_sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> mi.sweep_summary(table)[["amplitude", "impacting"]].values.tolist()
+    [[0.2, False], [0.24, True]]
     """
     table = bare(table)
     parameter, count, state = table.columns[0], table.columns[2], table.columns[3]

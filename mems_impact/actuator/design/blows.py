@@ -41,6 +41,19 @@ class Blows(Shown):
     displacement_std : float
         Standard deviation of the displacements of the single blows, over their number; NaN
         without a blow.
+
+    See Also
+    --------
+    blows
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> found = mi.blows(run)
+    >>> f"{found.displacement_per_blow * 1e9:.1f} nm", found.per_period
+    ('20.0 nm', 1.0)
     """
 
     count: int
@@ -59,6 +72,10 @@ def blows(run: ActuatorRun) -> Blows:
     Returns
     -------
     Blows
+
+    See Also
+    --------
+    Blows, Run, step_lengths
 
     Examples
     --------

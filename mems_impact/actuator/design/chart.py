@@ -35,6 +35,19 @@ class Chart(Value):
         Of the grazing curve: the frequencies that separate the types.
     notes : tuple of str
         What could not be computed, and why; empty if all was.
+
+    See Also
+    --------
+    operating_chart, plot_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> chart.special_table.columns.tolist()
+    ['kind', 'omega', 'amplitude']
     """
 
     system: ActuatorSystem = field(repr=False)

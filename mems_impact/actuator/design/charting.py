@@ -86,6 +86,19 @@ def operating_chart(
         within it; says what it meets instead.
     ChartInterrupted
         On Ctrl-C; its ``chart`` holds what was done.
+
+    See Also
+    --------
+    Chart, plot_chart, continue_curve, grazing_type
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> chart.types["type"].tolist()
+    ['III', 'II', 'I']
     """
     drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
     system = ActuatorSystem(actuator, drive)

@@ -32,6 +32,20 @@ class Duty(Value):
         In which the frame rests on the ground, and in which it slips.
     table : DataFrame
         One row a mode that occurs: mode, share, time per period.
+
+    See Also
+    --------
+    duty_cycle
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> duty = mi.duty_cycle(run)
+    >>> abs(duty.flying + duty.in_contact - 1.0) < 1e-9
+    True
     """
 
     flying: float
@@ -59,12 +73,18 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> Duty:
     InvalidParameter
         If `motion` is neither, or the run kept no events.
 
+    See Also
+    --------
+    Duty, energy, life
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> zhao = mi.load_actuator("zhao2004")
-    >>> run = mi.simulate(zhao, mi.Sine(amplitude=0.24, omega=0.5), periods=60)
-    >>> mi.duty_cycle(run).stuck
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> f"{mi.duty_cycle(run).stuck:.3f}"
+    '0.998'
     """
     if isinstance(motion, ActuatorOrbit):
         arcs, window = arcs_of_orbit(motion), (0.0, float(motion.periods))

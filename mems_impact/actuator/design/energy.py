@@ -47,6 +47,20 @@ class Energy(Value):
     end : int
         The row of `sums` at which all ends; of an orbit one more may follow, its first blow once
         more.
+
+    See Also
+    --------
+    energy, plot_energy
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> found = mi.energy(run)
+    >>> len(found.by_period), found.efficiency
+    (30, 0.0)
     """
 
     system: ActuatorSystem = field(repr=False)
@@ -210,6 +224,10 @@ def energy(
     InvalidParameter
         If `motion` is neither, or the run kept no events or does not cover those periods.
 
+    See Also
+    --------
+    Energy, plot_energy, duty_cycle
+
     Notes
     -----
     What a voltage source takes back from the field of the paper's electrodes it has given before,
@@ -219,9 +237,14 @@ def energy(
     Examples
     --------
     >>> import mems_impact as mi
-    >>> zhao = mi.load_actuator("zhao2004")
-    >>> run = mi.simulate(zhao, mi.Sine(amplitude=0.24, omega=0.5), periods=60)
-    >>> print(mi.energy(run).table)
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> found = mi.energy(run)
+    >>> abs(found.imbalance) < 1e-6 * found.given
+    True
+    >>> found.table["account"].tolist()
+    ['electrodes', 'friction', 'damping', 'impacts', 'kinetic', 'spring']
     """
     if isinstance(motion, ActuatorOrbit):
         return _of_orbit(motion, first, last)

@@ -70,6 +70,16 @@ def pull_in_voltage(actuator: Actuator) -> float:
     ------
     InvalidParameter
         If where the states of a term come to rest is not known.
+
+    See Also
+    --------
+    resting_voltage, load_actuator
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> f"{mi.pull_in_voltage(mi.load_actuator('mita2003')):.2f} V"
+    '31.57 V'
     """
     if actuator.terms:
         return float(actuator.scales.out(AtRest(actuator).pull_in(), "V"))
@@ -97,6 +107,16 @@ def resting_voltage(actuator: Actuator) -> float:
     ------
     InvalidParameter
         If where the states of a term come to rest is not known.
+
+    See Also
+    --------
+    pull_in_voltage, Adhesion
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> f"{mi.resting_voltage(mi.load_actuator('mita2003')):.2f} V"
+    '29.00 V'
     """
     if actuator.terms:
         return float(actuator.scales.out(AtRest(actuator).resting(), "V"))
@@ -131,6 +151,18 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     InvalidParameter
         If the actuator has terms for which the formula does not hold: stoppers that yield, friction
         without rest, or forces with a past of their own.
+
+    See Also
+    --------
+    step_lengths, resolution
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> f"{mi.step_length(actuator, 0.4):.3e}"
+    '2.337e-03'
     """
     if actuator.terms:
         return _step_with_terms(actuator, speed, voltage)
@@ -170,6 +202,19 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
     DataFrame
         One row an impact on the right stopper that struck a frame at rest: period, phase, speed
         v2 before, voltage, step (simulated), formula, and their ratio.
+
+    See Also
+    --------
+    step_length, simulate, blows
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> mi.step_lengths(run).columns.tolist()
+    ['period', 'phase', 'v2 before', 'voltage', 'step', 'formula', 'ratio']
     """
     log, period = run.trajectory.events, run.trajectory.period
     rows, steps = frame_steps(log)
@@ -237,6 +282,21 @@ def speed_over_voltage(
         One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
         displacement per period, per impact and per blow, mean speed. A period is that of the
         drive, of v^2, also where a term makes the sign of the voltage matter.
+
+    See Also
+    --------
+    resolution, load_curve, sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> speeds = mi.speed_over_voltage(
+    ...     actuator, drive, [0.2, 0.24], transient=100, periods=10, initial=mi.kicked(actuator)
+    ... )
+    >>> bool(speeds["mean speed"].is_monotonic_increasing)
+    True
     """
     from mems_impact.actuator.system import ActuatorSystem
     from mems_impact.studies.sweep import sweep
@@ -279,6 +339,21 @@ def resolution(speeds: pd.DataFrame) -> float:
     InvalidParameter
         If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
         period that moves the frame forward.
+
+    See Also
+    --------
+    speed_over_voltage, period_one_window
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> speeds = mi.speed_over_voltage(
+    ...     actuator, drive, [0.2, 0.24], transient=300, periods=10, initial=mi.kicked(actuator)
+    ... )
+    >>> f"{mi.resolution(speeds):.2e}"
+    '1.45e-04'
     """
     table = bare(speeds)
     if "displacement per blow" not in table:
@@ -319,6 +394,19 @@ class Window(Shown):
         ended.
     margin : float
         Half the width over the middle: how far off, relatively, a voltage in the middle may be.
+
+    See Also
+    --------
+    period_one_window
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window.low < drive.amplitude < window.high
+    True
     """
 
     low: float
@@ -356,10 +444,27 @@ def period_one_window(
     transient : int, optional
         Forcing periods to run before the orbit is read.
 
+    Returns
+    -------
+    Window
+
     Raises
     ------
     OrbitError
         If the run from the guess does not lead to a stable orbit with impacts.
+
+    See Also
+    --------
+    Window, continue_orbit, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window.low_kind, f"{window.low:.6f}"
+    ('fold', '0.176515')
     """
     from mems_impact.actuator.system import kicked
     from mems_impact.analysis.branch import continue_orbit

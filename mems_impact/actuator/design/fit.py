@@ -74,6 +74,19 @@ class Fit(Shown):
         Whether the search came to an end: at a minimum, but one that need not fit the data.
     evaluations : int
         Of the residuals, those for derivatives left out.
+
+    See Also
+    --------
+    fit, Target
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
+    >>> found = mi.fit(mita, [pull_in], free=["k"])
+    >>> found.converged, found.misfit < 1e-6
+    (True, True)
     """
 
     actuator: Actuator
@@ -145,6 +158,10 @@ def fit(
     FitWarning
         If the verdict is not "good".
 
+    See Also
+    --------
+    Fit, Target, FitWarning
+
     Examples
     --------
     >>> import mems_impact as mi
@@ -152,7 +169,7 @@ def fit(
     >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)  # [V]
     >>> found = mi.fit(mita, [pull_in], free=["k"])
     >>> found.verdict, round(found.actuator.k, 3)
-    ('good', 5.855)
+    ('good', 5.857)
     """
     from scipy.optimize import least_squares
 

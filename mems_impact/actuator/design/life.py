@@ -37,6 +37,19 @@ class Life(Shown):
         How long that takes [s].
     distance : float
         How far the device has walked then [m].
+
+    See Also
+    --------
+    life
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> found = mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6)
+    >>> f"{found.distance:.0f} m", f"{found.slip_per_blow * 1e9:.1f} nm"
+    ('81 m', '20.0 nm')
     """
 
     normal_force: float
@@ -72,6 +85,10 @@ def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth
     InvalidParameter
         If a number is out of range, or `motion` is neither run nor orbit.
 
+    See Also
+    --------
+    Life, duty_cycle, energy
+
     Notes
     -----
     The volume is the wear rate times normal force times path (J. F. Archard, "Contact and rubbing
@@ -83,7 +100,8 @@ def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
-    >>> mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows
+    >>> f"{mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows:.2e}"
+    '4.05e+09'
     """
     for field, value in (("wear", wear), ("area", area), ("depth", depth)):
         if not (is_number(value) and value > 0.0):

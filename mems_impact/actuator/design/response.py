@@ -60,13 +60,18 @@ def frequency_response(
     InvalidParameter
         If an argument is out of range, or the drive has no such parameter.
 
+    See Also
+    --------
+    impact_onset, plot_response, ring_down
+
     Examples
     --------
     >>> import mems_impact as mi
-    >>> import numpy as np
-    >>> zhao, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
-    >>> table = mi.frequency_response(zhao, drive, np.linspace(0.44, 0.54, 26), [0.1, 0.2])
-    >>> print(mi.impact_onset(table))
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> table["amplitude"].unique().tolist()
+    [0.1, 0.24]
     """
     import pandas as pd
 
@@ -117,6 +122,19 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     ------
     InvalidParameter
         If the table is another one.
+
+    See Also
+    --------
+    frequency_response, plot_response
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> mi.impact_onset(table).columns.tolist()
+    ['amplitude', 'direction', 'omega from', 'omega to', 'mean speed min', 'mean speed max']
     """
     import pandas as pd
 

@@ -51,6 +51,18 @@ class RingDown(Value):
         the first swing that strikes nothing [s].
     table : DataFrame
         One row a swing after the last impact: t (since switching off) and amplitude.
+
+    See Also
+    --------
+    ring_down
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> found = mi.ring_down(mita, mi.Sine(amplitude=100, omega=6.283))
+    >>> f"{found.damping_ratio:.4f}", f"{found.quality:.2f}"
+    ('0.1000', '5.00')
     """
 
     frequency: float
@@ -92,6 +104,10 @@ def ring_down(
         If the system is no actuator, `share` is out of range, or the block does not swing, or does
         not stop to.
 
+    See Also
+    --------
+    RingDown, frequency_response
+
     Notes
     -----
     With the damper of the paper alone, and the frame at rest, the decrement is 2 pi zeta/sqrt(1 -
@@ -102,7 +118,8 @@ def ring_down(
     >>> import mems_impact as mi
     >>> mita = mi.load_actuator("mita2003")
     >>> found = mi.ring_down(mita, mi.Sine(amplitude=100, omega=6.283))
-    >>> found.frequency, found.time
+    >>> f"{found.frequency:.1f} Hz", f"{found.time * 1e3:.1f} ms"
+    ('238.7 Hz', '34.6 ms')
     """
     if not isinstance(system, ActuatorSystem):
         raise InvalidParameter("system", system, "an Actuator and a Drive, or a run or orbit of it")

@@ -74,6 +74,18 @@ class Target:
         Under which it was measured; for the first six.
     tolerance : float, optional
         Standard error of the value, > 0: the weight of this target. 1 % of the value by default.
+
+    See Also
+    --------
+    fit, Fit
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Sine(amplitude=100, omega=6.283)
+    >>> step = mi.Target(quantity="displacement per blow", value=20e-9, tolerance=1e-9, drive=drive)
+    >>> step.quantity, step.tolerance
+    ('displacement per blow', 1e-09)
     """
 
     quantity: str

@@ -77,6 +77,19 @@ class Drive(Checked, ABC):
     ------
     InvalidParameter
         If a parameter is out of range, missing or unknown.
+
+    See Also
+    --------
+    load_drive, plot_drive, Sine, Custom
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> isinstance(drive, mi.Drive), drive.names
+    (True, ('amplitude', 'omega', 'bias', 'phase'))
+    >>> f"{drive.value(0.0):.2f}"
+    '0.24'
     """
 
     units: ClassVar[Mapping[str, str]] = {}

@@ -39,10 +39,23 @@ class Burst(Drive):
     InvalidParameter
         If a parameter is out of range, missing or unknown.
 
+    See Also
+    --------
+    Pulse, Sine
+
     Notes
     -----
     The forcing period is burst and pause together. Beginning and end of the burst are switches, as
     are those of `wave` within it.
+
+    Examples
+    --------
+    >>> import math
+    >>> import mems_impact as mi
+    >>> wave = mi.Sine(amplitude=0.3, omega=0.5, phase=-math.pi / 2)
+    >>> burst = mi.Burst(wave=wave, on=6, off=10)
+    >>> round(burst.period / wave.period, 9)
+    16.0
     """
 
     wave: Drive = Field(description="a drive")

@@ -85,10 +85,26 @@ class Custom(Drive):
         If a parameter is out of range, missing or unknown; if numba cannot compile a function, or
         it raises; if the rate is not the derivative, or the period not that of the square.
 
+    See Also
+    --------
+    Sampled, Drive
+
     Notes
     -----
     Rate and period are checked at a few times, to find mistakes rather than to prove anything. For
     a waveform whose period depends on its parameters write a subclass of `Drive`.
+
+    Examples
+    --------
+    >>> import math
+    >>> import mems_impact as mi
+    >>> def voltage(t, q):
+    ...     return q[0] * math.cos(t) ** 3
+    >>> def rate(t, q):
+    ...     return -3.0 * q[0] * math.cos(t) ** 2 * math.sin(t)
+    >>> drive = mi.Custom(function=voltage, rate=rate, period=math.pi, values={"top": 0.3})
+    >>> drive.varied({"top": 0.2}).names
+    ('top',)
     """
 
     function: Function

@@ -61,10 +61,22 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     InvalidParameter
         If it holds a wrong, missing or unknown entry.
 
+    See Also
+    --------
+    Drive, Sampled, load_actuator
+
     Examples
     --------
-    >>> load_drive("burst.toml")
-    >>> load_drive("wave.toml", allow_code=True)  # it says source = "wave.py"
+    >>> from pathlib import Path
+    >>> import mems_impact as mi
+    >>> _ = Path("wave.toml").write_text('''
+    ... [drive]
+    ... kind = "sine"
+    ... amplitude = 0.24
+    ... omega = 0.5
+    ... ''')
+    >>> mi.load_drive("wave.toml").amplitude
+    0.24
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a TOML or CSV file")

@@ -41,6 +41,17 @@ class Pulse(PiecewiseDrive):
     ------
     InvalidParameter
         If a parameter is out of range, missing or unknown.
+
+    See Also
+    --------
+    Square, Burst, TwoSided
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Pulse(amplitude=0.35, period=12, width=3.8, rise=0.2)
+    >>> float(drive.value(0.1)), len(drive.switches)
+    (0.175, 3)
     """
 
     amplitude: NonNegative

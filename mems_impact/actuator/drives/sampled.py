@@ -59,6 +59,10 @@ class Sampled(PiecewiseDrive):
     InvalidParameter
         If a parameter is out of range, missing or unknown.
 
+    See Also
+    --------
+    Custom, load_drive
+
     Notes
     -----
     The interpolant is the monotone cubic of Fritsch and Butland (SciPy's "pchip"), closed over the
@@ -70,6 +74,15 @@ class Sampled(PiecewiseDrive):
 
     If the square of the voltage repeats sooner than the voltage, give half the record, unless the
     actuator has a term to which the sign matters.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> times = np.linspace(0.0, 10.0, 41)
+    >>> record = mi.Sampled(times=times, voltages=0.3 * np.cos(2 * np.pi * times / 10.0))
+    >>> record.period
+    10.0
     """
 
     times: Numbers

@@ -50,6 +50,20 @@ class Sine(Drive):
     ------
     InvalidParameter
         If a parameter is out of range, missing or unknown.
+
+    See Also
+    --------
+    Square, Trapezoid, Sampled
+
+    Examples
+    --------
+    >>> import math
+    >>> import mems_impact as mi
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> drive.period == math.pi / 0.5  # the force goes with the square of the voltage
+    True
+    >>> drive.replace(bias=0.1).period == 2 * math.pi / 0.5
+    True
     """
 
     amplitude: NonNegative

@@ -44,11 +44,22 @@ class Square(PiecewiseDrive):
     InvalidParameter
         If a parameter is out of range, missing or unknown.
 
+    See Also
+    --------
+    Pulse, Trapezoid, Sine
+
     Notes
     -----
     The forcing period is 2 pi/omega, and pi/omega where the lower half mirrors the upper one
     (low = -amplitude and duty = 1/2): the force cannot tell them apart. Without a rise time that
     wave is a constant force, as is any with low = -amplitude or low = amplitude: a warning says so.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Square(amplitude=0.24, omega=0.5, duty=0.3)
+    >>> float(drive.value(1.0)), float(drive.value(5.0))
+    (0.24, 0.0)
     """
 
     amplitude: NonNegative

@@ -37,6 +37,17 @@ class Trapezoid(PiecewiseDrive):
     ------
     InvalidParameter
         If a parameter is out of range, missing or unknown.
+
+    See Also
+    --------
+    Sine, Square
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> drive = mi.Trapezoid(amplitude=0.24, omega=0.5, flat=0.6)
+    >>> float(drive.value(0.0))
+    0.24
     """
 
     amplitude: NonNegative

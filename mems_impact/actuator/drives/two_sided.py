@@ -35,10 +35,22 @@ class TwoSided(Drive):
     InvalidParameter
         If a parameter is missing or unknown, or the periods have no common multiple.
 
+    See Also
+    --------
+    Pulse, plot_drive
+
     Notes
     -----
     The forcing period is the least common multiple of both. It is not halved where the left side
     repeats the right one half a period later: mirrored, not repeated, is what the block then does.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> pulse = mi.Pulse(amplitude=0.35, period=12, width=3.8)
+    >>> pair = mi.TwoSided(right=pulse, left=pulse.replace(amplitude=0.25, phase=3.14))
+    >>> pair.varied({"right.amplitude": 0.3}).right.amplitude
+    0.3
     """
 
     right: Drive = Field(description="a drive")

@@ -47,6 +47,18 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
     -------
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    operating_chart, Chart, plot_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> mi.plot_chart(chart).figure.savefig("chart.png")
     """
     if ax is None:
         ax = new_figure(7.0, 4.4).subplots()

@@ -64,6 +64,18 @@ def plot_drive(
     -------
     tuple of Axes
         For voltage and force.
+
+    See Also
+    --------
+    Drive, plot_run
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> voltage, force = mi.plot_drive(drive, actuator)
+    >>> voltage.figure.savefig("drive.png")
     """
     if axes is None:
         axes = new_figure(7.0, 4.4).subplots(2, sharex=True)

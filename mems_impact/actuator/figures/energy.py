@@ -29,6 +29,18 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
     -------
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    energy, Energy
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> mi.plot_energy(mi.energy(run)).figure.savefig("energy.png")
     """
     table = energy.table
     if ax is None:

@@ -33,6 +33,18 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     -------
     Axes
         ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    load_curve, LoadCurve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> mi.plot_load(curve).figure.savefig("load.png")
     """
     if ax is None:
         ax = new_figure(6.4, 4.0).subplots()

@@ -32,6 +32,18 @@ def plot_response(table: pd.DataFrame, axes: Any = None) -> tuple[Any, Any]:
     -------
     tuple of Axes
         ``axes[0].figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    frequency_response, impact_onset
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> mi.plot_response(table)[0].figure.savefig("response.png")
     """
     if axes is None:
         axes = new_figure(6.4, 5.0).subplots(2, sharex=True)

@@ -23,6 +23,10 @@ class Adhesion(Term):
     InvalidParameter
         If the value is out of range.
 
+    See Also
+    --------
+    CompliantStopper, resting_voltage, Actuator
+
     Notes
     -----
     Pull-off by a force that does not depend on the history (Maugis, "Contact, Adhesion and Rupture

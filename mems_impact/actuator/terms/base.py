@@ -197,6 +197,19 @@ class Term(Checked, ABC):
     signed : bool
         Whether it makes the sign of the voltage matter. Forces go with its square, so that a
         period of v is two forcing periods where v changes its sign; with such a term it is one.
+
+    See Also
+    --------
+    Actuator, SqueezeFilm, Tilt
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
+    >>> [type(term).__name__ for term in actuator.terms]
+    ['Tilt']
+    >>> isinstance(actuator.terms[0], mi.Term)
+    True
     """
 
     units: ClassVar[Mapping[str, str]] = {}

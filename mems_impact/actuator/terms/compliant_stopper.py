@@ -36,6 +36,10 @@ class CompliantStopper(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    Adhesion, PowerLawRestitution, Actuator
+
     Notes
     -----
     Hunt and Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.

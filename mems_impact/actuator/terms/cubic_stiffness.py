@@ -22,6 +22,10 @@ class CubicStiffness(Term):
     InvalidParameter
         If the value is not a number.
 
+    See Also
+    --------
+    Fringing, CompliantStopper, Actuator
+
     Notes
     -----
     The free oscillation of amplitude A is faster by 3 k3 A^2/(8 k) of its frequency, to first order

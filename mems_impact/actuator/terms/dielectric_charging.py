@@ -34,6 +34,10 @@ class DielectricCharging(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    SeriesResistance, Fringing, Actuator
+
     Notes
     -----
     The trapped charge acts as a voltage in series with the electrode, ``offset`` (and

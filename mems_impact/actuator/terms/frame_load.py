@@ -22,6 +22,10 @@ class FrameLoad(Term):
     InvalidParameter
         If the value is not a number.
 
+    See Also
+    --------
+    FrameSpring, Tilt, load_curve, Actuator
+
     Notes
     -----
     Static friction holds a device without voltage up to mu_s (m1 + m2) g.

@@ -25,6 +25,10 @@ class FrameSpring(Term):
     InvalidParameter
         If the value is out of range.
 
+    See Also
+    --------
+    FrameLoad, Tilt, Actuator
+
     Notes
     -----
     Static friction holds a frame without voltage up to abs(x1) = mu_s (m1 + m2) g/k1. The position

@@ -36,6 +36,10 @@ class Fringing(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    SeriesResistance, CubicStiffness, Actuator
+
     Notes
     -----
     The capacitance of two equal thin plates is 2 alpha/gap times

@@ -24,6 +24,10 @@ class PowerLawRestitution(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    TabulatedRestitution, CompliantStopper, Actuator
+
     Notes
     -----
     e (1 + (v/speed)^2)^(-exponent/2) at the speed v of the block: e below, e (v/speed)^-exponent

@@ -26,6 +26,10 @@ class RegularizedFriction(Term):
     InvalidParameter
         If the value is out of range.
 
+    See Also
+    --------
+    StribeckFriction, Friction, Actuator
+
     Notes
     -----
     mu_d tanh(v1/width) times the normal force N; mu_s is not used. Under a constant load F the

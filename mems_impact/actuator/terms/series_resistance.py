@@ -29,6 +29,10 @@ class SeriesResistance(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    DielectricCharging, Fringing, Actuator
+
     Notes
     -----
     The charge behind the resistance is a state, ``charge`` (and ``left_charge``), 0 by default:

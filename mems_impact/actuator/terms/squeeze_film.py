@@ -58,6 +58,10 @@ class SqueezeFilm(Term):
         After a run, if the mean pressure came to differ from the ambient one by a fifth of it, or
         the Knudsen number of the gap rose above 880.
 
+    See Also
+    --------
+    SeriesResistance, Fringing, Actuator
+
     Notes
     -----
     Reynolds' equation, isothermal and linear in the pressure but not in the gap, mode by mode

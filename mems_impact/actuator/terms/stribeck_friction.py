@@ -26,6 +26,10 @@ class StribeckFriction(Term):
     InvalidParameter
         If a value is out of range.
 
+    See Also
+    --------
+    RegularizedFriction, Stribeck, Actuator
+
     Notes
     -----
     mu_d + (mu_s - mu_d) exp(-(v1/speed)^2) + viscous abs(v1), times the normal force

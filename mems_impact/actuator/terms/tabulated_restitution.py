@@ -31,6 +31,10 @@ class TabulatedRestitution(Term):
     InvalidParameter
         If a value is out of range, the speeds do not ascend, or there are not as many values.
 
+    See Also
+    --------
+    PowerLawRestitution, CompliantStopper, Actuator
+
     Notes
     -----
     Between the speeds a cubic that is smooth, and monotone where the values are (Fritsch and

@@ -30,6 +30,10 @@ class Tilt(Term):
     InvalidParameter
         If the value is out of range.
 
+    See Also
+    --------
+    FrameLoad, FrameSpring, Actuator
+
     Notes
     -----
     Forces -m1 g sin(angle) on the frame and -m2 g sin(angle) on the block; normal force

@@ -25,6 +25,10 @@ class Stribeck:
     static, dynamic, speed, viscous : float or str
         Numbers, or names of parameters; `viscous` is 0 by default.
 
+    See Also
+    --------
+    Friction, StribeckFriction
+
     Examples
     --------
     >>> import mems_impact as mi
@@ -70,6 +74,10 @@ class Friction(Contact):
     surface : float, str or callable, optional
         The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
         another velocity of the system. If that one has a mass, the force acts on it in return.
+
+    See Also
+    --------
+    Stribeck, Stopper, Part, System
 
     Notes
     -----

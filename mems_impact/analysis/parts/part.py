@@ -159,6 +159,20 @@ class Part:
     ----------
     name : str
         What tables call it; the flow finds its mode as ``mode.name``.
+
+    See Also
+    --------
+    Friction, Stopper, Relay, Surface, System
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> wall = mi.Stopper("wall", "x", "v", upper=1.0, restitution=0.8)
+    >>> parts = [mi.Friction("ground", "v", mu=0.1), wall]
+    >>> [part.name for part in parts]
+    ['ground', 'wall']
+    >>> all(isinstance(part, mi.Part) for part in parts)
+    True
     """
 
     name: str

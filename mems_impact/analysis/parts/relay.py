@@ -28,6 +28,10 @@ class Relay(Part):
     lower, upper : float, str or callable
         Numbers, parameters or functions of ``p``, `lower` below `upper`.
 
+    See Also
+    --------
+    Surface, Part, System
+
     Notes
     -----
     Modes: low and high. Events: ``NAME rises`` and ``NAME falls``. A relay without hysteresis

@@ -37,6 +37,10 @@ class Stopper(Contact):
         Position and velocity of the other body; its velocity alone where `position` is a distance
         from it. Without a mass it moves as the flow says, whatever strikes it.
 
+    See Also
+    --------
+    Impact, Friction, Part, System
+
     Notes
     -----
     Modes: free and held, which the flow finds as 0 and 1. Events: ``NAME``, an impact, and

@@ -35,6 +35,10 @@ class Surface(Part):
         Of a callable `h`: ``rate(t, y, d, p)``, its time derivative where the states have the
         derivatives ``d.x``.
 
+    See Also
+    --------
+    Relay, Friction, Part, System
+
     Notes
     -----
     Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves

@@ -77,10 +77,20 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     InvalidParameter
         If `system` is not that of the file.
 
+    See Also
+    --------
+    Run, Branch, Orbit, FunctionsMissing
+
     Examples
     --------
-    >>> branch = mi.load("branch.zip", system=oscillator)
-    >>> mi.continue_curve(branch.special_points[0], "omega", stop=0.9)
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> run.save("run.zip")
+    >>> again = mi.load("run.zip")
+    >>> again.impacts.equals(run.impacts)
+    True
     """
     _check_path(path)
     if system is not None and not isinstance(system, System):

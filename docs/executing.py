@@ -1,0 +1,53 @@
+"""Pages in Markdown that write pictures are run when the site is built, and show what they write.
+
+A page's Python blocks are run in their order, as the tests run them (`tests/test_docs.py`). A picture
+that a block saves stands behind it; one that the page itself shows, as ``figures/NAME.png``, is taken
+from the block that writes ``NAME.png``.
+"""
+
+import re
+import shutil
+import tempfile
+from contextlib import chdir, redirect_stdout
+from io import StringIO
+from pathlib import Path
+from textwrap import dedent
+
+BLOCK = re.compile(r"^( *)```python\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+MADE = Path(__file__).parent / "made"
+
+
+def run(app, page, content):
+    """Run a page that saves pictures, and put them behind the blocks that do."""
+    text = content[0]
+    source = Path(app.env.doc2path(page))
+    if source.suffix != ".md" or "savefig(" not in text:
+        return
+    up = "../" * page.count("/")
+    namespace = {"__name__": "__main__"}
+    parts, last = [], 0
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        for match in BLOCK.finditer(text):
+            before = {path: path.stat().st_mtime_ns for path in Path().glob("*.png")}
+            code = "\n" * text.count("\n", 0, match.start(2)) + dedent(match.group(2))
+            with redirect_stdout(StringIO()):
+                exec(compile(code, str(source), "exec"), namespace)
+            parts.append(text[last : match.end()])
+            last = match.end()
+            for path in sorted(Path().glob("*.png")):
+                if before.get(path) == path.stat().st_mtime_ns:
+                    continue
+                name = f"{page.replace('/', '_')}_{path.name}"
+                MADE.mkdir(exist_ok=True)
+                shutil.copy(path, MADE / name)
+                shown = f"({up}figures/{path.name})"
+                if shown in text:
+                    text = text.replace(shown, f"({up}made/{name})".ljust(len(shown)))
+                else:
+                    parts.append(f"\n\n{match.group(1)}![{path.stem}]({up}made/{name})\n")
+    content[0] = "".join([*parts, text[last:]])
+
+
+def setup(app):
+    app.connect("source-read", run)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,62 @@
+"""
+Grazing
+=======
+
+An orbit *grazes* where it touches a stopper without speed. An orbit a little beyond strikes it softly, and the
+softest impact already changes everything: the map from one period to the next has a square root there,
+
+.. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\dots
+
+so that its slope has no bound (Nordmark, 1991). That is why such devices switch with a jump and not gradually.
+"""
+
+import math
+
+import numpy as np
+
+import mems_impact as mi
+
+
+def flow(mode, t, y, p):
+    return y.v, p.A * math.cos(p.omega * t) - p.k * y.x - p.c * y.v
+
+
+def gap(mode, t, y, p):
+    return p.d - y.x
+
+
+def rebound(mode, t, y, p):
+    return mode, (p.d, -p.e * y.v)
+
+
+oscillator = mi.System(
+    states=("x", "v"),
+    flow=flow,
+    period=lambda p: 2.0 * math.pi / p.omega,
+    parameters={"c": 0.1, "k": 1.0, "d": 1.0, "e": 0.8, "A": 0.3, "omega": 0.8},
+    guards=[mi.Impact("stop", gap, rebound)],
+)
+quiet = mi.find_orbit(oscillator, transient=200)
+
+# %%
+# The branch of the quiet orbit ends where its largest deflection is the gap. It goes on as an orbit with an
+# impact, which lies on the *other* side: unstable, back towards smaller forcing. The largest multiplier tells of
+# the square root: it is without bound at the grazing.
+
+branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
+grazing = branch.special_points[0]
+print(grazing.label, grazing.value, mi.grazing_type(grazing))
+assert abs(grazing.value - math.hypot(1.0 - 0.8**2, 0.1 * 0.8)) < 1e-10
+
+# %%
+# Over brute force: what the motion comes to once the quiet orbit is gone.
+
+dots = mi.sweep(
+    oscillator, "A", np.linspace(0.32, 0.44, 61), direction="both", transient=150, periods=20
+)
+mi.plot_branch(branch, sweep=dots).figure.savefig("grazing.png")
+
+# %%
+# The type of a grazing says how the motion leaves it: continuously, with a jump, or not at all, the orbit having
+# died in a fold before. At the points of codimension two between these types the paper's types I, II and III
+# meet: :doc:`/orbits`.

@@ -1,0 +1,47 @@
+"""
+4. From the branch to a design chart
+====================================
+
+The fold and the grazing of the page before, followed over the frequency, are the lines at which the device
+switches: its operating chart, Fig. 7 of the paper. Then what a designer reads off at one point of it.
+"""
+
+import numpy as np
+
+import mems_impact as mi
+
+actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
+chart = mi.operating_chart(actuator, drive, omega=(0.475, 0.505), crises=0)
+print(chart.types.to_string(index=False))
+mi.plot_chart(chart).figure.savefig("design_chart.png")
+
+# %%
+# Right of 0.488 the device switches on with a jump, and off at a lower voltage (type I): it holds its state
+# against a dip of the voltage. Between 0.480 and 0.488 it switches on and off at one voltage (type II).
+#
+# At omega = 0.5, how far may the voltage wander before the regular walk ends, and how?
+
+window = mi.period_one_window(actuator, drive, low=0.16, high=0.3)
+print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_kind})")
+
+# %%
+# "bound" is where the search was told to end; the walk goes on beyond it.
+
+# %%
+# Speed and steps over that window: the finest step is what the device resolves.
+
+speeds = mi.speed_over_voltage(
+    actuator, drive, np.linspace(0.18, 0.25, 8), transient=300, periods=40,
+    initial=mi.kicked(actuator),
+)  # fmt: skip
+print(speeds[["amplitude", "displacement per period", "mean speed"]].to_string(index=False))
+print(f"finest step {mi.resolution(speeds):.2e}")
+
+# %%
+# And which parameters move the speed: per cent of it for one per cent of each.
+
+orbit = mi.find_orbit(actuator, drive, transient=300)
+mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("design_chart_tornado.png")
+
+assert window.low_kind == "fold"
+assert list(chart.types["type"]) == ["III", "II", "I"]

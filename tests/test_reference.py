@@ -1,0 +1,69 @@
+"""What the reference says of each public name: complete, true to the signature, and run."""
+
+import doctest
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+from numpydoc.docscrape import ClassDoc, FunctionDoc
+from numpydoc.validate import validate
+
+import mems_impact as mi
+
+REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference.rst"
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+NAMES = sorted(mi.__all__)
+
+# What of numpydoc's checks is left out, and why: an extended summary (ES01) where one line says it;
+# a sentence for a parameter whose name and type say it (PR04, PR07, PR09, RT03), and for a name in
+# See Also, whose page says it (SA04); parameters of results, which their attributes are (PR01).
+LEFT_OUT = {"ES01", "PR01", "PR04", "PR07", "PR09", "RT03", "SA04"}
+
+
+def written(name):
+    thing = getattr(mi, name)
+    return ClassDoc(thing) if inspect.isclass(thing) else FunctionDoc(thing)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_numpydoc_finds_nothing_amiss(name):
+    found = [
+        error for error in validate(f"mems_impact.{name}")["errors"] if error[0] not in LEFT_OUT
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if inspect.isfunction(getattr(mi, name))])
+def test_every_parameter_is_described(name):
+    described = [each for entry in written(name)["Parameters"] for each in entry[0].split(", ")]
+    actual = list(inspect.signature(getattr(mi, name)).parameters)
+    assert [each.lstrip("*") for each in described] == actual
+
+
+def test_see_also_leads_to_public_names():
+    wrong = {
+        (name, other)
+        for name in NAMES
+        for functions, _ in written(name)["See Also"]
+        for other, _ in functions
+        if other not in mi.__all__ or other == name
+    }
+    assert wrong == set()
+
+
+def test_every_name_has_its_page_once():
+    pages = re.findall(r"^   (\w+)$", REFERENCE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(pages) == NAMES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_examples_run(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    text = inspect.getdoc(getattr(mi, name))
+    test = doctest.DocTestParser().get_doctest(text, {}, name, None, None)
+    failed, tried = doctest.DocTestRunner(optionflags=FLAGS).run(test)
+    assert tried > 1
+    assert failed == 0
