@@ -1,8 +1,12 @@
-"""How one-line messages show names and values."""
+"""How messages and notebooks show names and values."""
 
 from __future__ import annotations
 
-__all__ = ["label", "shown"]
+from collections.abc import Mapping
+from html import escape
+from typing import Any
+
+__all__ = ["html_table", "label", "shown"]
 
 # What a message shows of a wrong value and of a name, in characters.
 _LONGEST_VALUE = 60
@@ -29,3 +33,17 @@ def shown(value: object) -> str:
 
 def _cut(text: str, longest: int) -> str:
     return text if len(text) <= longest else text[: longest - 1] + "…"
+
+
+def html_table(caption: str, rows: Mapping[str, Any]) -> str:
+    """Return names and values as HTML."""
+    cells = "".join(
+        f"<tr><th style='text-align:left'>{escape(str(name))}</th>"
+        f"<td style='text-align:left'>{escape(_short(value))}</td></tr>"
+        for name, value in rows.items()
+    )
+    return f"<table><caption>{escape(caption)}</caption>{cells}</table>"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float) else str(value)

@@ -30,6 +30,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mems_impact.errors import InvalidParameter
+from mems_impact.wording import html_table
 
 __all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
 
@@ -115,8 +116,6 @@ class Checked(BaseModel, metaclass=_Kind):
         return _own(super().__dir__())
 
     def _repr_html_(self) -> str:
-        from mems_impact.analysis.values import html_table
-
         return html_table(type(self).__name__, dict(self))
 
     def replace(self, /, **changes: Any) -> Self:

@@ -20,7 +20,7 @@ from mems_impact.actuator.terms.files import term_names, term_of, term_with
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
 from mems_impact.errors import InvalidParameter, UnitsWarning
 from mems_impact.units import DIMENSIONLESS, Scales
-from mems_impact.wording import shown
+from mems_impact.wording import html_table, shown
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive
@@ -145,8 +145,6 @@ class Actuator(Checked):
         return list(self)
 
     def _repr_html_(self) -> str:
-        from mems_impact.analysis.values import html_table
-
         label = self.scales.label
         named = {label(name, PARAMETER_UNITS.get(name, "")): value for name, value in self}
         return html_table(type(self).__name__, named)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from html import escape
 from numbers import Number
 from os import PathLike
 from types import FunctionType
@@ -13,8 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from mems_impact.hybrid.portable import same_function
+from mems_impact.wording import html_table
 
-__all__ = ["Shown", "Value", "html_table", "same"]
+__all__ = ["Shown", "Value", "same"]
 
 KEPT = "_kept"  # what a result that came without its system's functions brought along
 
@@ -91,16 +91,6 @@ class Value(Shown):
         vars(self)[KEPT] = tuple(tables)
 
 
-def html_table(caption: str, rows: Mapping[str, Any]) -> str:
-    """Return names and values as HTML."""
-    cells = "".join(
-        f"<tr><th style='text-align:left'>{escape(str(name))}</th>"
-        f"<td style='text-align:left'>{escape(_told(value))}</td></tr>"
-        for name, value in rows.items()
-    )
-    return f"<table><caption>{escape(caption)}</caption>{cells}</table>"
-
-
 def same(one: Any, other: Any) -> bool:
     """Return whether two values are equal through and through: arrays, numbers, functions."""
     if one is other:
@@ -128,7 +118,3 @@ def same(one: Any, other: Any) -> bool:
 def _same_fields(one: Any, other: Any) -> bool:
     names = [each.name for each in fields(one) if each.compare]
     return all(same(getattr(one, name), getattr(other, name)) for name in names)
-
-
-def _told(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float) else str(value)
