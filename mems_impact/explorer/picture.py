@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-import pandas as pd
 
 import mems_impact as mi
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.system import System
 from mems_impact.explorer.latest import Watch
+from mems_impact.explorer.motion import Motion, counts_of, motion_of, times_of
 from mems_impact.explorer.setting import TIME, Setting, unit_of_time
 from mems_impact.explorer.subject import Subject
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.plotting.motion import between, line, spans
 
 __all__ = ["Cycles", "Picture", "picture_of"]
 
-SHOWN = 6.0  # forcing periods, or units of time times `UNFORCED`, of the motion over time
-UNFORCED = 5.0
+SHOWN = 6.0  # forcing periods of the motion over time
 PER_PERIOD = 200
+UNFORCED = 5.0  # units of time that are shown like a forcing period, where nothing forces
+PER_UNIT = round(PER_PERIOD / UNFORCED)
 SETTLED = 0.5  # part of a run after which its crossings of the section are shown
 
 
@@ -68,17 +66,13 @@ class Picture:
     ----------
     setting : Setting
     run : Run
-    curve : mapping of str to ndarray
-        The last part of the motion, exact at transitions and broken where it jumps: ``t`` and each
-        state that is shown.
-    frames : mapping of str to ndarray
-        The same at equal times, to be played.
-    impacts : DataFrame
-        The impacts in it, with the states before and after.
-    stretches : DataFrame
-        Mode, start and end of each stretch of it.
-    section : DataFrame
-        Crossings of the Poincaré section, or where forcing periods begin, of the settled part.
+    motion : Motion
+        The last part of the run.
+    voltages : tuple of ndarray
+        Of an actuator, at the frames of the motion: to the right, and to the left if there is one.
+    section : mapping of str to ndarray
+        ``t`` and the states at crossings of the Poincaré section, or where forcing periods begin,
+        in the settled part of the run.
     cycles : Cycles
     unit : float
         What the axis of time counts in.
@@ -88,11 +82,9 @@ class Picture:
 
     setting: Setting
     run: Run = field(repr=False)
-    curve: Mapping[str, Floats] = field(repr=False)
-    frames: Mapping[str, Floats] = field(repr=False)
-    impacts: pd.DataFrame = field(repr=False)
-    stretches: pd.DataFrame = field(repr=False)
-    section: pd.DataFrame = field(repr=False)
+    motion: Motion = field(repr=False)
+    voltages: tuple[Floats, ...] = field(repr=False)
+    section: Mapping[str, Floats] = field(repr=False)
     cycles: Cycles = field(repr=False)
     unit: float
     seconds: float
@@ -103,11 +95,12 @@ class Picture:
         return self.run.system
 
     @property
-    def slips(self) -> pd.DataFrame:
-        """The stretches in which the frame of an actuator slips; none of another system."""
+    def slips(self) -> tuple[tuple[float, float], ...]:
+        """Start and end of each stretch in which the frame of an actuator slips."""
         if not isinstance(self.system, ActuatorSystem):
-            return self.stretches.iloc[:0]
-        return self.stretches[~self.stretches["mode"].str.startswith("stuck")]
+            return ()
+        stretches = self.motion.stretches
+        return tuple((t0, t1) for mode, t0, t1 in stretches if not mode.startswith("stuck"))
 
 
 def picture_of(subject: Subject, setting: Setting, watch: Watch | None = None) -> Picture:
@@ -137,26 +130,15 @@ def picture_of(subject: Subject, setting: Setting, watch: Watch | None = None) -
         options=subject.options,
         progress=watch or False,
     )
-    shown = states_shown(system, setting)
-    samples = _last_samples(run, unit)
-    corners = between(run.corners, samples)
-    whole = line(samples, corners, shown)
-    curve = {name: whole[name].to_numpy() for name in ("t", *shown)}
-    frames = {name: samples[name].to_numpy() for name in ("t", *shown)}
-    if isinstance(system, ActuatorSystem):
-        drive, period = system.drive, system.forcing_period
-        phase = np.remainder(frames["t"], period)
-        frames["voltage"] = drive.value(phase)
-        if drive.left_voltage is not None:
-            frames["left voltage"] = drive.value(phase, left=True)
+    begin_of, end_of = run.extent
+    shown, samples = (SHOWN, PER_PERIOD) if system.forced else (SHOWN * UNFORCED, PER_UNIT)
+    motion = motion_of(run, states_shown(system, setting), samples, max(begin_of, end_of - shown))
     return Picture(
         setting=setting,
         run=run,
-        curve=curve,
-        frames=frames,
-        impacts=corners[corners["impact"]],
-        stretches=spans(samples, corners),
-        section=section_of(run),
+        motion=motion,
+        voltages=_voltages(system, motion),
+        section=_section(run),
         cycles=_cycles(run, unit),
         unit=unit if system.forced else 1.0,
         seconds=time.perf_counter() - begin,
@@ -182,46 +164,54 @@ def series_shown(system: System, setting: Setting) -> tuple[str, ...]:
     return states_shown(system, setting)[:2]
 
 
-def section_of(run: Run) -> pd.DataFrame:
-    """Return the crossings of the section in the settled part of a run."""
-    rows = run.section(1 if run.system.section is not None else 0)
-    begin, end = (border * run.trajectory.period for border in run.extent)
-    settled = float(run.system.out("time", begin + SETTLED * (end - begin)))
-    return rows[rows["t"] >= settled]
-
-
-def _last_samples(run: Run, unit: float) -> pd.DataFrame:
-    """Return the motion at equal times, at the end of a run."""
+def _section(run: Run) -> dict[str, Floats]:
+    """Return the states on the section in the settled part of a run."""
+    system, log = run.system, run.trajectory.events
     begin, end = run.extent
-    if run.system.forced:
-        return run.samples(PER_PERIOD, max(begin, end - SHOWN))
-    last, length = end * unit, SHOWN * UNFORCED * unit
-    return run.samples(math.ceil(PER_PERIOD / UNFORCED), max(begin * unit, last - length))
+    if system.section is None and system.forced:
+        rows = run.trajectory.samples(1, begin + SETTLED * (end - begin))
+        cycle, time, y = rows.cycle, rows.time, rows.y
+    else:
+        crossings = log.crossings(1)
+        cycle, time, y = crossings.cycle, crossings.time, crossings.after
+    found = {"t": times_of(run, cycle, time)}
+    found |= {name: system.out(name, y[:, place]) for place, name in enumerate(system.states)}
+    settled = cycle + time / run.trajectory.period >= begin + SETTLED * (end - begin)
+    return {name: values[settled] for name, values in found.items()}
+
+
+def _voltages(system: System, motion: Motion) -> tuple[Floats, ...]:
+    if not isinstance(system, ActuatorSystem):
+        return ()
+    phase = np.remainder(motion.frames["t"], system.forcing_period)
+    sides = (False, True) if system.drive.left_voltage is not None else (False,)
+    return tuple(system.drive.value(phase, left=left) for left in sides)
 
 
 def _cycles(run: Run, unit: float) -> Cycles:
     system = run.system
     state = system.shown[0] if system.shown else system.states[0]
+    place = system.states.index(state)
     if not system.forced:
-        rows = run.section(1)
-        number = np.arange(float(len(rows)))
+        y = run.trajectory.events.crossings(1).after
         return Cycles(
-            number=number, value=rows[state].to_numpy() if len(rows) else number,
+            number=np.arange(float(len(y))), value=system.out(state, y[:, place]),
             what=f"{state} on the section", name=state, speed=0.0,
             events=np.empty(0), counted="",
         )  # fmt: skip
-    starts = run.samples(per_period=1)
+    starts = run.trajectory.samples(1).y
     steps = isinstance(system, ActuatorSystem)
-    value: Any = np.diff(starts["x1"]) if steps else starts[state].to_numpy()[:-1]
-    struck = len(run.impacts) > 0 or any(guard.impact for guard in system.automaton.guards)
-    rows = run.impacts if struck else run.events
-    periods = rows["period"].to_numpy(dtype=int)
+    if steps:
+        value = np.diff(system.out("x1", starts[:, system.states.index("x1")]))
+    else:
+        value = system.out(state, starts[:-1, place])
+    events, counted = counts_of(run, len(value))
     return Cycles(
         number=np.arange(float(len(value))),
         value=value,
         what="step of the frame" if steps else f"{state} where the period begins",
         name="x1" if steps else state,
         speed=unit if steps else 0.0,
-        events=np.bincount(periods[periods < len(value)], minlength=len(value)).astype(float),
-        counted="impacts" if struck else "events",
+        events=events,
+        counted=counted,
     )

@@ -1,4 +1,5 @@
 // A browser takes only so many changes of the address in a second.
 clearTimeout(window.waiting_address)
-const query = cb_obj.text
-window.waiting_address = setTimeout(() => history.replaceState(null, "", "?" + query), 150)
+if (address.text !== "") {
+  window.waiting_address = setTimeout(() => history.replaceState(null, "", "?" + address.text), 150)
+}

@@ -43,8 +43,7 @@ class Bifurcation:
             return
         value = system.value(name)
         state = self.diagram.state if self.diagram is not None else system.shown[0]
-        rows = picture.section
-        column = rows[state].to_numpy() if state in rows else np.empty(0)
+        column = picture.section.get(state, np.empty(0))
         at, size = self.units
         self.here.data = {"x": np.full(len(column), value / at), "y": column / size}
         self.place.location = value / at

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from bokeh.layouts import column, row
-from bokeh.models import Button, Div, PrintfTickFormatter, Select, Slider
+from bokeh.models import Button, CustomJS, Div, PrintfTickFormatter, Select, Slider
 
 from mems_impact.explorer.dials import Dial
 from mems_impact.explorer.setting import LONGEST, Setting, length_word, planes
@@ -18,6 +18,7 @@ __all__ = ["Controls"]
 WIDE = "stretch_width"
 LENGTHS = 10.0  # least and step of the slider of the length
 MOST = 300.0
+MOVED = "window.slider_moved = performance.now()"
 
 
 class Controls:
@@ -79,6 +80,7 @@ class Controls:
             self._changed(lambda setting: setting.with_value(dial.name, new * dial.factor))
 
         made.on_change("value", moved)
+        made.js_on_change("value", CustomJS(code=MOVED))
         return made
 
     def _length(self, setting: Setting, word: str) -> Slider:

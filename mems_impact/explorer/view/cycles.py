@@ -6,7 +6,14 @@ from bokeh.layouts import column
 from bokeh.models import LinearAxis, Range1d
 
 from mems_impact.explorer.picture import Picture
-from mems_impact.explorer.view.panel import BLUE, ORANGE, new_figure, source, unit_for
+from mems_impact.explorer.view.panel import (
+    BLUE,
+    ORANGE,
+    new_figure,
+    plain_numbers,
+    source,
+    unit_for,
+)
 
 __all__ = ["CyclesPanel"]
 
@@ -25,7 +32,7 @@ class CyclesPanel:
         events.x_range = values.x_range
         values.y_range = Range1d(0.0, 1.0)
         values.extra_y_ranges = {"speed": Range1d(0.0, 1.0)}
-        self.speed = LinearAxis(y_range_name="speed", visible=False)
+        self.speed = LinearAxis(y_range_name="speed", visible=False, formatter=plain_numbers())
         self.speed.axis_label_text_font_style = "normal"
         self.speed.minor_tick_line_color = None
         values.add_layout(self.speed, "right")

@@ -34,7 +34,7 @@ class Device:
     def __init__(self) -> None:
         end = BLOCK + 1.0 + WALL + 0.15
         made = self.layout = figure(
-            height=150, sizing_mode="stretch_width", tools="", toolbar_location=None,
+            height=140, sizing_mode="stretch_width", tools="", toolbar_location=None,
             x_range=Range1d(-1.5 * end, 1.5 * end), y_range=Range1d(-0.45, 1.55),
         )  # fmt: skip
         made.axis.visible = made.grid.visible = False
@@ -84,7 +84,7 @@ class Device:
 
     def about(self, picture: Picture) -> dict[str, list[Any]]:
         """Return what the browser has to know to move the drawing."""
-        factor, unit = unit_for(picture.system, "x1", picture.frames["x1"])
+        factor, unit = unit_for(picture.system, "x1", picture.motion.frames["x1"])
         return {
             "inner": [BLOCK + 1.0],
             "half": [BLOCK],
@@ -98,24 +98,23 @@ class Device:
 
 def frames_of(picture: Picture) -> dict[str, np.ndarray]:
     """Return what the browser plays of the device: block, walk of the ground, charge, x1."""
-    system, frames = picture.system, picture.frames
+    system, frames = picture.system, picture.motion.frames
     assert isinstance(system, ActuatorSystem)
     gap, x1 = system.actuator.d, frames["x1"][::EVERY]
-    largest = max(float(np.abs(frames[name]).max()) for name in frames if "voltage" in name) or 1.0
-    found = {
+    largest = max(float(np.abs(each).max()) for each in picture.voltages) or 1.0
+    charges = [(each[::EVERY] / largest) ** 2 for each in picture.voltages]
+    return {
         "block": frames["x2"][::EVERY] / gap,
         "walk": (x1 - x1[0]) / gap,
         "x1": x1,
-        "right": (frames["voltage"][::EVERY] / largest) ** 2,
+        "right": charges[0],
+        "left": charges[-1] if len(charges) > 1 else np.zeros(len(x1)),
     }
-    left = frames.get("left voltage")
-    found["left"] = np.zeros(len(x1)) if left is None else (left[::EVERY] / largest) ** 2
-    return found
 
 
 def magnified(picture: Picture) -> float:
     """Return how many times faster the ground is to pass by: 1, 2 or 5 times a power of ten."""
-    system, x1 = picture.system, picture.frames["x1"]
+    system, x1 = picture.system, picture.motion.frames["x1"]
     assert isinstance(system, ActuatorSystem)
     periods = max(1.0, len(x1) / PER_PERIOD)
     walked = abs(x1[-1] - x1[0]) / system.actuator.d / periods

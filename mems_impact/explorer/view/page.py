@@ -44,7 +44,6 @@ __all__ = ["Page"]
 
 PATIENCE = 0.5  # s that a run may take though the slider has moved on
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
-POINTER = ("t", "series 0", "series 1", "x", "y")
 
 
 class Page:
@@ -105,12 +104,11 @@ class Page:
     def _draw_first(self, dials: tuple[Dial, ...]) -> None:
         subject, setting = self.subject, self.setting
         actuator = isinstance(subject.system, ActuatorSystem)
-        self.pointer = ColumnDataSource({name: [float("nan")] for name in POINTER})
         self.frames = ColumnDataSource({"t": []})
         self.about = ColumnDataSource({"per_period": [1]})
         count = len(series_shown(subject.system, setting))
-        self.series = Series(count, self.pointer)
-        self.portrait = Portrait(self.pointer)
+        self.series = Series(count)
+        self.portrait = Portrait()
         self.cycles, self.multipliers = CyclesPanel(), Multipliers()
         self.bifurcation = Bifurcation() if self.dials else None
         self.device = Device() if actuator else None
@@ -118,7 +116,9 @@ class Page:
         self.status = _text("", color="#555")
         self.message = _text("", color="#a33b00")
         self.address, self.parcel = Div(visible=False), Div(visible=False)
-        self.address.js_on_change("text", CustomJS(code=_asset("address.js")))
+        told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
+        self.address.js_on_change("text", told)
+        self.document.js_on_event(DocumentReady, told)  # the first picture may be there before
         self.parcel.js_on_change("text", CustomJS(code=_asset("download.js")))
         controls = Controls(subject, dials, setting, self.change, self.save)
         roots = {
@@ -143,7 +143,8 @@ class Page:
             self.document.add_root(root)
         drawing = ("block", "spring", "plates", "ground", "caption")
         moving = {name: getattr(self.device, name, None) for name in drawing}
-        known = {"frames": self.frames, "pointer": self.pointer, "about": self.about, **moving}
+        known: dict[str, Any] = {"frames": self.frames, "about": self.about, **moving}
+        known |= {"series": self.series.figures, "portrait": self.portrait.layout}
         self.document.js_on_event(DocumentReady, CustomJS(args=known, code=_asset("play.js")))
         self.document.title = f"{subject.title} – mems-impact"
         self.document.template = _asset("page.html")
@@ -208,7 +209,7 @@ class Page:
 
     def _show_frames(self, picture: Picture) -> None:
         """Hand the browser what it plays."""
-        frames, setting = picture.frames, picture.setting
+        frames, setting = picture.motion.frames, picture.setting
         if self.device is not None:
             self.device.show(picture)
         names = series_shown(picture.system, setting)

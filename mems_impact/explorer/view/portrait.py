@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from bokeh.models import ColumnDataSource, Span
+from typing import cast
+
+import numpy as np
+from bokeh.models import Span
 
 from mems_impact.explorer.picture import Picture
 from mems_impact.explorer.setting import TIME
@@ -12,15 +15,9 @@ __all__ = ["Portrait"]
 
 
 class Portrait:
-    """One state over another, in the last part of a run; crossings of the section as diamonds.
+    """One state over another, in the last part of a run; crossings of the section as diamonds."""
 
-    Parameters
-    ----------
-    pointer : ColumnDataSource
-        What moves along it: ``x`` and ``y``.
-    """
-
-    def __init__(self, pointer: ColumnDataSource) -> None:
+    def __init__(self) -> None:
         made = self.layout = new_figure(330)
         self.line, self.dots, self.jumps = source("x", "y"), source("x", "y"), source("x", "y")
         made.line("x", "y", source=self.line, color=BLUE, line_width=1.4)
@@ -28,14 +25,13 @@ class Portrait:
         made.scatter(
             "x", "y", source=self.dots, marker="diamond", size=9, color="white", line_color="black"
         )
-        made.scatter("x", "y", source=pointer, size=9, color="black")
         self.factors: dict[str, float] = {}
         self.cut = Span(line_color=GREY, line_dash="dotted", visible=False)
         made.renderers.append(self.cut)
 
     def show(self, picture: Picture) -> None:
         """Show another run."""
-        system, curve, setting = picture.system, picture.curve, picture.setting
+        system, curve, setting = picture.system, picture.motion.curve, picture.setting
         axes = (setting.x, setting.y)
         words: dict[str, str] = {}
         factors = self.factors = {}
@@ -48,21 +44,18 @@ class Portrait:
                 words[name] = name + told
         x, y = axes
         self.line.data = {"x": curve[x] / factors[x], "y": curve[y] / factors[y]}
-        hits = picture.impacts
+        hits = picture.motion.hits
 
         def jump(name: str) -> list[list[float]]:
             sides = ["t", "t"] if name == TIME else [f"{name} before", f"{name} after"]
-            ends: list[list[float]] = (hits[sides].to_numpy() / factors[name]).tolist()
-            return ends
+            ends = np.stack([hits[side] for side in sides], axis=-1) / factors[name]
+            return cast("list[list[float]]", ends.tolist())
 
         self.jumps.data = {"x": jump(x), "y": jump(y)}
         rows = picture.section
-        if TIME in axes:  # beyond what is shown, otherwise
-            rows = rows[rows["t"] >= curve["t"][0]]
-        self.dots.data = {
-            "x": rows[x].to_numpy() / factors[x],
-            "y": rows[y].to_numpy() / factors[y],
-        }
+        # Over time, those beyond what is shown are left out.
+        kept = rows["t"] >= (curve["t"][0] if TIME in axes else -np.inf)
+        self.dots.data = {"x": rows[x][kept] / factors[x], "y": rows[y][kept] / factors[y]}
         self.layout.xaxis.axis_label, self.layout.yaxis.axis_label = words[x], words[y]
         section = system.section
         name = system.states[section[0]] if section is not None else ""

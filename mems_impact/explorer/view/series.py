@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
 from bokeh.layouts import column
-from bokeh.models import ColumnDataSource, Span, VStrip
+from bokeh.models import Span, VStrip
 
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.picture import Picture, series_shown
@@ -22,11 +23,9 @@ class Series:
     ----------
     count : int
         How many states.
-    pointer : ColumnDataSource
-        What moves along them: ``t``, ``series 0`` and ``series 1``.
     """
 
-    def __init__(self, count: int, pointer: ColumnDataSource) -> None:
+    def __init__(self, count: int) -> None:
         self.figures = [new_figure(HEIGHTS[0] if count > 1 else sum(HEIGHTS))]
         first = self.figures[0]
         if count > 1:
@@ -38,10 +37,9 @@ class Series:
         self.hits = source("t", "value")
         self.strips = source("start", "end")
         look = {"fill_color": GREEN, "fill_alpha": 0.3, "line_color": GREEN, "line_alpha": 0.3}
-        for place, (made, data) in enumerate(zip(self.figures, self.lines, strict=True)):
+        for made, data in zip(self.figures, self.lines, strict=True):
             made.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
             made.line("t", "value", source=data, color=BLUE, line_width=1.6)
-            made.scatter("t", f"series {place}", source=pointer, size=9, color="black")
         first.scatter("t", "value", source=self.hits, size=7, color=ORANGE, line_color="white")
         self.walls = [
             Span(dimension="width", line_color=GREY, line_dash="dashed", visible=False)
@@ -52,7 +50,7 @@ class Series:
 
     def show(self, picture: Picture) -> None:
         """Show another run."""
-        system, curve, unit = picture.system, picture.curve, picture.unit
+        system, curve, unit = picture.system, picture.motion.curve, picture.unit
         names = series_shown(system, picture.setting)
         for made, data, name in zip(self.figures, self.lines, names, strict=False):
             factor, told = unit_for(system, name, curve[name])
@@ -60,15 +58,12 @@ class Series:
             data.data = {"t": curve["t"] / unit, "value": curve[name] / factor}
             made.yaxis.axis_label = CAPTIONS.get(name, name) + told
         factor = self.factors[names[0]]
-        hits = picture.impacts
-        after = hits[f"{names[0]} after"].to_numpy()
-        self.hits.data = {"t": hits["t"].to_numpy() / unit, "value": after / factor}
+        hits = picture.motion.hits
+        self.hits.data = {"t": hits["t"] / unit, "value": hits[f"{names[0]} after"] / factor}
         words = "time / forcing period" if system.forced else system.label("time")
         self.figures[-1].xaxis.axis_label = words
-        slips = picture.slips
-        self.strips.data = {
-            side: slips[side].to_numpy(dtype=float) / unit for side in ("start", "end")
-        }
+        slips = np.array(picture.slips).reshape(-1, 2) / unit
+        self.strips.data = {"start": slips[:, 0], "end": slips[:, 1]}
         for wall, sign in zip(self.walls, (-1.0, 1.0), strict=True):
             if isinstance(system, ActuatorSystem):
                 wall.location, wall.visible = sign * system.actuator.delta / factor, True
