@@ -89,13 +89,14 @@ def _subject(
 ) -> Subject:
     from mems_impact.explorer.subject import of_code, of_device
 
+    given: dict[str, Any] = ctx.meta.get(KEY, {})
+    told = given.keys() - {"allow_code"}
     if ":" in device and not Path(device).exists():
-        if KEY in ctx.meta:
+        if told:
             raise click.UsageError(f"{device} is under no drive; leave the options of drives out")
         return of_code(device, changes, options)
     actuator = actuator_from(device, changes)
-    given: dict[str, Any] = ctx.meta.get(KEY, {})
-    if not given.keys() - {"allow_code"} and _tells_drive(device):
+    if not told and _tells_drive(device):
         given = ctx.meta[KEY] = {**given, "choice": device}
     drive = drive_from(_usual(given, actuator))
     return of_device(device, actuator, drive, drive_source=drive_source(), options=options)

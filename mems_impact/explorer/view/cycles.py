@@ -18,6 +18,7 @@ from mems_impact.explorer.view.panel import (
 __all__ = ["CyclesPanel"]
 
 BEGINNING = 0.05  # part of the run that does not count for the range of the axis
+SMALL = 1e-4  # range of an axis, as a part of the values: rounding is no news
 MARGIN = 0.08  # beyond the values, as a part of their range
 
 
@@ -54,7 +55,8 @@ class CyclesPanel:
         later = values[int(BEGINNING * values.size) :]
         low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)
         low, high = (min(low, 0.0), max(high, 0.0)) if cycles.speed else (low, high)
-        room = MARGIN * (high - low or abs(high) or 1.0)
+        size = max(abs(low), abs(high)) or 1.0
+        room = max(MARGIN * (high - low), SMALL * size)
         low, high = low - room, high + room
         self.values.y_range.update(start=low, end=high)
         self.speed.visible = cycles.speed > 0.0
