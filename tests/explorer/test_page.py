@@ -52,7 +52,7 @@ class Page:
         return self.browser.execute_script(
             """const column = [...Bokeh.documents[0].all_models].find((m) => m.name === "series");
             const line = column.children[0].renderers.find((r) => r.glyph.type === "Line");
-            return Array.from(line.data_source.data.value)"""
+            return Array.from(line.data_source.data.value).filter(Number.isFinite)"""
         )
 
     def saved(self, name):
