@@ -37,6 +37,7 @@ COMMANDS = (
     "continue",
     "devices",
     "drive",
+    "explore",
     "fit",
     "map",
     "new",

@@ -114,6 +114,19 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     return _of_file(choice, given, varied or {}, allow_code)
 
 
+def drive_source() -> str:
+    """Return the Python that loads the file of `drive_from`; empty where options describe it."""
+    from mems_impact.actuator.drives.files import TABLES
+
+    given = click.get_current_context().meta.get(KEY, {})
+    path = given.get("choice", "sine")
+    if described_by_options(path):
+        return ""
+    if path.lower().endswith(TABLES):
+        return f"mi.Sampled.from_csv({path!r})"
+    return f"mi.load_drive({path!r}{', allow_code=True' if code_is_allowed() else ''})"
+
+
 def code_is_allowed() -> bool:
     """Return whether the running command may run the Python code that a file names."""
     return bool(click.get_current_context().meta.get(KEY, {}).get("allow_code"))

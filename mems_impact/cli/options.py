@@ -60,18 +60,22 @@ def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> li
     return [*names, CompletionItem(begun, type="file")]
 
 
-device_options = combined(
-    click.argument("device", shell_complete=_devices),
-    click.option(
-        "--set",
-        "changes",
-        multiple=True,
-        metavar="NAME=NUMBER",
-        callback=_assignments,
-        help="Change a parameter of the device, such as e=0.7, or of a term, such as "
-        "tilt.angle=0.1, which is added if need be. May be repeated.",
-    ),
+def device_argument(**settings: Any) -> Decorator:
+    """Return the argument of what a command is about."""
+    return click.argument("device", shell_complete=_devices, **settings)
+
+
+changes_option = click.option(
+    "--set",
+    "changes",
+    multiple=True,
+    metavar="NAME=NUMBER",
+    callback=_assignments,
+    help="Change a parameter of the device, such as e=0.7, or of a term, such as "
+    "tilt.angle=0.1, which is added if need be. May be repeated.",
 )
+
+device_options = combined(device_argument(), changes_option)
 
 Initial = dict[str, float] | Literal["kicked"]
 KICKED: Literal["kicked"] = "kicked"

@@ -1,0 +1,123 @@
+"""`mems-impact explore`: a page in the browser whose sliders move a device or a system."""
+
+from __future__ import annotations
+
+import importlib.util
+import tomllib
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.drives import KEY, drive_from, drive_options, drive_source
+from mems_impact.cli.failures import say, show_warnings_briefly
+from mems_impact.cli.options import actuator_from, changes_option, study_integrator_options
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.engines.options import Options
+    from mems_impact.explorer.subject import Subject
+
+USUAL, USUAL_PORT = "zhao2004", 5006
+
+
+@click.command(short_help="Move a device or a system by sliders, in the browser.")
+@click.argument("device", default=USUAL, metavar="[DEVICE | FILE.py:NAME | MODULE:NAME]")
+@changes_option
+@drive_options
+@study_integrator_options
+@click.option(
+    "--port",
+    type=click.IntRange(0, 65535),
+    default=USUAL_PORT,
+    show_default=True,
+    help="Where the page is served, for this machine alone; 0 for any port that is free.",
+)
+@click.option(
+    "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    *,
+    device: str,
+    changes: dict[str, float],
+    method: str,
+    rtol: float,
+    atol: float,
+    engine: str,
+    port: int,
+    browser: bool,
+) -> None:
+    """Explore DEVICE, zhao2004 by default, or the system NAME of a Python file or module.
+
+    Its page has a slider for every parameter, and shows motion, phase portrait, bifurcation
+    diagram, steps and multipliers. Its address says all of it: who opens it sees the same. Without
+    options of the drive the device is under a sine, or under the drive of its file. A file or
+    module that is named here is run. Ctrl-C ends it.
+
+    \b
+    Example:
+      mems-impact explore zhao2004
+      mems-impact explore oscillator.py:system --set A=0.5
+    """  # noqa: D301 - click looks for the backspace itself
+    if importlib.util.find_spec("bokeh") is None:
+        missing = "explore needs Bokeh, which is not installed"
+        raise click.ClickException(f"{missing}: pip install 'mems-impact[explore]'")
+    import mems_impact as mi
+    from mems_impact.explorer.picture import picture_of
+    from mems_impact.explorer.server import serve
+    from mems_impact.explorer.setting import first_setting
+
+    show_warnings_briefly()
+    options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
+    subject = _subject(ctx, device, changes, options)
+    # Here Ctrl-C is heard while functions are compiled, and what cannot be run is said at once.
+    picture_of(subject, first_setting(subject))
+
+    def ready(address: str) -> None:
+        click.echo(f"{subject.title}: {address} (Ctrl-C ends it)")
+        if browser and not webbrowser.open(address):
+            say(f"no browser was found; open {address}")
+
+    serve(subject, port, ready)
+
+
+def _subject(
+    ctx: click.Context, device: str, changes: dict[str, float], options: Options
+) -> Subject:
+    from mems_impact.explorer.subject import of_code, of_device
+
+    given: dict[str, Any] = ctx.meta.get(KEY, {})
+    told = given.keys() - {"allow_code"}
+    if ":" in device and not Path(device).exists():
+        if told:
+            raise click.UsageError(f"{device} is under no drive; leave the options of drives out")
+        return of_code(device, changes, options)
+    actuator = actuator_from(device, changes)
+    if not told and _tells_drive(device):
+        given = ctx.meta[KEY] = {**given, "choice": device}
+    drive = drive_from(_usual(given, actuator))
+    return of_device(device, actuator, drive, drive_source=drive_source(), options=options)
+
+
+def _tells_drive(device: str) -> bool:
+    """Return whether the file of a device, which has been read, has a table of its drive."""
+    from mems_impact.actuator.parameters import preset_names
+
+    return device not in preset_names() and "drive" in tomllib.loads(
+        Path(device).read_text("utf-8")
+    )
+
+
+def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
+    """Return what of a sine is not given, and has to be."""
+    from mems_impact.explorer.subject import usual_sine
+
+    if given.get("choice", "sine") != "sine":
+        return {}
+    told = {*given, *(["omega"] if "frequency" in given else [])}
+    missing = {"amplitude", "omega"} - told
+    usual = usual_sine(actuator) if missing else {}
+    return {name: value for name, value in usual.items() if name in missing}

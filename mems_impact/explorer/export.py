@@ -1,0 +1,138 @@
+"""What a page saves: the Python that makes its picture, the picture, the file of the device."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator, Mapping
+from pprint import pformat
+from typing import Any
+
+import numpy as np
+
+import mems_impact as mi
+from mems_impact.actuator.stored import actuator_parts, table_of
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.run import Run
+from mems_impact.analysis.system import System
+from mems_impact.explorer.diagram import FINE, sweep_arguments
+from mems_impact.explorer.dials import Dial
+from mems_impact.explorer.picture import run_length
+from mems_impact.explorer.setting import Setting, unit_of_time
+from mems_impact.explorer.subject import OPTIONS, Subject
+
+__all__ = ["device_file", "python_of", "run_picture"]
+
+DPI = 200
+LINE = 96
+
+
+def python_of(subject: Subject, setting: Setting, dial: Dial | None) -> str:
+    """Return a script that makes the run of a setting, its orbit, its diagram and their pictures.
+
+    Parameters
+    ----------
+    subject : Subject
+    setting : Setting
+    dial : Dial or None
+        Of the parameter of the diagram; None for a system without parameters.
+    """
+    system = setting.system(subject)
+    given: dict[str, Any] = run_length(system, setting, unit_of_time(system))
+    arguments = [f"{name}={value!r}" for name, value in given.items()]
+    if setting.start == "kicked":
+        arguments.append("initial=mi.kicked(actuator)")
+    options = _options(subject)
+    heads = ["numpy as np"] if dial is not None else []
+    imports = [subject.imports] if subject.imports else []
+    lines = [
+        *(text for text in imports if not text.startswith("from ")),
+        *(["", *(f"import {text}" for text in heads), ""] if heads else [""]),
+        "import mems_impact as mi",
+        *(text for text in imports if text.startswith("from ")),
+        "",
+        subject.making(system),
+        f"run = mi.simulate(system, {', '.join((*arguments, *options))})",
+        "print(run.statistics)",
+        'mi.plot_run(run).figure.savefig("run.png", dpi=200)',
+    ]
+    if dial is not None:
+        lines += ["", *_sweep(system, setting, dial, options)]
+    lines += [
+        "",
+        "try:",
+        "    orbit = mi.find_orbit(run)",
+        "    print(orbit, orbit.multipliers)",
+        "except mi.OrbitError as error:",
+        "    print(error)",
+    ]
+    return "\n".join(lines).lstrip("\n") + "\n"
+
+
+def run_picture(run: Run) -> bytes:
+    """Return the picture that `mems_impact.plot_run` makes of a run, as a PNG."""
+    buffer = io.BytesIO()
+    mi.plot_run(run).figure.savefig(buffer, format="png", dpi=DPI)
+    return buffer.getvalue()
+
+
+def device_file(subject: Subject, system: ActuatorSystem) -> str:
+    """Return device and drive as a TOML file, for `load_actuator` and `load_drive`.
+
+    A drive that a user's functions make has no place in it.
+    """
+    parts = actuator_parts(system.actuator)
+    units, terms = parts.pop("units", "dimensionless"), parts.pop("terms", {})
+    head = {"name": subject.title, "description": "saved by mems-impact explore", "units": units}
+    tables: dict[str, Any] = {"parameters": parts, **terms}
+    if system.told_by_numbers:
+        tables["drive"] = table_of(system.drive)
+    return "\n".join([*_entries(head), *_tables(tables)]) + "\n"
+
+
+def _options(subject: Subject) -> list[str]:
+    options = subject.options
+    if options == OPTIONS:
+        return [f"options=mi.Options(method={options.method!r})"]
+    return [f"options=mi.{options!r}"]
+
+
+def _sweep(system: System, setting: Setting, dial: Dial, options: list[str]) -> Iterator[str]:
+    given = sweep_arguments(system, setting, dial, FINE)
+    name, values = given.pop("parameter"), given.pop("values")
+    low, high = float(values[0]), float(values[-1])
+    more = [f"{key}={value!r}" for key, value in given.items()]
+    yield f"values = np.linspace({low!r}, {high!r}, {len(values)})"
+    yield f"table = mi.sweep(system, {name!r}, values, {', '.join((*more, *options))})"
+    yield 'mi.plot_sweep(table).figure.savefig("sweep.png", dpi=200)'
+
+
+def _tables(tables: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+    for name, table in tables.items():
+        yield ""
+        yield f"[{name}]"
+        yield from _entries(table)
+        within = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+        yield from _tables({f"{name}.{key}": value for key, value in within.items()})
+
+
+def _entries(table: Mapping[str, Any]) -> Iterator[str]:
+    for name, value in table.items():
+        if not isinstance(value, Mapping) and value is not None:
+            yield f"{name} = {_value(value)}"
+
+
+def _value(value: Any) -> str:
+    """Return a value as TOML has it; numbers to the last digit, strings as JSON."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return pformat([_Plain(_value(each)) for each in value], width=LINE, compact=True)
+    return json.dumps(value, ensure_ascii=False) if isinstance(value, str | bool) else repr(value)
+
+
+class _Plain(str):
+    """Text that is shown as it stands."""
+
+    def __repr__(self) -> str:
+        return str(self)

@@ -1,0 +1,89 @@
+"""The server of the explorer: for this machine alone, and for nobody else's pages."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable
+
+from bokeh.application import Application
+from bokeh.application.handlers import FunctionHandler
+from bokeh.document import Document
+from bokeh.server.server import BaseServer
+from bokeh.server.tornado import BokehTornado
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop
+from tornado.netutil import bind_sockets
+from tornado.routing import HostMatches, Rule, RuleRouter
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.explorer.dials import dials_of
+from mems_impact.explorer.subject import Subject
+from mems_impact.explorer.view.page import Page
+
+__all__ = ["LOOPBACK", "serve"]
+
+LOOPBACK = "127.0.0.1"
+NAMES = (LOOPBACK, "localhost")
+
+
+def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
+    """Serve the pages of a subject until Ctrl-C.
+
+    Parameters
+    ----------
+    subject : Subject
+    port : int
+        At which it listens; 0 for any that is free.
+    ready : callable
+        ``ready(address)`` is called when the page can be opened.
+
+    Raises
+    ------
+    InvalidParameter
+        If the port cannot be had.
+
+    Notes
+    -----
+    It listens on 127.0.0.1. A request for another host is not answered, lest a page from elsewhere
+    comes here by a name of its own that points to this machine, and a websocket is opened for pages
+    from here alone.
+    """
+    dials = dials_of(subject)
+    pages: list[Page] = []
+
+    def show(document: Document) -> None:
+        arguments = document.session_context.request.arguments
+        query = {
+            name: [value.decode("utf-8", "replace") for value in values]
+            for name, values in arguments.items()
+        }
+        pages.append(Page(document, subject, dials, query))
+
+    try:
+        sockets = bind_sockets(port, LOOPBACK)
+    except (OSError, OverflowError) as error:
+        taken = getattr(error, "errno", None) == errno.EADDRINUSE
+        problem = "is taken" if taken else f"cannot be had ({error})"
+        problem += "; give another, or 0 for any that is free"
+        raise InvalidParameter("port", port, "", problem=problem) from None
+    number = sockets[0].getsockname()[1]
+    loop = IOLoop.current()
+    pages_here = BokehTornado(
+        {"/": Application(FunctionHandler(show))},
+        extra_websocket_origins=[f"{name}:{number}" for name in NAMES],
+    )
+    here = "|".join(name.replace(".", r"\.") for name in NAMES)
+    http = HTTPServer(RuleRouter([Rule(HostMatches(f"^({here})$"), pages_here)]))
+    http.add_sockets(sockets)
+    server = BaseServer(loop, pages_here, http)
+    server.start()
+    ready(f"http://{LOOPBACK}:{number}/")
+    try:
+        loop.start()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        for page in pages:
+            page.stop()
+        server.stop(wait=False)
+        http.stop()

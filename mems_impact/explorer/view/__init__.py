@@ -1,0 +1,1 @@
+"""The page of the explorer, drawn with Bokeh."""

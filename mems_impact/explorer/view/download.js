@@ -1,0 +1,7 @@
+const file = JSON.parse(cb_obj.text)
+const bytes = Uint8Array.from(atob(file.content), (letter) => letter.charCodeAt(0))
+const link = document.createElement("a")
+link.href = URL.createObjectURL(new Blob([bytes]))
+link.download = file.name
+link.click()
+setTimeout(() => URL.revokeObjectURL(link.href), 1000)

@@ -1,0 +1,278 @@
+"""One page: what the user does goes to the computing threads, what they find is drawn."""
+
+from __future__ import annotations
+
+import base64
+import json
+import sys
+import traceback
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache, partial
+from importlib.resources import files
+from typing import Any
+
+from bokeh.document import Document
+from bokeh.events import DocumentReady
+from bokeh.models import ColumnDataSource, CustomJS, Div
+
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.errors import InvalidParameter, MemsImpactError
+from mems_impact.explorer.diagram import COARSE, Asked, Diagram, diagram_of
+from mems_impact.explorer.dials import Dial
+from mems_impact.explorer.export import device_file, python_of, run_picture
+from mems_impact.explorer.floquet import Floquet, floquet_of
+from mems_impact.explorer.latest import Latest, Watch
+from mems_impact.explorer.picture import PER_PERIOD, Picture, picture_of, series_shown
+from mems_impact.explorer.setting import (
+    TIME,
+    Setting,
+    address_of,
+    first_setting,
+    length_word,
+    setting_at,
+)
+from mems_impact.explorer.subject import Subject
+from mems_impact.explorer.view.bifurcation import Bifurcation
+from mems_impact.explorer.view.controls import Controls
+from mems_impact.explorer.view.cycles import CyclesPanel
+from mems_impact.explorer.view.device import EVERY, Device, frames_of
+from mems_impact.explorer.view.multipliers import Multipliers
+from mems_impact.explorer.view.portrait import Portrait
+from mems_impact.explorer.view.series import Series
+
+__all__ = ["Page"]
+
+PATIENCE = 0.5  # s that a run may take though the slider has moved on
+ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
+
+
+class Page:
+    """A page of the explorer, as long as somebody looks at it.
+
+    Parameters
+    ----------
+    document : Document
+        Bokeh's, of one session.
+    subject : Subject
+    dials : tuple of Dial
+    query : mapping of str to iterable of str
+        Of the address.
+    """
+
+    def __init__(
+        self,
+        document: Document,
+        subject: Subject,
+        dials: tuple[Dial, ...],
+        query: Mapping[str, Iterable[str]],
+    ) -> None:
+        self.document, self.subject = document, subject
+        self.dials = {dial.name: dial for dial in dials}
+        self.picture: Picture | None = None
+        self._diagram_asked: Any = None
+        self._saved = 0
+        refused = ""
+        try:
+            self.setting = setting_at(subject, query)
+        except InvalidParameter as error:
+            self.setting, refused = first_setting(subject), f"The address: {error}"
+        self._draw_first(tuple(dials))
+        self.message.text = refused
+        self.pictures = self._thread(partial(picture_of, subject), self._show, patience=PATIENCE)
+        self.orbits = self._thread(floquet_of, self._show_orbit, delay=ORBIT_DELAY)
+        self.diagrams = self._thread(self._diagram, self._show_diagram, delay=DIAGRAM_DELAY)
+        self.files = self._thread(self._file, self._send)
+        self._refused = bool(refused)
+        self.pictures.ask(self.setting)
+
+    def stop(self) -> None:
+        """End the threads."""
+        for thread in (self.pictures, self.orbits, self.diagrams, self.files):
+            thread.stop()
+
+    def change(self, change: Callable[[Setting], Setting]) -> None:
+        """Compute the picture of a changed setting."""
+        self.setting = change(self.setting)
+        self._refused = False
+        self.pictures.ask(self.setting)
+
+    def save(self, what: str) -> None:
+        """Let the browser save a file of the picture that is shown."""
+        if self.picture is not None:
+            self.files.ask((what, self.picture))
+
+    def _draw_first(self, dials: tuple[Dial, ...]) -> None:
+        subject, setting = self.subject, self.setting
+        actuator = isinstance(subject.system, ActuatorSystem)
+        self.frames = ColumnDataSource({"t": []})
+        self.about = ColumnDataSource({"per_period": [1]})
+        count = len(series_shown(subject.system, setting))
+        self.series = Series(count)
+        self.portrait = Portrait()
+        self.cycles, self.multipliers = CyclesPanel(), Multipliers()
+        self.bifurcation = Bifurcation() if self.dials else None
+        self.device = Device() if actuator else None
+        self.title = _text(subject.title, **{"font-size": "20px", "font-weight": "600"})
+        self.status = _text("", color="#555")
+        self.message = _text("", color="#a33b00")
+        self.address, self.parcel = Div(visible=False), Div(visible=False)
+        told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
+        self.address.js_on_change("text", told)
+        self.document.js_on_event(DocumentReady, told)  # the first picture may be there before
+        self.parcel.js_on_change("text", CustomJS(code=_asset("download.js")))
+        controls = Controls(subject, dials, setting, self.change, self.save)
+        roots = {
+            "title": self.title,
+            "status": self.status,
+            "message": self.message,
+            "controls": controls.layout,
+            "files": controls.files,
+            "series": self.series.layout,
+            "portrait": self.portrait.layout,
+            "cycles": self.cycles.layout,
+            "multipliers": self.multipliers.layout,
+            "address": self.address,
+            "parcel": self.parcel,
+        }
+        if self.bifurcation is not None:
+            roots["bifurcation"] = self.bifurcation.layout
+        if self.device is not None:
+            roots["device"] = self.device.layout
+        for name, root in roots.items():
+            root.name = name
+            self.document.add_root(root)
+        drawing = ("block", "spring", "plates", "ground", "caption")
+        moving = {name: getattr(self.device, name, None) for name in drawing}
+        known: dict[str, Any] = {"frames": self.frames, "about": self.about, **moving}
+        known |= {"series": self.series.figures, "portrait": self.portrait.layout}
+        self.document.js_on_event(DocumentReady, CustomJS(args=known, code=_asset("play.js")))
+        self.document.title = f"{subject.title} – mems-impact"
+        self.document.template = _asset("page.html")
+        self.document.template_variables["style"] = _asset("style.css")
+        self.document.template_variables["panels"] = tuple(
+            (name, caption) for name, caption in CAPTIONS.items() if name in roots
+        )
+        self.document.on_session_destroyed(lambda _context: self.stop())
+
+    def _thread(
+        self, compute: Any, show: Callable[[Any, Any], None], **waits: float
+    ) -> Latest[Any]:
+        """Return a thread whose results are shown by `show`, called by the server's thread."""
+
+        def deliver(asked: Any, result: Any, error: Exception | None) -> None:
+            if error is not None:
+                self.document.add_next_tick_callback(lambda: self._fail(asked, error))
+            else:
+                self.document.add_next_tick_callback(lambda: show(asked, result))
+
+        return Latest(compute, deliver, **waits)
+
+    def _fail(self, asked: Any, error: Exception) -> None:
+        """Say in one sentence what went wrong; the last good picture stays."""
+        if isinstance(error, MemsImpactError):
+            text = str(error)
+        else:
+            print("".join(traceback.format_exception(error)), file=sys.stderr)  # noqa: T201
+            text = f"{type(error).__name__}: {error} (a bug; the terminal has the traceback)"
+        if isinstance(asked, Asked):
+            if self.bifurcation is not None:
+                self.bifurcation.say(text)
+            return
+        self.message.text = text
+
+    def _show(self, setting: Setting, picture: Picture) -> None:
+        """Draw a run."""
+        self.picture = picture
+        self.document.hold("combine")
+        self.series.show(picture)
+        self.portrait.show(picture)
+        self.cycles.show(picture)
+        if self.bifurcation is not None:
+            self.bifurcation.show(picture)
+        self._show_frames(picture)
+        length = f"{setting.length:g} {length_word(picture.system)}"
+        if not picture.system.forced:
+            length = f"{length_word(picture.system)} {setting.length:g}"
+        self.status.text = (
+            f"{length}, {len(picture.run.events)} events, {1e3 * picture.seconds:.0f} ms"
+        )
+        if not self._refused:
+            self.message.text = ""
+        self.address.text = address_of(self.subject, setting)
+        self.document.unhold()
+        self.orbits.ask(picture)
+        asked = Asked(setting=setting, points=COARSE)
+        if self.bifurcation is not None and self._diagram_asked != asked.key:
+            self._diagram_asked = asked.key
+            self.bifurcation.say("computing …")
+            self.diagrams.ask(asked)
+
+    def _show_frames(self, picture: Picture) -> None:
+        """Hand the browser what it plays."""
+        frames, setting = picture.motion.frames, picture.setting
+        if self.device is not None:
+            self.device.show(picture)
+        names = series_shown(picture.system, setting)
+        scales = {**self.portrait.factors, TIME: picture.unit}
+        data: dict[str, Any] = {"t": frames["t"][::EVERY] / picture.unit}
+        for place in range(2):
+            name = names[min(place, len(names) - 1)]
+            data[f"series {place}"] = frames[name][::EVERY] / self.series.factors[name]
+        for axis, name in (("x", setting.x), ("y", setting.y)):
+            data[axis] = frames[name][::EVERY] / scales[name]
+        more = self.device.about(picture) if self.device is not None else {}
+        self.about.data = {"per_period": [PER_PERIOD / EVERY], **more}
+        self.frames.data = data | (frames_of(picture) if self.device is not None else {})
+
+    def _show_orbit(self, picture: Picture, floquet: Floquet) -> None:
+        self.multipliers.show(floquet)
+
+    def _diagram(self, asked: Asked, watch: Watch) -> Diagram:
+        return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
+
+    def _show_diagram(self, asked: Asked, diagram: Diagram) -> None:
+        if self.bifurcation is None or self.picture is None or asked.key != self._diagram_asked:
+            return
+        self.bifurcation.show_diagram(diagram, self.picture)
+        if asked.points == COARSE:
+            self.diagrams.ask(asked.finer())
+
+    def _file(self, asked: tuple[str, Picture], watch: Watch) -> tuple[str, bytes]:
+        """Return the name and the content of a file."""
+        what, picture = asked
+        name = "".join(letter if letter.isalnum() else "_" for letter in self.subject.title)
+        if what == "picture":
+            return f"{name}.png", run_picture(picture.run)
+        if what == "python":
+            dial = self.dials.get(picture.setting.parameter)
+            return f"{name}.py", python_of(self.subject, picture.setting, dial).encode()
+        system = picture.system
+        assert isinstance(system, ActuatorSystem)
+        return f"{name}.toml", device_file(self.subject, system).encode()
+
+    def _send(self, asked: Any, file: tuple[str, bytes]) -> None:
+        name, content = file
+        self._saved += 1  # so that the same file may be saved twice
+        told = {"name": name, "number": self._saved, "content": base64.b64encode(content).decode()}
+        self.parcel.text = json.dumps(told)
+
+
+CAPTIONS = {
+    "device": "Device in motion",
+    "series": "Motion over time",
+    "portrait": "Phase portrait and section",
+    "multipliers": "Multipliers of the orbit",
+    "bifurcation": "Bifurcation diagram, up and down",
+    "cycles": "Cycle by cycle",
+}
+"""The panels in their order, and what stands above each."""
+
+
+def _text(text: str, **styles: str) -> Div:
+    # As text: a sentence may quote what stands in the address.
+    return Div(text=text, render_as_text=True, sizing_mode="stretch_width", styles=styles)
+
+
+@cache
+def _asset(name: str) -> str:
+    return (files(__package__) / name).read_text("utf-8")

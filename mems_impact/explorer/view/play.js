@@ -1,0 +1,84 @@
+// Plays the frames: moves a point along the curves, and the device. The points are elements above
+// the figures, which need not be painted again for them. Of the device arrays are changed in place and
+// only the view is told, so that nothing goes back to the server.
+const SECONDS_A_PERIOD = 1.8
+const MOST_A_SECOND = 25
+const REST = 300 // ms in which a slider may move on: drawing the next picture goes before playing
+let begun = null
+let last = 0
+let shown = null
+let paused = 0
+let dots = null
+
+function dot() {
+  const made = document.createElement("div")
+  made.className = "point"
+  document.body.append(made)
+  return made
+}
+
+function put(point, model, x, y) {
+  const view = Bokeh.index.find_one(model)
+  if (view === null || !Number.isFinite(x) || !Number.isFinite(y)) {
+    point.hidden = true
+    return
+  }
+  const place = view.el.getBoundingClientRect()
+  const at = [view.frame.x_scale.compute(x), view.frame.y_scale.compute(y)]
+  point.hidden = !view.frame.bbox.contains(...at)
+  const left = place.left + window.scrollX + at[0]
+  const top = place.top + window.scrollY + at[1]
+  point.style.transform = `translate(${left}px, ${top}px)`
+}
+
+function move(data, i, loops) {
+  const count = data.t.length
+  const known = about.data
+  const inner = known.inner[0]
+  const x2 = data.block[i]
+  block.data.x[0] = x2
+  const teeth = spring.data.x.length
+  for (let k = 0; k < teeth; k++) {
+    spring.data.x[k] = -inner + (x2 - known.half[0] + inner) * k / (teeth - 1)
+  }
+  plates.data.charge[0] = data.right[i]
+  plates.data.charge[1] = data.left[i]
+  const apart = known.apart[0]
+  const walked = known.magnified[0] * (data.walk[i] + loops * (data.walk[count - 1] - data.walk[0]))
+  const shift = ((walked % apart) + apart) % apart
+  for (let k = 0; k < ground.data.x0.length; k++) {
+    ground.data.x0[k] = known.first[0] + apart * k - shift
+    ground.data.x1[k] = ground.data.x0[k] - 0.12
+  }
+  const x1 = (data.x1[i] + loops * (data.x1[count - 1] - data.x1[0])) / known.factor[0]
+  caption.data.text[0] = `frame at x1 = ${x1.toPrecision(5)}${known.unit[0]}, ` +
+    `its walk over the ground drawn ×${known.magnified[0]}`
+  for (const part of [block, spring, plates, ground, caption]) part.change.emit()
+}
+
+function step(now) {
+  requestAnimationFrame(step)
+  if (now - last < 1000 / MOST_A_SECOND) return
+  const passed = now - last
+  last = now
+  const data = frames.data
+  if (data.t.length < 2) return
+  if (begun === null) {
+    begun = now
+    dots = [...series, portrait].map(dot)
+  }
+  if (data !== shown) {
+    shown = data
+    paused = now
+  }
+  if (now - Math.max(paused, window.slider_moved ?? 0) < REST) {
+    begun += passed
+    return
+  }
+  const played = Math.max(0, now - begun) / 1000 / SECONDS_A_PERIOD * about.data.per_period[0]
+  const i = Math.floor(played) % data.t.length
+  series.forEach((model, k) => put(dots[k], model, data.t[i], data[`series ${k}`][i]))
+  put(dots[series.length], portrait, data.x[i], data.y[i])
+  if (block !== null) move(data, i, Math.floor(played / data.t.length))
+}
+requestAnimationFrame(step)

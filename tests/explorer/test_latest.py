@@ -1,0 +1,96 @@
+import threading
+
+from mems_impact.explorer.latest import Latest
+
+LONG = 10.0  # s that a test waits before it fails
+
+
+def collected(compute, **waits):
+    """Return a thread, what it has delivered, and what counts the deliveries."""
+    found, came = [], threading.Semaphore(0)
+
+    def deliver(asked, result, error):
+        found.append((asked, result, error))
+        came.release()
+
+    return Latest(compute, deliver, **waits), found, came
+
+
+def test_what_is_asked_is_delivered():
+    latest, found, came = collected(lambda asked, watch: asked + 1)
+    latest.ask(1)
+    assert came.acquire(timeout=LONG)
+    assert found == [(1, 2, None)]
+    latest.stop()
+    latest.join(LONG)
+
+
+def test_what_nobody_waits_for_is_given_up():
+    begun, go_on = threading.Event(), threading.Event()
+
+    def compute(asked, watch):
+        begun.set()
+        if asked == "first":
+            assert go_on.wait(LONG)
+            watch(0.0)
+        return asked
+
+    latest, found, came = collected(compute)
+    latest.ask("first")
+    assert begun.wait(LONG)
+    latest.ask("second")
+    latest.ask("third")
+    go_on.set()
+    assert came.acquire(timeout=LONG)
+    assert [asked for asked, *_ in found] == ["third"]
+    latest.stop()
+
+
+def test_short_work_is_done_to_its_end():
+    begun, go_on = threading.Event(), threading.Event()
+
+    def compute(asked, watch):
+        begun.set()
+        assert go_on.wait(LONG)
+        watch(0.0)
+        return asked
+
+    latest, found, came = collected(compute, patience=1000.0)
+    latest.ask("first")
+    assert begun.wait(LONG)
+    latest.ask("second")
+    go_on.set()
+    assert came.acquire(timeout=LONG)
+    assert came.acquire(timeout=LONG)
+    assert [asked for asked, *_ in found] == ["first", "second"]
+    latest.stop()
+
+
+def test_an_error_is_delivered_and_the_thread_goes_on():
+    def compute(asked, watch):
+        return 1 / asked
+
+    latest, found, came = collected(compute)
+    latest.ask(0)
+    assert came.acquire(timeout=LONG)
+    latest.ask(4)
+    assert came.acquire(timeout=LONG)
+    assert isinstance(found[0][2], ZeroDivisionError)
+    assert found[1] == (4, 0.25, None)
+    latest.stop()
+
+
+def test_a_thread_that_is_stopped_ends_its_work():
+    begun = threading.Event()
+
+    def compute(asked, watch):
+        begun.set()
+        while True:
+            watch(0.0)
+
+    latest, found, _ = collected(compute, patience=1000.0)
+    latest.ask(1)
+    assert begun.wait(LONG)
+    latest.stop()
+    latest.join(LONG)
+    assert found == []

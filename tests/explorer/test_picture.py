@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.explorer.diagram import Asked, diagram_of
+from mems_impact.explorer.floquet import floquet_of
+from mems_impact.explorer.picture import picture_of
+from mems_impact.explorer.setting import first_setting
+from mems_impact.plotting.motion import between, line, spans
+from tests.explorer.subjects import dial, mita, own, zhao
+
+
+@pytest.fixture(scope="module")
+def picture():
+    return picture_of(zhao(), first_setting(zhao()))
+
+
+def test_the_motion_is_that_of_figures(picture):
+    run, motion = picture.run, picture.motion
+    samples = run.samples(200, 94.0)
+    corners = between(run.corners, samples)
+    table = line(samples, corners, ["x2", "x1", "v2"])
+    for name in ("t", "x2", "x1", "v2"):
+        np.testing.assert_array_equal(motion.curve[name], table[name].to_numpy())
+        np.testing.assert_array_equal(motion.frames[name], samples[name].to_numpy())
+    stretches = spans(samples, corners)
+    assert [each[0] for each in motion.stretches] == stretches["mode"].tolist()
+    assert [each[1] for each in motion.stretches] == stretches["start"].tolist()
+    np.testing.assert_array_equal(motion.hits["t"], corners.loc[corners["impact"], "t"])
+
+
+def test_frames_and_section_are_those_of_the_run(picture):
+    run = picture.run
+    rows = run.section(1)
+    later = rows[rows["t"] >= 50.0 * run.system.forcing_period]
+    np.testing.assert_array_equal(picture.section["v2"], later["v2"])
+    assert len(picture.voltages) == 1
+    peak = np.abs(picture.voltages[0]).max()
+    assert peak == pytest.approx(0.24, rel=1e-3)
+    assert picture.slips
+
+
+def test_steps_and_impacts_come_cycle_by_cycle(picture):
+    cycles, statistics = picture.cycles, picture.run.statistics
+    assert len(cycles.number) == 100
+    assert cycles.value[50:].mean() == pytest.approx(statistics["displacement per period"])
+    assert cycles.value[-1] / cycles.speed == pytest.approx(statistics["mean speed"], rel=1e-6)
+    assert cycles.events[50:].mean() == statistics["impacts per period"]
+
+
+def test_a_device_in_si_is_shown_in_si():
+    picture = picture_of(mita(), first_setting(mita()))
+    assert np.nanmax(np.abs(picture.motion.curve["x2"])) == pytest.approx(2.5e-6)
+    steps = picture.cycles.value[50:]
+    assert steps.mean() == pytest.approx(picture.run.statistics["displacement per period"])
+    assert picture.motion.frames["t"][-1] == pytest.approx(100 * np.pi / 750.0)
+
+
+def test_any_system_is_shown():
+    picture = picture_of(own(), first_setting(own()))
+    run, cycles = picture.run, picture.cycles
+    assert (picture.setting.x, picture.setting.y) == ("x", "v")
+    np.testing.assert_array_equal(cycles.value, run.section()["x"].to_numpy()[:-1])
+    assert cycles.counted == "impacts"
+    assert cycles.events.sum() == len(run.impacts)
+    assert np.isnan(picture.motion.curve["v"]).any()  # broken where the velocity jumps
+    assert picture.slips == ()
+
+
+def test_the_multipliers_are_those_of_the_orbit(picture):
+    floquet = floquet_of(picture)
+    orbit = mi.find_orbit(picture.run)
+    np.testing.assert_array_equal(floquet.multipliers, orbit.multipliers)
+    assert floquet.told == "stable, 1 forcing period, 1 impact"
+
+
+def test_where_there_is_no_orbit_it_is_told():
+    setting = first_setting(zhao()).with_value("amplitude", 0.24).with_value("omega", 0.45)
+    chaotic = picture_of(zhao(), setting)
+    floquet = floquet_of(chaotic)
+    assert floquet.multipliers.size == 0 or floquet.told
+    assert "\n" not in floquet.told
+
+
+def test_the_diagram_is_a_sweep_over_the_slider():
+    asked = Asked(setting=first_setting(zhao()), points=5)
+    diagram = diagram_of(zhao(), asked, dial(zhao(), "amplitude"))
+    assert diagram.state == "v2"
+    assert sorted(diagram.table["amplitude"].unique()) == pytest.approx([0, 0.12, 0.24, 0.36, 0.48])
+    x, y = diagram.dots("down")
+    assert x.shape == y.shape
+    assert diagram.failed == ""
+    table = mi.sweep(
+        zhao().system, "amplitude", [0.24], direction="down", transient=60, periods=16,
+        options=zhao().options,
+    )  # fmt: skip
+    assert y[x == 0.24][-1] == pytest.approx(table["v2"].iloc[-1], rel=1e-6)
+
+
+def test_a_diagram_hangs_on_what_is_not_its_parameter():
+    asked = Asked(setting=first_setting(zhao()), points=5)
+    moved = Asked(setting=asked.setting.with_value("amplitude", 0.2), points=5)
+    other = Asked(setting=asked.setting.with_value("e", 0.7), points=5)
+    assert asked.key == moved.key == asked.finer().key
+    assert asked.key != other.key
+
+
+def test_what_watches_a_run_ends_it():
+    class Enough(Exception):
+        pass
+
+    def watch(_):
+        raise Enough
+
+    with pytest.raises(Enough):
+        picture_of(zhao(), first_setting(zhao()), watch)
+    asked, along = Asked(setting=first_setting(zhao()), points=2000), dial(zhao(), "amplitude")
+    with pytest.raises(Enough):
+        diagram_of(zhao(), asked, along, watch)
