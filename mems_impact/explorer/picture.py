@@ -145,7 +145,7 @@ def picture_of(subject: Subject, setting: Setting, watch: Watch | None = None) -
     )
 
 
-def run_length(system: System, setting: Setting, unit: float) -> dict[str, float]:
+def run_length(system: System, setting: Setting, unit: float) -> dict[str, Any]:
     """Return the length of the run as `simulate` takes it."""
     if system.forced:
         return {"periods": setting.length}
