@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.scatter import plot_scatter
     from mems_impact.plotting.sensitivity import plot_sensitivity
+    from mems_impact.plotting.style import style
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.basins import Basins, basins
     from mems_impact.studies.following import AttractorBranches, follow_attractors
@@ -249,6 +250,7 @@ __all__ = [
     "speed_over_voltage",
     "step_length",
     "step_lengths",
+    "style",
     "sweep",
     "sweep_summary",
     "switch_branch",
@@ -310,6 +312,7 @@ _HOMES = {
     "analysis.orbit": ("Orbit",),
     "plotting.pareto": ("plot_pareto",),
     "plotting.sensitivity": ("plot_sensitivity",),
+    "plotting.style": ("style",),
     "plotting.sweep": ("plot_sweep",),
     "studies.margins": ("margins",),
     "studies.optimize": ("Optimum", "optimize"),

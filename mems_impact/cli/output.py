@@ -91,13 +91,15 @@ class Output:
                 with_units(table).to_csv(stack.enter_context(replacing(path)), index=False)
         self.written += paths
 
-    def draw(self, draw: Callable[[], Any], dpi: int = 150) -> None:
+    def draw(self, draw: Callable[[], Any]) -> None:
         """Write the figure that `draw` makes, if one is wanted."""
+        from mems_impact.plotting.style import wearing
+
         if self.figure is None:
             return
         figure = draw()
-        with replacing(self.figure) as temporary:
-            figure.savefig(temporary, dpi=dpi)
+        with wearing(), replacing(self.figure) as temporary:
+            figure.savefig(temporary)
         self.written.append(self.figure)
 
     def tell(self) -> None:
