@@ -94,6 +94,7 @@ if TYPE_CHECKING:
         StudyInterrupted,
         SweepInterrupted,
     )
+    from mems_impact.plotting.animation import Animation, animate
     from mems_impact.plotting.basins import plot_basins
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
@@ -123,6 +124,7 @@ __all__ = [
     *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
+    "Animation",
     "AttractorBranches",
     "Basins",
     "Blows",
@@ -192,6 +194,7 @@ __all__ = [
     "Verification",
     "Window",
     "WorkersLost",
+    "animate",
     "basins",
     "blows",
     "classify",
@@ -297,6 +300,7 @@ _HOMES = {
         "StudyInterrupted",
         "SweepInterrupted",
     ),
+    "plotting.animation": ("Animation", "animate"),
     "plotting.basins": ("plot_basins",),
     "plotting.scatter": ("plot_scatter",),
     "plotting.branch": ("plot_branch",),

@@ -106,6 +106,20 @@ class Output:
         """Show what was written."""
         show(self.said())
 
+    def moving(self, path: str | None) -> None:
+        """Check, before the work, that a moving picture can be written there, if one is wanted."""
+        if path is not None:
+            from mems_impact.plotting.animation import check_ending
+
+            check_ending("animate", path)
+            self._make(Path(path).parent)
+
+    def animate(self, path: str | None, make: Callable[[], Any], progress: bool) -> None:
+        """Write the moving picture that `make` makes, if one is wanted."""
+        if path is not None:
+            make().save(path, progress=progress)
+            self.written.append(Path(path))
+
     def said(self) -> str:
         """Return what was written, as a sentence."""
         if not self.written:

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import LINES, MODE_COLORS, color, thickness
 
 __all__ = [
-    "IMPACT", "between", "check_states", "jump", "line", "mode_styles", "moves", "shade", "spans",
+    "IMPACT", "between", "check_states", "jump", "line", "mode_styles", "moves", "plane", "shade",
+    "spans",
 ]  # fmt: skip
 
 IMPACT: dict[str, Any] = {
@@ -32,6 +34,20 @@ def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tupl
         if name not in known:
             raise InvalidParameter(field, name, f"one of {', '.join(known)}")
     return names
+
+
+def plane(system: System, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the states that span the plane."""
+    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
+    known = (*system.states, "t")
+    for field, name in (("x", x), ("y", y)):
+        if name is not None:
+            check_states(field, name, known)
+    if x is None:
+        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
+    if y is None:
+        y = next(name for name in (*free, *known) if name != x)
+    return x, y
 
 
 def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:

@@ -10,7 +10,7 @@ import pandas as pd
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import crosses, label_axis, label_of, symbol
-from mems_impact.plotting.motion import check_states, jump, line, mode_styles, moves
+from mems_impact.plotting.motion import jump, line, mode_styles, moves, plane
 from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.style import color, new_figure, styled
 from mems_impact.tables.common import captions
@@ -56,7 +56,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
         raise InvalidParameter("orbit", type(orbit).__name__, allowed)
     if orbit.figure and x is None and y is None:
         return resolve_name(orbit.figure)(orbit, ax)
-    x, y = _plane(orbit, x, y)
+    x, y = plane(orbit.system, x, y)
     if ax is None:
         ax = new_figure(1.2).subplots()
     samples, corners = _closed(orbit), orbit.corners
@@ -83,21 +83,6 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
         label_axis(axis, label_of(samples, name, "time" if name == "t" else symbol(name)))
     legend_above(ax)
     return ax
-
-
-def _plane(orbit: Orbit, x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the states that span the plane."""
-    system = orbit.system
-    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
-    known = (*system.states, "t")
-    for field, name in (("x", x), ("y", y)):
-        if name is not None:
-            check_states(field, name, known)
-    if x is None:
-        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
-    if y is None:
-        y = next(name for name in (*free, *known) if name != x)
-    return x, y
 
 
 def _closed(orbit: Orbit) -> pd.DataFrame:

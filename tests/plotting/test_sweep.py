@@ -57,7 +57,8 @@ def test_values_that_never_cross_the_section(tmp_path):
 def test_statistics_stand_below_the_state():
     top, step, speed = mi.plot_sweep(silent_table()).figure.axes
     assert [ax.get_ylabel() for ax in (top, step, speed)] == [
-        "$v_2$ at $x_2 = 0$", "step per impact\n[$10^{-4}$]", "mean speed\n[$10^{-5}$]"]  # fmt: skip
+        "$v_2$ at $x_2 = 0$", "step per impact\n[$10^{-4}$]",
+        "mean speed\n[$10^{-5}$]"]  # fmt: skip
     for ax, expected in ((step, [1e-4] * 3), (speed, [0, 0, 0, 2e-5, 2e-5, 2e-5])):
         dots = [line for line in ax.lines if line.get_marker() == "o"]
         values = np.concatenate([line.get_ydata() for line in dots])

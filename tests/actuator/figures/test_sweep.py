@@ -11,7 +11,8 @@ def test_the_table_says_what_the_figure_shows(tmp_path):
                      direction="down")  # fmt: skip
     axes = mi.plot_sweep(table).figure.axes
     assert [ax.get_ylabel() for ax in axes] == [
-        "$v_2$ at $x_2 = 0$", "step per impact\n[$10^{-4}$]", "mean speed\n[$10^{-5}$]"]  # fmt: skip
+        "$v_2$ at $x_2 = 0$", "step per impact\n[$10^{-4}$]",
+        "mean speed\n[$10^{-5}$]"]  # fmt: skip
     assert axes[-1].get_xlabel() == "amplitude $f$"
     assert mi.plot_sweep(table, quantity="speed").get_ylabel() == "mean speed [$10^{-5}$]"
     axes[0].figure.savefig(tmp_path / "sweep.png")
