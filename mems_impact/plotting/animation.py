@@ -28,7 +28,7 @@ FPS = 25
 PER_PERIOD = 40  # frames a forcing period
 DPI = {".mp4": 240, ".gif": 170, ".html": 150}
 MEGABYTES = 500.0  # what a page may weigh; matplotlib leaves out frames beyond 20
-COLORS = 48  # of a GIF
+COLORS, APART = 64, 12  # of a GIF: how many, and how far from each other of 255
 NO_FFMPEG = (
     "needs ffmpeg, which is not installed: pip install imageio-ffmpeg, or take .gif or .html"
 )
@@ -253,11 +253,24 @@ def _writer(ending: str, fps: int) -> Any:
             together = frames[0].resize((width, height * len(some)))
             for place, frame in enumerate(some):
                 together.paste(frame, (0, place * height))
-            table = together.quantize(COLORS)
+            table = together.resize((1, 1)).convert("P")
+            table.putpalette([part for color in _palette(together) for part in color])
             self._frames = [frame.quantize(palette=table, dither=0) for frame in frames]
             super().finish()
 
     return Writer(fps=fps)
+
+
+def _palette(picture: Any) -> list[tuple[int, int, int]]:
+    """Return the colours that are there most, of those that the eye parts; so white stays white."""
+    chosen: list[tuple[int, int, int]] = []
+    counted = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
+    for _, color in counted:
+        if all(max(abs(a - b) for a, b in zip(color, c, strict=True)) >= APART for c in chosen):
+            chosen.append(color)
+        if len(chosen) == COLORS:
+            break
+    return chosen
 
 
 @styled

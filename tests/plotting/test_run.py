@@ -149,7 +149,7 @@ def test_pyplot_is_left_alone():
         "import sys, mems_impact as mi\n"
         "run = mi.simulate(mi.load_actuator('zhao2004'), mi.Sine(amplitude=.2, omega=.5), 2,"
         " options=mi.Options(engine='interpreted', rtol=1e-6))\n"
-        "mi.plot_run(run), mi.plot_run(run, states=['v2'])\n"
+        "mi.plot_run(run), mi.plot_run(run, states=['v2']), mi.animate(run, per_period=4)\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
