@@ -94,6 +94,7 @@ if TYPE_CHECKING:
         StudyInterrupted,
         SweepInterrupted,
     )
+    from mems_impact.plotting.animation import Animation, animate
     from mems_impact.plotting.basins import plot_basins
     from mems_impact.plotting.branch import plot_branch
     from mems_impact.plotting.curve import plot_curve
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     from mems_impact.plotting.run import plot_run
     from mems_impact.plotting.scatter import plot_scatter
     from mems_impact.plotting.sensitivity import plot_sensitivity
+    from mems_impact.plotting.style import style
     from mems_impact.plotting.sweep import plot_sweep
     from mems_impact.studies.basins import Basins, basins
     from mems_impact.studies.following import AttractorBranches, follow_attractors
@@ -122,6 +124,7 @@ __all__ = [
     *TERMS.values(),
     *WAVEFORMS.values(),
     "Actuator",
+    "Animation",
     "AttractorBranches",
     "Basins",
     "Blows",
@@ -191,6 +194,7 @@ __all__ = [
     "Verification",
     "Window",
     "WorkersLost",
+    "animate",
     "basins",
     "blows",
     "classify",
@@ -249,6 +253,7 @@ __all__ = [
     "speed_over_voltage",
     "step_length",
     "step_lengths",
+    "style",
     "sweep",
     "sweep_summary",
     "switch_branch",
@@ -295,6 +300,7 @@ _HOMES = {
         "StudyInterrupted",
         "SweepInterrupted",
     ),
+    "plotting.animation": ("Animation", "animate"),
     "plotting.basins": ("plot_basins",),
     "plotting.scatter": ("plot_scatter",),
     "plotting.branch": ("plot_branch",),
@@ -310,6 +316,7 @@ _HOMES = {
     "analysis.orbit": ("Orbit",),
     "plotting.pareto": ("plot_pareto",),
     "plotting.sensitivity": ("plot_sensitivity",),
+    "plotting.style": ("style",),
     "plotting.sweep": ("plot_sweep",),
     "studies.margins": ("margins",),
     "studies.optimize": ("Optimum", "optimize"),

@@ -50,6 +50,7 @@ class ActuatorRun(_OfActuator, Run):
 
     kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
     figure = "mems_impact.actuator.figures.run:plot_run"
+    scene = "mems_impact.actuator.figures.device:device_scene"
 
     @cached_property
     def impacts(self) -> pd.DataFrame:

@@ -71,6 +71,7 @@ class Run(Value):
     keep: Keep
     window: tuple[float, float]
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
+    scene: ClassVar[str] = ""  # and that moves it, where `animate` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
     _gatherer: Gatherer | Deferred = field(repr=False, compare=False)

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "basins"
-DPI = 300  # the figure is as wide as a column
 HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a screen leaves out
 
 
@@ -89,7 +88,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.tables(
             {"table": found.table, "attractors": found.attractors, "returns": found.returns}
         )
-        files.draw(lambda: mi.plot_basins(found).figure, DPI)
+        files.draw(lambda: mi.plot_basins(found).figure)
         shown = [name for name in found.attractors if not str(name).endswith(tuple(HIDDEN))]
         few = found.attractors[shown]
         few.attrs = found.attractors.attrs

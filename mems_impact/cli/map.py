@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "map"
-DPI = 300  # the figure is as wide as a column
 SHOWN_FAILURES = 3
 CURVES = ("amplitude", "omega")
 Axis = tuple[str, float, float, int]
@@ -100,7 +99,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         )
         files.tables({**_tables(found.table), **({"curves": chart.table} if chart else {})})
         boundaries = chart or ()
-        files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure, DPI)
+        files.draw(lambda: mi.plot_map(found, column, boundaries=boundaries).figure)
         _show(found.table)
         files.tell()
 

@@ -91,18 +91,34 @@ class Output:
                 with_units(table).to_csv(stack.enter_context(replacing(path)), index=False)
         self.written += paths
 
-    def draw(self, draw: Callable[[], Any], dpi: int = 150) -> None:
+    def draw(self, draw: Callable[[], Any]) -> None:
         """Write the figure that `draw` makes, if one is wanted."""
+        from mems_impact.plotting.style import wearing
+
         if self.figure is None:
             return
         figure = draw()
-        with replacing(self.figure) as temporary:
-            figure.savefig(temporary, dpi=dpi)
+        with wearing(), replacing(self.figure) as temporary:
+            figure.savefig(temporary)
         self.written.append(self.figure)
 
     def tell(self) -> None:
         """Show what was written."""
         show(self.said())
+
+    def moving(self, path: str | None) -> None:
+        """Check, before the work, that a moving picture can be written there, if one is wanted."""
+        if path is not None:
+            from mems_impact.plotting.animation import check_ending
+
+            check_ending("animate", path)
+            self._make(Path(path).parent)
+
+    def animate(self, path: str | None, make: Callable[[], Any], progress: bool) -> None:
+        """Write the moving picture that `make` makes, if one is wanted."""
+        if path is not None:
+            make().save(path, progress=progress)
+            self.written.append(Path(path))
 
     def said(self) -> str:
         """Return what was written, as a sentence."""

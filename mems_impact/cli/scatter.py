@@ -23,7 +23,6 @@ from mems_impact.cli.showing import show_table
 from mems_impact.cli.studied import run_kept, study_of
 
 KIND = "scatter"
-DPI = 300  # the figure is as wide as a column
 SPREAD = (0.05, 0.5, 0.95)
 
 
@@ -101,7 +100,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         if found.indices is not None:
             tables["indices"] = found.indices
         files.tables(tables)
-        files.draw(lambda: mi.plot_scatter(found).figure, DPI)
+        files.draw(lambda: mi.plot_scatter(found).figure)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
         show_table("quantiles", seen, 5)

@@ -51,6 +51,12 @@ FIRST_ROWS = 6
     is_flag=True,
     help="Run it again by an unrelated method, more precisely, and compare event by event.",
 )
+@click.option(
+    "--animate",
+    type=click.Path(dir_okay=False),
+    metavar="FILE",
+    help="Write the device moving, over the last 6 forcing periods: .mp4, .gif or .html.",
+)
 @progress_option
 @output_options
 @click.pass_context
@@ -68,6 +74,7 @@ def command(
     atol: float,
     engine: str,
     verify: bool,
+    animate: str | None,
     progress: bool,
     output: str,
     figure: str | None,
@@ -80,8 +87,8 @@ def command(
 
     Shows the statistics, the first impacts and the first blows (a sequence of impacts that ends in
     rest is one), and writes the tables of impacts, blows, events and statistics as CSV and the
-    last periods of the motion as a figure. With --verify the exit status is 1 if the second run
-    does not agree.
+    last periods of the motion as a figure, and with --animate as a moving picture. With --verify
+    the exit status is 1 if the second run does not agree.
 
     \b
     Examples:
@@ -94,6 +101,7 @@ def command(
     system, state = subject_from(device, changes, initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
+        files.moving(animate)
         try:
             run = mi.simulate(
                 system,
@@ -113,6 +121,7 @@ def command(
         if verification is not None:
             files.tables({"verification": verification.table})
         files.draw(lambda: mi.plot_run(run).figure)
+        files.animate(animate, lambda: mi.animate(run), progress)
         _show(run)
         if verification is not None:
             tell_values({"agrees": Told(verification.agrees)})

@@ -7,17 +7,18 @@ from typing import Any
 import pandas as pd
 
 from mems_impact.actuator.modes import CONTACT, FRICTION
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 
 __all__ = ["plot_automaton"]
 
-# Kinds of transitions: colour, line and how far the arrow bends, also over two rows.
+# Kinds of transitions: meaning of the colour, line and how far the arrow bends, also over two rows.
 KINDS: dict[str, dict[str, Any]] = {
-    "impact": {"color": ORANGE, "linestyle": "-", "bend": 0.12, "long": 0.42},
-    "chatter ends": {"color": ORANGE, "linestyle": (0, (4, 2)), "bend": 0.22, "long": 0.5},
-    "release": {"color": GREEN, "linestyle": "-", "bend": 0.14, "long": 0.5},
-    "slip end": {"color": BLUE, "linestyle": "-", "bend": 0.12, "long": 0.6},
-    "break-away": {"color": GREY, "linestyle": (0, (4, 2)), "bend": 0.24, "long": 0.5},
+    "impact": {"color": "impact", "linestyle": "-", "bend": 0.12, "long": 0.42},
+    "chatter ends": {"color": "impact", "linestyle": (0, (1, 1.5)), "bend": 0.22, "long": 0.5},
+    "release": {"color": "motion", "linestyle": (0, (6, 1.5)), "bend": 0.14, "long": 0.5},
+    "slip end": {"color": "frame", "linestyle": "-", "bend": 0.12, "long": 0.6},
+    "break-away": {"color": "frame", "linestyle": (0, (4, 2)), "bend": 0.24, "long": 0.5},
 }
 COLUMNS = ("left", "free", "right")  # where the block is, as seen
 ROWS = ("forward", "stuck", "backward")
@@ -25,6 +26,7 @@ WIDTH, HEIGHT = 3.4, 2.2  # between the middles of two modes
 BOX = (0.62, 0.3)  # half width and half height of a mode
 
 
+@styled
 def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
     """Draw the modes as boxes and the transitions as arrows.
 
@@ -43,7 +45,7 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
     from matplotlib.lines import Line2D
 
     if ax is None:
-        ax = new_figure(9.0, 6.4).subplots()
+        ax = new_figure(1.05).subplots()
     places = {
         f"{friction}-{contact}": (COLUMNS.index(contact) * WIDTH, -ROWS.index(friction) * HEIGHT)
         for contact in CONTACT
@@ -63,12 +65,11 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
             _arrow(ax, places, boxes, before, after, KINDS[kind])
     drawn = {kind for kind, _, _ in arrows}
     handles = [
-        Line2D([], [], color=style["color"], linestyle=style["linestyle"], label=kind)
+        Line2D([], [], color=color(style["color"]), linestyle=style["linestyle"], label=kind)
         for kind, style in KINDS.items()
         if kind in drawn
     ]
-    ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5,
-              frameon=False)  # fmt: skip
+    legend_above(ax, handles)
     texts = ("block on the left stopper", "block free", "block on the right stopper")
     for i, text in enumerate(texts):
         ax.text(i * WIDTH, -2.35 * HEIGHT, text, ha="center", va="top", color="0.3")
@@ -117,7 +118,7 @@ def _arrow(
             connectionstyle=f"arc3,rad={bend}",
             arrowstyle="-|>",
             mutation_scale=11,
-            color=style["color"],
+            color=color(style["color"]),
             linestyle=style["linestyle"],
             linewidth=1.3,
             patchA=boxes[before],
@@ -143,7 +144,7 @@ def _loop(ax: Any, x: float, y: float, number: int, style: dict[str, Any]) -> No
             connectionstyle=f"arc3,rad={-side * 1.6}",
             arrowstyle="-|>",
             mutation_scale=10,
-            color=style["color"],
+            color=color(style["color"]),
             linestyle=style["linestyle"],
             linewidth=1.3,
             zorder=2,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
+from mems_impact.plotting.labels import Label, label_axis, label_of
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import DASHES, color, graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun
@@ -16,12 +18,13 @@ if TYPE_CHECKING:
 __all__ = ["plot_displacement"]
 
 PER_PERIOD = 2000
-MEASURED = (100.0, 20.0)
-"""Amplitude [V] and displacement per blow [nm] at 1 Hz that the paper measured."""
+MEASURED = (100.0, 20e-9)
+"""Amplitude [V] and displacement per blow [m] at 1 Hz that the paper measured."""
 
 
+@styled
 def plot_displacement(
-    table: pd.DataFrame, run: ActuatorRun, pull_in: float, axes: Any = None
+    table: pd.DataFrame, run: ActuatorRun, pull_in: float, ax: Any = None
 ) -> tuple[Any, Any, Any]:
     """Draw displacement per blow over the amplitude, and the motion over one voltage cycle.
 
@@ -33,54 +36,48 @@ def plot_displacement(
         Of at least two forcing periods after the transient, in SI.
     pull_in : float
         [V]
-    axes : three matplotlib Axes, optional
+    ax : three matplotlib Axes, optional
         For displacement, block and frame; a new figure by default.
 
     Returns
     -------
     tuple of Axes
     """
-    if axes is None:
-        figure = new_figure(9.0, 4.4)
-        grid = figure.add_gridspec(2, 2, width_ratios=(5, 4))
-        response = figure.add_subplot(grid[:, 0])
-        block = figure.add_subplot(grid[0, 1])
-        frame = figure.add_subplot(grid[1, 1], sharex=block)
-    else:
-        response, block, frame = axes
+    if ax is None:
+        ax = new_figure(2.2).subplots(3, height_ratios=(5, 3, 2))
+        ax[1].sharex(ax[2])
+    response, block, frame = ax
     frequency, amplitude, displacement = table.columns[:3]
-    colors = (BLUE, GREEN, ORANGE)
-    for color, (hertz, rows) in zip(colors, table.groupby(frequency, sort=False), strict=False):
-        response.plot(rows[amplitude], 1e9 * rows[displacement], color=color, marker="o",
-                      markersize=3, linewidth=1.2, label=f"{hertz:g} Hz")  # fmt: skip
-    response.axvline(pull_in, color=GREY, linewidth=0.9, linestyle=(0, (4, 3)))
-    response.annotate("pull-in", (pull_in, 1.0), xycoords=response.get_xaxis_transform(),
-                      xytext=(-3, -3), textcoords="offset points", ha="right", va="top",
-                      color=GREY, fontsize="small")  # fmt: skip
-    measured: dict[str, Any] = {"marker": "x", "color": "black", "linestyle": "none"}
-    response.plot(*MEASURED, markersize=9, zorder=5, label="measured, 1 Hz", **measured)
-    response.set_xlabel("amplitude [V]")
-    response.set_ylabel("displacement per blow [nm]")
-    response.legend(frameon=False)
+    groups = table.groupby(frequency)
+    for look, (hertz, rows) in zip(graded(groups.ngroups), groups, strict=True):
+        response.plot(rows[amplitude], rows[displacement], markersize=3.0,
+                      label=f"{hertz:g} Hz", **look)  # fmt: skip
+    guide = color("guide")
+    response.axvline(pull_in, color=guide, label="pull-in", **DASHES)
+    cross: dict[str, Any] = {"marker": "x", "markersize": 6, "linestyle": "none", "zorder": 5}
+    response.plot(*MEASURED, color="black", label="measured, 1 Hz", **cross)
+    label_axis(response.xaxis, Label("amplitude $f$", "V"))
+    label_axis(response.yaxis, Label("displacement per blow", "m"))
+    legend_above(response)
 
     begin = run.extent[1] - 2.0
     samples = run.samples(PER_PERIOD, begin, None)
     time = samples["t"] - samples["t"].iloc[0]
-    block.plot(time, 1e6 * samples["x2"], color=BLUE, linewidth=1.0)
+    (motion,) = block.plot(time, samples["x2"], color=color("motion"), linewidth=thickness(0.8),
+                           label="block")  # fmt: skip
     voltage = block.twinx()
     period = run.drive.period
     volts = run.drive.value(np.remainder(samples["t"].to_numpy(), 2.0 * period))
-    voltage.plot(time, volts, color=GREY, linewidth=0.8)
-    voltage.set_ylabel("voltage [V]", color=GREY)
-    block.axhline(1e6 * run.actuator.delta, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
-    block.set_ylabel("$x_2$ [µm]")
-    frame.plot(time, 1e9 * (samples["x1"] - samples["x1"].iloc[0]), color=BLUE, linewidth=1.2)
-    frame.set_ylabel("$x_1$ [nm]")
-    frame.set_xlabel("time [s]")
+    (driven,) = voltage.plot(time, volts, color=color("voltage"), linewidth=thickness(0.8),
+                             linestyle=(0, (4, 1.5)), label="voltage")  # fmt: skip
+    voltage.spines["right"].set_visible(True)
+    stopper = block.axhline(run.actuator.delta, color=guide, label="stopper", **DASHES)
+    frame.plot(time, samples["x1"] - samples["x1"].iloc[0], color=color("motion"))
     block.tick_params(labelbottom=False)
-    block.set_xlim(0.0, math.ceil(1e6 * time.iloc[-1]) / 1e6)
-    for ax in (response, frame):
-        tidy(ax)
-    block.spines["top"].set_visible(False)
-    voltage.spines["top"].set_visible(False)
+    frame.set_xlim(0.0, math.ceil(1e6 * time.iloc[-1]) / 1e6)
+    label_axis(voltage.yaxis, Label("voltage", "V"))
+    label_axis(block.yaxis, label_of(samples, "x2", "$x_2$"))
+    label_axis(frame.yaxis, label_of(samples, "x1", "$x_1$"))
+    label_axis(frame.xaxis, Label("time", "s"))
+    legend_above(block, [motion, driven, stopper])
     return response, block, frame

@@ -16,7 +16,8 @@ from mems_impact.paper import tables
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
 from mems_impact.paper.switching import JUST_ABOVE, Switching, period_of, switching
-from mems_impact.plotting.style import new_figure
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import new_figure, styled
 
 __all__ = ["compute"]
 
@@ -69,15 +70,16 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
     followed = (table["type"] != "III") | (table["boundary"] != "off")
     values["7.boundaries"] = float(table.loc[followed, "steps apart"].max())
 
+    @styled
     def draw() -> Any:
         ax = plot_chart(chart)
         for name, color in (("on", "black"), ("off", "white")):
             ax.plot(
                 [omega for omega, _ in marks], [getattr(found, name) for _, found in marks],
-                linestyle="none", marker="D", markersize=4, color=color, markeredgecolor="black",
+                linestyle="none", marker="D", color=color, markeredgecolor="black",
                 zorder=6, label=f"{name}, by brute force",
             )  # fmt: skip
-        ax.legend(frameon=False)
+        legend_above(ax)
         return ax.figure
 
     return Outcome(
@@ -122,7 +124,8 @@ def _boundaries(chart: Chart, omega: float) -> tuple[str, float, float]:
     return kind, ends[0], ends[1]
 
 
+@styled
 def _empty() -> Any:
-    figure = new_figure(4.0, 3.0)
+    figure = new_figure()
     figure.text(0.5, 0.5, "could not be computed", ha="center")
     return figure

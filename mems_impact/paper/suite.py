@@ -18,6 +18,7 @@ from mems_impact.interruptions import Interrupted
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.report import summary, to_html, to_markdown
 from mems_impact.paper.statements import Judgement, Value, judge, load_statements
+from mems_impact.plotting.style import wearing
 from mems_impact.studies.executors import ctrl_c_for_us_alone
 from mems_impact.writing import replacing, unwritable
 
@@ -218,7 +219,8 @@ def _figure(number: int, devices: Devices, effort: Effort, drawn: bool) -> _Done
     figure = outcome.draw()
     for suffix in ("png", "svg"):
         picture = io.BytesIO()
-        figure.savefig(picture, format=suffix, dpi=150)
+        with wearing():
+            figure.savefig(picture, format=suffix)
         files[f"figure{number}.{suffix}"] = picture.getvalue()
     for name, table in outcome.tables.items():
         files[f"figure{number}-{name}.csv"] = table.to_csv(index=False).encode()

@@ -20,7 +20,7 @@ from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Effort
 from mems_impact.plotting.branch import plot_branch
-from mems_impact.plotting.style import new_figure
+from mems_impact.plotting.style import new_figure, styled
 from mems_impact.plotting.sweep import plot_sweep
 from mems_impact.studies.sweep import sweep
 from mems_impact.tables.sweep import sweep_summary
@@ -90,14 +90,12 @@ class SwitchingDiagram:
         self.branches.append(branch)
         return branch
 
+    @styled
     def draw(self) -> Any:
         """Return the figure: dots of the sweeps, lines of the branches."""
-        ax = new_figure(7.2, 4.6).subplots()
+        ax = new_figure(1.2).subplots()
         plot_sweep(self.table, ax)
-        dots = set(ax.lines)
         plot_branch([_Lines(branch) for branch in self.branches], ax=ax)
-        for line in set(ax.lines) - dots:  # lines over dots, that they are seen within chaos
-            line.set_zorder(line.get_zorder() + 3)
         return ax.figure
 
 

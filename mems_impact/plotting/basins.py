@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import new_figure, parameter_label, tidy
+from mems_impact.plotting.labels import label_axis, parameter_label
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import new_figure, styled
 from mems_impact.studies.census import ATTRACTOR, FAILED, seen
 from mems_impact.studies.stored_study import StoredStudy
 
@@ -19,7 +21,6 @@ __all__ = ["plot_basins"]
 COLORS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#0072b2", "#d55e00")
 OTHERS, LOST = "0.6", "white"
 MARKERS = "os^Dv<>"
-SMALL = 3.4  # inches: the width of a column
 
 
 class BasinsLike(Protocol):
@@ -38,6 +39,7 @@ class BasinsLike(Protocol):
         """The states at the returns of each attractor."""
 
 
+@styled
 def plot_basins(
     basins: BasinsLike | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
 ) -> Any:
@@ -93,8 +95,7 @@ def plot_basins(
     across = x or next(name for name in starts if name != y)
     up = y or next((name for name in starts if name != across), None)
     if ax is None:
-        height = 3.6 if up else 1.5
-        ax = new_figure(SMALL, height).subplots()
+        ax = new_figure(1.4 if up else 0.6).subplots()
     styles = _styles(basins.attractors)
     codes = table[ATTRACTOR].map({name: i for i, name in enumerate(styles)}).to_numpy()
     look = _look([color for color, _ in styles.values()])
@@ -106,8 +107,8 @@ def plot_basins(
     else:
         _draw_plane(ax, table, (across, up), codes, look)
         _draw_returns(ax, basins.returns, (across, up), styles)
-        ax.set_ylabel(parameter_label(table, up))
-    ax.set_xlabel(parameter_label(table, across))
+        label_axis(ax.yaxis, parameter_label(table, up))
+    label_axis(ax.xaxis, parameter_label(table, across))
     _legend(ax, basins, styles, marked=up is not None)
     return ax
 
@@ -141,7 +142,6 @@ def _draw_plane(
         return
     size = float(np.clip(4000.0 / len(table), 1.5, 14.0))
     ax.scatter(x, y, c=codes, s=size, linewidths=0.0, rasterized=len(x) > 20_000, **look)
-    tidy(ax)
 
 
 def _draw_returns(
@@ -156,8 +156,8 @@ def _draw_returns(
         many = len(seen) > 20
         ax.plot(
             seen[names[0]], seen[names[1]], linestyle="none", marker="." if many else marker,
-            markersize=2.0 if many else 5.5, color="black" if many else color,
-            markeredgecolor="black", markeredgewidth=0.0 if many else 1.0, zorder=4,
+            markersize=1.6 if many else 4.5, color="black" if many else color,
+            markeredgecolor="black", markeredgewidth=0.0 if many else 0.8, zorder=4,
         )  # fmt: skip
     ax.set_xlim(limits[0])
     ax.set_ylim(limits[1])
@@ -174,7 +174,7 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
         color, marker = styles[name]
         handles.append(
             Line2D([], [], linestyle="none", marker=marker if marked else "s", color=color,
-                   markeredgecolor="black", markersize=6.0, label=f"{name}  {share:.1%}")
+                   markeredgecolor="black", markersize=5.0, label=f"{name}  {share:.1%}")
         )  # fmt: skip
     if len(found) > len(named):
         share = found["share"][len(named) :].sum()
@@ -182,7 +182,4 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
     lost = float((basins.table[ATTRACTOR] == FAILED).mean())
     if lost:
         handles.append(Patch(facecolor=LOST, edgecolor="black", label=f"failed  {lost:.1%}"))
-    ax.legend(
-        handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, frameon=False,
-        fontsize="small", handletextpad=0.3, columnspacing=1.0,
-    )  # fmt: skip
+    legend_above(ax, handles)

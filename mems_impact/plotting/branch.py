@@ -10,24 +10,18 @@ import numpy as np
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    new_figure,
-    on_section,
-    parameter_label,
-    tidy,
-    with_unit,
-)
+from mems_impact.plotting.labels import label_axis, label_of, on_section, parameter_label
+from mems_impact.plotting.placing import Mark, label_points, legend_above
+from mems_impact.plotting.style import cased, color, new_figure, styled, thickness
 from mems_impact.tables.common import bare
 
 __all__ = ["plot_branch"]
 
-DOTS = "0.62"
-FACES = {"G": "white", "CF": BLUE, "PD": ORANGE, "NS": GREY}  # of orbits
-FACES |= {"BE": "white", "LP": BLUE, "H": ORANGE, "BP": GREY}  # of equilibria
-FACE = "0.85"  # of what is named after a guard
+# Marker and colour of special points: of orbits, then of equilibria.
+MARKS = {"G": ("o", "grazing"), "CF": ("s", "fold"), "PD": ("^", "doubling"), "NS": ("D", "torus")}
+MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
+SAME = 0.01  # part of the axes within which points are one
+FACE = "white"  # of the others, which are named after a guard, and branch points
 
 
 class Diagram(Protocol):
@@ -42,6 +36,7 @@ class Diagram(Protocol):
         """One row a special point."""
 
 
+@styled
 def plot_branch(
     branch: Diagram | Sequence[Diagram],
     sweep: pd.DataFrame | None = None,
@@ -103,28 +98,26 @@ def plot_branch(
     if set(over) != {parameter}:
         raise InvalidParameter("parameter", ", ".join(over), "the same of all branches and sweep")
     if ax is None:
-        ax = new_figure(7.0, 4.2).subplots()
+        ax = new_figure(1.1).subplots()
     if dots is not None:
         if state not in dots:
             raise InvalidParameter("quantity", state, f"one of the sweep's {', '.join(dots)}")
         ax.plot(
-            dots[parameter], dots[state], linestyle="none", marker="o", color=DOTS,
-            markersize=1.8 if len(dots) > 2000 else 3.2,
+            dots[parameter], dots[state], linestyle="none", marker="o", color=color("dots"),
+            markersize=1.0 if len(dots) > 2000 else 2.0,
             markeredgewidth=0.0, label="brute force", rasterized=len(dots) > 20_000, zorder=1,
         )  # fmt: skip
     drawn: set[str] = set()
     for diagram in diagrams:
         _lines(ax, diagram.table, state, drawn)
     found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
-    if found:
-        _points(ax, pd.concat([_marks(table, state) for table in found]))
-    ax.set_xlabel(parameter_label(first, parameter))
-    ax.ticklabel_format(axis="y", scilimits=(-3, 4))
-    shown = state in first.attrs.get("states", ())
-    ax.set_ylabel(on_section(first, state) if shown else with_unit(state, first, state))
+    marks = _points(ax, pd.concat([_marks(table, state) for table in found])) if found else []
     ax.margins(x=0.02, y=0.08)
-    ax.legend(frameon=False)
-    tidy(ax)
+    label_axis(ax.xaxis, parameter_label(first, parameter))
+    shown = state in first.attrs.get("states", ())
+    label_axis(ax.yaxis, on_section(first, state) if shown else label_of(first, state))
+    legend_above(ax)
+    label_points(ax, marks)
     return ax
 
 
@@ -157,10 +150,12 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
         # One orbit more closes the gap to the next line.
         more = end < len(table) and kind[end] != ""
         rows = slice(begin, end + more)
-        style: dict[str, Any] = {"color": BLUE, "linewidth": 1.6, "zorder": 3}
+        style: dict[str, Any] = {"color": color("motion"), "linewidth": 1.2 * thickness(thin)}
         if not stable:
-            style = {"color": ORANGE, "linewidth": 1.2, "linestyle": (0, (4, 2)), "zorder": 2}
-        style["linewidth"] *= thin
+            style = {"color": color("unstable"), "linewidth": thickness(thin)}
+            style["linestyle"] = (0, (4, 1.5))
+        # Set off from the dots of chaos below.
+        style |= {"zorder": 4 + stable, "path_effects": cased(style["linewidth"])}
         before = np.full(end + more - begin, np.nan)
         for column in columns:
             y = table[column].to_numpy()[rows]
@@ -178,27 +173,21 @@ def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
     return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
 
 
-def _points(ax: Any, marks: pd.DataFrame) -> None:
-    """Mark special points; of several at one place, one stands for all."""
+def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
+    """Mark special points; of several at one place, one stands for all. Return their labels."""
     x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
-    taken: list[tuple[str, float, float]] = []
+    taken: list[Mark] = []
     for row in marks.itertuples():
-        here = (row.value / x, row.y / y)
-        if any(t[0] == row.label and _within(0.01, t, here) for t in taken):
+        near = (
+            abs(mark.x - row.value) < SAME * x and abs(mark.y - row.y) < SAME * y
+            for mark in taken if mark.text == row.label
+        )  # fmt: skip
+        if any(near):
             continue
-        near = [t for t in taken if _within(0.05, t, here)]
+        marker, meaning = MARKS.get(row.label, ("o", ""))
         ax.plot(
-            row.value, row.y, marker="o", markersize=5.5, color=FACES.get(row.label, FACE),
-            markeredgecolor="black", markeredgewidth=0.8, linestyle="none", zorder=4,
+            row.value, row.y, marker=marker, markersize=4.5, linestyle="none", zorder=7,
+            color=color(meaning) if meaning else FACE, markeredgecolor="black", markeredgewidth=0.6,
         )  # fmt: skip
-        # Labels of points near each other stand on different sides.
-        dx, dy = ((5, 5), (-5, -13), (-6, 5), (6, -13))[len(near) % 4]
-        ax.annotate(
-            row.label, (row.value, row.y), xytext=(dx, dy), textcoords="offset points",
-            ha="left" if dx > 0 else "right", fontsize="small", zorder=5,
-        )  # fmt: skip
-        taken.append((row.label, *here))
-
-
-def _within(distance: float, mark: tuple[str, float, float], place: tuple[float, float]) -> bool:
-    return abs(mark[1] - place[0]) < distance and abs(mark[2] - place[1]) < distance
+        taken.append(Mark(str(row.label), row.value, row.y))
+    return taken

@@ -7,26 +7,21 @@ from typing import Any, Protocol
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    new_figure,
-    parameter_label,
-    tidy,
-)
+from mems_impact.plotting.labels import label_axis, parameter_label
+from mems_impact.plotting.placing import Mark, label_points, legend_above
+from mems_impact.plotting.style import LINES, MODE_COLORS, color, new_figure, styled, thickness
 
 __all__ = ["plot_curve"]
 
-COLORS = {"grazing": BLUE, "fold": ORANGE, "period-doubling": GREEN, "Neimark-Sacker": GREY}
-SIDES = ((1, 1), (1, -1), (-1, 1), (-1, -1))  # of a point, where its text may stand
-LETTER = 0.017  # width of a letter of a label, as a part of the axes
+KINDS = {
+    "grazing": "grazing", "fold": "fold", "period-doubling": "doubling", "Neimark-Sacker": "torus",
+}  # fmt: skip
+"""What the colours of kinds of special points mean."""
+
+SOLID = (LINES[0], LINES[1], LINES[3], (0, (8, 2)))  # dots are those of what is inadmissible
 SAME = 0.005  # of the width and height of the axes: points that are one
-OTHERS = ("#cc79a7", "#56b4e9", "#e69f00")
 
 
 class Boundary(Protocol):
@@ -45,6 +40,7 @@ class Boundary(Protocol):
         """One row a point of codimension two."""
 
 
+@styled
 def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
 
@@ -92,71 +88,45 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
             others = ", ".join(each.table.columns[:2])
             raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
     if ax is None:
-        ax = new_figure(7.0, 4.4).subplots()
-    kinds = dict.fromkeys(each.kind for each in curves)
-    rest = iter(OTHERS * len(kinds))
-    colors = {kind: COLORS.get(kind) or next(rest) for kind in kinds}
+        ax = new_figure(1.1).subplots()
+    kinds = list(dict.fromkeys(each.kind for each in curves))
+    rest = iter(MODE_COLORS * len(kinds))
+    colors = {k: color(KINDS[k]) if k in KINDS else next(rest) for k in kinds}
     for each in curves:
-        table, color = each.table, colors[each.kind]
+        table, own = each.table, colors[each.kind]
         good = table["admissible"].to_numpy(dtype=bool)
         # One orbit more on either side, so that the dots reach the line.
         bad = ~good | ~np.roll(good, 1) | ~np.roll(good, -1) if (~good).any() else ~good
-        ax.plot(table[x], table[y].where(good), color=color, linewidth=1.8, zorder=3,
-                label=each.kind)  # fmt: skip
+        ax.plot(table[x], table[y].where(good), color=own, linewidth=thickness(1.2), zorder=3,
+                linestyle=SOLID[kinds.index(each.kind) % len(SOLID)], label=each.kind)  # fmt: skip
         if bad.any():
-            ax.plot(table[x], table[y].where(bad), color=color, linewidth=1.2,
+            ax.plot(table[x], table[y].where(bad), color=own, linewidth=thickness(0.8),
                     linestyle=(0, (1, 1.5)), zorder=2, label="inadmissible")  # fmt: skip
-    ax.margins(x=0.02, y=0.14)
+    ax.margins(x=0.04, y=0.14)
     found = [each.special_table[["kind", x, y]] for each in curves if len(each.special_table)]
-    if found:
-        _mark(ax, pd.concat(found).drop_duplicates(), x, y)
-    ax.set_xlabel(parameter_label(first, x))
-    ax.set_ylabel(parameter_label(first, y))
-    labels = dict(zip(*ax.get_legend_handles_labels()[::-1], strict=True))
-    ax.legend(labels.values(), labels.keys(), frameon=False)
-    tidy(ax)
+    marks = _mark(ax, pd.concat(found).drop_duplicates(), x, y) if found else []
+    label_axis(ax.xaxis, parameter_label(first, x))
+    label_axis(ax.yaxis, parameter_label(first, y))
+    legend_above(ax)
+    label_points(ax, marks)
     return ax
 
 
-def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> None:
-    """Mark points of codimension two, their kinds where the fewest lines are."""
-    corner = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
+def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
+    """Mark points of codimension two; return their labels."""
     size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
-    lines = [_dense((line.get_xydata() - corner) / size) for line in ax.lines]
-    taken: list[tuple[str, NDArray[np.float64]]] = []
+    taken: list[Mark] = []
     for _, row in points.iterrows():
         # Two curves that meet have the point where they do in common.
-        here = (row[[x, y]].to_numpy(dtype=float) - corner) / size
-        if any(row["kind"] == kind and np.abs(here - at).max() < SAME for kind, at in taken):
+        here = row[[x, y]].to_numpy(dtype=float)
+        if any(
+            row["kind"] == mark.text and np.abs((here - (mark.x, mark.y)) / size).max() < SAME
+            for mark in taken
+        ):
             continue
-        taken.append((row["kind"], here))
+        taken.append(Mark(row["kind"], *here))
         ax.plot(
-            row[x], row[y], marker="o", markersize=6, color="white", linestyle="none",
-            markeredgecolor="black", markeredgewidth=1.0, zorder=6,
+            *here, marker="o", markersize=4.5, color="white", linestyle="none",
+            markeredgecolor="black", markeredgewidth=0.8, zorder=6,
         )  # fmt: skip
-        extent = LETTER * np.array([len(row["kind"]), 4.0])
-        crowd = {side: _crowd(here, np.multiply(side, extent), lines) for side in SIDES}
-        right, above = min(SIDES, key=lambda side: crowd[side])
-        ax.annotate(
-            row["kind"], (row[x], row[y]), xytext=(7 * right, 7 * above),
-            textcoords="offset points", ha="left" if right > 0 else "right",
-            va="bottom" if above > 0 else "top", fontsize="small", zorder=6,
-        )  # fmt: skip
-
-
-def _dense(line: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return a line, in parts of the axes, with points so near each other that none hides text."""
-    line = line[~np.isnan(line).any(axis=1)]
-    parts = np.linspace(0.0, len(line) - 1.0, 40 * len(line))
-    at = np.arange(len(line))
-    return np.column_stack([np.interp(parts, at, column) for column in line.T])
-
-
-def _crowd(
-    here: NDArray[np.float64], extent: NDArray[np.float64], lines: list[NDArray[np.float64]]
-) -> int:
-    """Return how many points of lines a text covers; more than any if it leaves the axes."""
-    low, high = np.sort([here, here + extent], axis=0)
-    if (low < 0.0).any() or (high > 1.0).any():
-        return sum(len(line) for line in lines) + 1
-    return sum(int(((line > low) & (line < high)).all(axis=1).sum()) for line in lines)
+    return taken

@@ -10,16 +10,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import new_figure, parameter_label, with_unit
+from mems_impact.plotting.labels import label_axis, label_of, parameter_label
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import LINES, cased, new_figure, styled, thickness
 from mems_impact.studies.motions import MOTION, SILENT, in_order, motions, period_of
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.studies.stored_study import StoredStudy
 from mems_impact.tables.common import bare
 
 __all__ = ["plot_map"]
-
-WIDTH, HEIGHT = 3.4, 3.2  # in, a column of a journal
-LABEL, TICK = 8.0, 7.0  # pt
 
 
 class Paint(NamedTuple):
@@ -42,7 +41,6 @@ MOTIONS = {
     "failed": Paint("black"),
 }
 OTHERS = Paint("#009e73", "++", "#004d38")
-LINES: tuple[Any, ...] = ("-", (0, (1, 1.1)), (0, (4, 1.5)), (0, (4, 1.2, 1, 1.2)))
 
 
 class Cells(NamedTuple):
@@ -53,6 +51,7 @@ class Cells(NamedTuple):
     row: NDArray[np.int64]  # of the table, shape (len(y), len(x))
 
 
+@styled
 def plot_map(
     found: OperatingMap | StoredStudy | pd.DataFrame,
     column: str | None = None,
@@ -102,28 +101,19 @@ def plot_map(
     table, cells = _given(found)
     x, y = table.columns[:2]
     curves = list(_curves(boundaries, x, y))  # before a figure is begun
-    own = ax is None
-    if own:
-        ax = new_figure(WIDTH, HEIGHT).subplots()
+    if ax is None:
+        ax = new_figure(1.3).subplots()
     edges = _edges(cells.x), _edges(cells.y)
     if column is None:
         handles = _draw_motions(ax, edges, table, cells)
     else:
-        handles = _draw_column(ax, edges, table, cells, column, own)
+        handles = _draw_column(ax, edges, table, cells, column)
     handles += _draw_curves(ax, curves)
     ax.set_xlim(edges[0][0], edges[0][-1])
     ax.set_ylim(edges[1][0], edges[1][-1])
-    sizes = {"fontsize": LABEL} if own else {}
-    ax.set_xlabel(parameter_label(table, x), **sizes)
-    ax.set_ylabel(parameter_label(table, y), **sizes)
-    if own:
-        ax.tick_params(labelsize=TICK)
-    if handles:
-        ax.legend(
-            handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False,
-            ncols=min(3, len(handles)), fontsize=TICK + 0.5, handlelength=1.6, handleheight=1.1,
-            columnspacing=1.2, handletextpad=0.5, labelspacing=0.3,
-        )  # fmt: skip
+    label_axis(ax.xaxis, parameter_label(table, x))
+    label_axis(ax.yaxis, parameter_label(table, y))
+    legend_above(ax, handles, handleheight=1.1)
     return ax
 
 
@@ -206,9 +196,7 @@ def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Pain
                  label=label)  # fmt: skip
 
 
-def _draw_column(
-    ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column: str, own: bool
-) -> list[Any]:
+def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column: str) -> list[Any]:
     """Draw a column of numbers, and in grey where it has none; return what the legend shows."""
     numbers = [str(name) for name in table.columns[2:] if table[name].dtype.kind in "fiub"]
     if column not in numbers:
@@ -224,11 +212,7 @@ def _draw_column(
     if shown.count():
         mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
         bar = ax.figure.colorbar(mesh, ax=ax)
-        bar.set_label(with_unit(column, table, column), **({"fontsize": LABEL} if own else {}))
-        bar.formatter.set_powerlimits((-2, 4))
-        if own:
-            bar.ax.tick_params(labelsize=TICK)
-            bar.ax.yaxis.offsetText.set_fontsize(TICK)
+        label_axis(bar.ax.yaxis, label_of(table, column))
     return handles
 
 
@@ -275,15 +259,13 @@ def _no_boundary(given: Any, x: str, y: str) -> InvalidParameter:
 
 def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
     """Draw boundaries, black on white; return what the legend shows."""
-    from matplotlib.patheffects import Normal, Stroke
-
     styles = dict.fromkeys(line.kind for line in curves)
     for i, kind in enumerate(styles):
         styles[kind] = LINES[i % len(LINES)]
     drawn = {}
     for kind, points in curves:
         (drawn[kind],) = ax.plot(
-            *points.T, color="black", linewidth=1.2, linestyle=styles[kind], label=kind, zorder=4,
-            path_effects=[Stroke(linewidth=2.6, foreground="white"), Normal()],
+            *points.T, color="black", linestyle=styles[kind], label=kind, zorder=4,
+            path_effects=cased(thickness(1.0)),
         )  # fmt: skip
     return list(drawn.values())

@@ -8,14 +8,22 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import BLUE, MODE_COLORS, ORANGE
+from mems_impact.plotting.style import LINES, MODE_COLORS, color, thickness
 
-__all__ = ["JUMP", "between", "check_states", "line", "mode_colors", "moves", "spans"]
+__all__ = [
+    "IMPACT", "between", "check_states", "jump", "line", "mode_styles", "moves", "plane", "shade",
+    "spans",
+]  # fmt: skip
 
-JUMP: dict[str, Any] = {"color": ORANGE, "linewidth": 1.1, "linestyle": (0, (2, 1.2)), "zorder": 3}
-"""How a jump is drawn."""
+IMPACT: dict[str, Any] = {
+    "linestyle": "none", "marker": "o", "markersize": 4.5, "markeredgecolor": "white",
+    "markeredgewidth": 0.6, "zorder": 4,
+}  # fmt: skip
+"""How an impact is marked, beside its colour."""
 
+HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
 SMALL = 1e-9  # a jump that is none, as a part of the largest value
 
 
@@ -26,6 +34,20 @@ def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tupl
         if name not in known:
             raise InvalidParameter(field, name, f"one of {', '.join(known)}")
     return names
+
+
+def plane(system: System, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the states that span the plane."""
+    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
+    known = (*system.states, "t")
+    for field, name in (("x", x), ("y", y)):
+        if name is not None:
+            check_states(field, name, known)
+    if x is None:
+        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
+    if y is None:
+        y = next(name for name in (*free, *known) if name != x)
+    return x, y
 
 
 def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
@@ -72,20 +94,39 @@ def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> 
     return whole.reset_index(drop=True)
 
 
-def mode_colors(spent: pd.Series, modes: Sequence[str]) -> dict[str, str]:
-    """Return the colours of the modes in which time is spent, in the order of the system.
+def jump() -> dict[str, Any]:
+    """Return how a jump is drawn."""
+    width = thickness(0.8)
+    return {"color": color("impact"), "linewidth": width, "linestyle": (0, (2, 1.2)), "zorder": 3}
+
+
+def shade(number: int) -> dict[str, Any]:
+    """Return how stretches in the mode of that place among those shaded are filled."""
+    own = MODE_COLORS[number % len(MODE_COLORS)]
+    return {
+        "facecolor": (own, 0.3),
+        "edgecolor": (own, 0.6),
+        "hatch": HATCHES[number % len(HATCHES)],
+    }
+
+
+def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, Any]]:
+    """Return colour and line style of the modes in which time is spent, in the system's order.
 
     Parameters
     ----------
     spent : Series
-        By mode, the time in it; the longest is blue.
+        By mode, the time in it; the longest has the colour of the motion.
     modes : sequence of str
         All of the system's.
     """
     most = spent.idxmax()
     others = [mode for mode in modes if mode in spent.index and mode != most]
-    colors = {mode: MODE_COLORS[i % len(MODE_COLORS)] for i, mode in enumerate(others)}
-    return {str(most): BLUE, **colors}
+    styles = {
+        mode: (MODE_COLORS[i % len(MODE_COLORS)], LINES[(i + 1) % len(LINES)])
+        for i, mode in enumerate(others)
+    }
+    return {str(most): (color("motion"), "-"), **styles}
 
 
 def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:

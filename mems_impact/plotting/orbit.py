@@ -9,8 +9,10 @@ import pandas as pd
 
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.motion import JUMP, check_states, line, mode_colors, moves
-from mems_impact.plotting.style import GREY, crosses, new_figure, symbol, tidy, with_unit
+from mems_impact.plotting.labels import crosses, label_axis, label_of, symbol
+from mems_impact.plotting.motion import jump, line, mode_styles, moves, plane
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 from mems_impact.tables.common import captions
 
 __all__ = ["PER_PERIOD", "plot_orbit"]
@@ -18,6 +20,7 @@ __all__ = ["PER_PERIOD", "plot_orbit"]
 PER_PERIOD = 1000
 
 
+@styled
 def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Any:
     """Draw one state of a periodic orbit over another, with impacts and the section.
 
@@ -61,18 +64,18 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
         raise InvalidParameter("orbit", type(orbit).__name__, allowed)
     if orbit.figure and x is None and y is None:
         return resolve_name(orbit.figure)(orbit, ax)
-    x, y = _plane(orbit, x, y)
+    x, y = plane(orbit.system, x, y)
     if ax is None:
-        ax = new_figure(5.2, 4.4).subplots()
+        ax = new_figure(1.2).subplots()
     samples, corners = _closed(orbit), orbit.corners
     names = [name for name in (x, y) if name != "t"]
     curve = line(samples, corners, names)
     system = orbit.system
     spent = curve["mode"].value_counts()
-    for mode, color in mode_colors(spent, system.modes).items():
+    for mode, (shade, dashes) in mode_styles(spent, system.modes).items():
         here = curve[y].where(curve["mode"] == mode)
         label = mode if len(system.modes) > 1 else None
-        ax.plot(curve[x], here, color=color, linewidth=1.5, label=label)
+        ax.plot(curve[x], here, color=shade, linestyle=dashes, label=label)
     jumps = pd.Series(False, index=corners.index)
     for name in names:
         jumps |= moves(corners, name, samples)
@@ -82,32 +85,12 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
             for name in (x, y)
         ]
         label = None if place else ("impact" if corners["impact"].any() else "jump")
-        ax.plot(*ends, marker="o", markersize=3.5, label=label, **JUMP)
+        ax.plot(*ends, marker="o", label=label, **jump())
     _mark_section(ax, orbit, x, y)
-    for name, put in ((x, ax.set_xlabel), (y, ax.set_ylabel)):
-        put(with_unit("time" if name == "t" else symbol(name), samples, name))
-    ax.ticklabel_format(scilimits=(-3, 4))
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(
-            frameon=False, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4, columnspacing=1.2
-        )
-    tidy(ax)
+    for name, axis in ((x, ax.xaxis), (y, ax.yaxis)):
+        label_axis(axis, label_of(samples, name, "time" if name == "t" else symbol(name)))
+    legend_above(ax)
     return ax
-
-
-def _plane(orbit: Orbit, x: str | None, y: str | None) -> tuple[str, str]:
-    """Return the states that span the plane."""
-    system = orbit.system
-    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
-    known = (*system.states, "t")
-    for field, name in (("x", x), ("y", y)):
-        if name is not None:
-            check_states(field, name, known)
-    if x is None:
-        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
-    if y is None:
-        y = next(name for name in (*free, *known) if name != x)
-    return x, y
 
 
 def _closed(orbit: Orbit) -> pd.DataFrame:
@@ -130,8 +113,8 @@ def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
         state, level = section["section"]
         draw = ax.axvline if state == x else ax.axhline if state == y else None
         if draw is not None:
-            draw(level, color=GREY, linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+            draw(level, color=color("guide"), linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
     ax.plot(
-        rows[x], rows[y], linestyle="none", marker="D", markersize=4.5, color="white",
-        markeredgecolor="black", markeredgewidth=0.9, zorder=5, label=label,
+        rows[x], rows[y], linestyle="none", marker="D", color="white",
+        markeredgecolor="black", markeredgewidth=0.8, zorder=5, label=label,
     )  # fmt: skip

@@ -6,15 +6,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    in_brackets,
-    new_figure,
-    power_of_ten,
-    tidy,
-)
+from mems_impact.plotting.labels import label_axis, label_of
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
@@ -25,6 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["plot_pareto"]
 
 
+@styled
 def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     """Draw a Pareto front, and where the searches began.
 
@@ -69,28 +64,21 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     if not aims:
         raise InvalidParameter("front", None, "", problem="not of mems_impact.pareto_front")
     if ax is None:
-        ax = new_figure(3.5, 3.0).subplots()
+        ax = new_figure(1.2).subplots()
     first, second = aims
     begin = _begin(start, aims) if start is not None else {}
-    powers, units = {}, table.attrs.get("units", {})
-    for name in aims:
-        powers[name] = power_of_ten(max(table[name].abs().max(), abs(begin.get(name, 0.0))))
-    ax.plot(
-        table[second] / 10.0 ** powers[second], table[first] / 10.0 ** powers[first],
-        color=BLUE, marker="o", markersize=4, label="Pareto front", zorder=3,
-    )  # fmt: skip
+    motion, guide = color("motion"), color("guide")
+    ax.plot(table[second], table[first], color=motion, marker="o", label="Pareto front", zorder=3)
     if begin:
         ax.plot(
-            begin[second] / 10.0 ** powers[second], begin[first] / 10.0 ** powers[first],
-            color=ORANGE, marker="s", linestyle="none", label="start", zorder=4,
+            begin[second], begin[first], color=guide, marker="s", linestyle="none", label="start",
+            zorder=4,
         )  # fmt: skip
-    for name, label in ((second, ax.set_xlabel), (first, ax.set_ylabel)):
-        unit = in_brackets(units.get(name, ""), powers[name])
-        label(f"{name}{unit}\n{_better(aims[name])}")
     ax.margins(0.08)
-    ax.grid(color=GREY, alpha=0.25, linewidth=0.5)
-    ax.legend(frameon=False, fontsize="small")
-    tidy(ax)
+    for name, axis in ((second, ax.xaxis), (first, ax.yaxis)):
+        label_axis(axis, label_of(table, name)._replace(behind=f"\n{_better(aims[name])}"))
+    ax.grid(color=guide, alpha=0.25, linewidth=0.4)
+    legend_above(ax)
     return ax
 
 

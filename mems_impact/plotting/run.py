@@ -12,8 +12,20 @@ import pandas as pd
 
 from mems_impact.analysis.run import Run
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.motion import JUMP, between, check_states, line, mode_colors, moves, spans
-from mems_impact.plotting.style import BLUE, ORANGE, new_figure, symbol, tidy, with_unit
+from mems_impact.plotting.labels import Label, label_axis, label_of, symbol
+from mems_impact.plotting.motion import (
+    IMPACT,
+    between,
+    check_states,
+    jump,
+    line,
+    mode_styles,
+    moves,
+    shade,
+    spans,
+)
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 
 __all__ = ["PER_PERIOD", "SHOWN", "plot_run"]
 
@@ -23,11 +35,12 @@ POINTS = 3000  # over a run without forcing
 PANELS = 6  # by default
 
 
+@styled
 def plot_run(
     run: Run,
     first: float | None = None,
     last: float | None = None,
-    axes: Sequence[Any] | None = None,
+    ax: Any = None,
     *,
     states: Sequence[str] | None = None,
 ) -> Any:
@@ -43,7 +56,7 @@ def plot_run(
     first, last : float, optional
         Forcing periods between which to draw, times where nothing forces the system; the last 6
         periods of the run by default, or the whole of one without forcing.
-    axes : sequence of matplotlib Axes, optional
+    ax : matplotlib Axes or sequence of these, optional
         Where to draw, one for each state; a new figure by default.
     states : sequence of str, optional
         Which states; all by default, or the first 6. Of an actuator the block between its stoppers
@@ -76,14 +89,16 @@ def plot_run(
         allowed = "a Run, as mems_impact.simulate returns it"
         raise InvalidParameter("run", type(run).__name__, allowed)
     if run.figure and states is None:
-        return resolve_name(run.figure)(run, first, last, axes)[0]
+        return resolve_name(run.figure)(run, first, last, ax)[0]
     known = run.system.states
     chosen = known[:PANELS] if states is None else check_states("states", states, known)
-    if axes is None:
-        figure = new_figure(7.0, 1.0 + 1.7 * len(chosen))
-        axes = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
-    elif len(axes) != len(chosen):
-        raise InvalidParameter("axes", len(axes), f"{len(chosen)} axes, one a state")
+    if ax is None:
+        figure = new_figure(0.55 * len(chosen), 2.5)
+        axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
+    else:
+        axes = [ax] if hasattr(ax, "plot") else list(ax)
+        if len(axes) != len(chosen):
+            raise InvalidParameter("ax", len(axes), f"{len(chosen)} axes, one a state")
 
     samples = _samples(run, first, last)
     corners = between(run.corners, samples)
@@ -91,25 +106,22 @@ def plot_run(
     unit = run.system.forcing_period or 1.0  # of the axis of time
     stretches = spans(samples, corners)
     spent = (stretches["end"] - stretches["start"]).groupby(stretches["mode"]).sum()
-    colors = mode_colors(spent, run.system.modes)
-    most = next(iter(colors))
-    for ax, name in zip(axes, chosen, strict=True):
+    most, *shaded = mode_styles(spent, run.system.modes)
+    shades = {mode: shade(i) for i, mode in enumerate(shaded)}
+    for panel, name in zip(axes, chosen, strict=True):
         for stretch in stretches[stretches["mode"] != most].itertuples():
-            color = colors[stretch.mode]
             # The edge keeps a stretch visible that is thinner than a dot.
-            ax.axvspan(
-                stretch.start / unit, stretch.end / unit, color=color, alpha=0.3, linewidth=1.0,
-                zorder=0,
+            panel.axvspan(
+                stretch.start / unit, stretch.end / unit, linewidth=0.8, zorder=0,
+                **shades[stretch.mode],
             )  # fmt: skip
-        ax.plot(curve["t"] / unit, curve[name], color=BLUE, linewidth=1.4)
-        _mark(ax, name, corners, samples, unit)
-        ax.set_ylabel(with_unit(symbol(name), samples, name))
-        ax.ticklabel_format(axis="y", useOffset=False, scilimits=(-4, 5))
-        tidy(ax)
-    words = "time / forcing period" if run.system.forced else with_unit("time", samples, "t")
-    axes[-1].set_xlabel(words)
+        panel.plot(curve["t"] / unit, curve[name], color=color("motion"))
+        _mark(panel, name, corners, samples, unit)
+        label_axis(panel.yaxis, label_of(samples, name, symbol(name)))
     axes[-1].set_xlim(samples["t"].iloc[0] / unit, samples["t"].iloc[-1] / unit)
-    _key(axes[0], colors if len(run.system.modes) > 1 else {}, corners)
+    words = Label("time / forcing period") if run.system.forced else label_of(samples, "t", "time")
+    label_axis(axes[-1].xaxis, words)
+    _key(axes[0], most if len(run.system.modes) > 1 else "", shades, corners)
     return axes[0]
 
 
@@ -129,26 +141,22 @@ def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit
     if len(jumps):
         before, after = jumps[f"{name} before"], jumps[f"{name} after"]
         broken = np.column_stack([before, after, np.full(len(jumps), np.nan)]).ravel()
-        ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **JUMP)
+        ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **jump())
     hits = corners[corners["impact"] & ~moves(corners, name, samples)]
     if len(hits):  # matplotlib gives a line without points a place, outside the figure
         ax.plot(
-            hits["t"] / unit, hits[f"{name} after"], linestyle="none", marker="o", markersize=5,
-            color=ORANGE, markeredgecolor="white", markeredgewidth=0.6, zorder=4, clip_on=False,
-        )  # fmt: skip
+            hits["t"] / unit, hits[f"{name} after"], color=color("impact"), clip_on=False, **IMPACT
+        )
 
 
-def _key(ax: Any, colors: dict[str, str], corners: pd.DataFrame) -> None:
+def _key(ax: Any, most: str, shades: dict[str, dict[str, Any]], corners: pd.DataFrame) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5, "color": ORANGE}
-    entries: list[Any] = [Line2D([], [], label="impact", **dot)] if corners["impact"].any() else []
-    shaded = list(colors.items())[1:]
-    entries += [Patch(color=color, alpha=0.3, label=mode) for mode, color in shaded]
-    if shaded:
-        entries.append(Patch(facecolor="none", edgecolor="0.6", label=next(iter(colors))))
-    if entries:
-        # Above the axes: the motion may be anywhere within them.
-        place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0)}
-        ax.legend(handles=entries, ncols=min(5, len(entries)), frameon=False, **place)
+    entries: list[Any] = []
+    if corners["impact"].any():
+        entries.append(Line2D([], [], color=color("impact"), label="impact", **IMPACT))
+    entries += [Patch(label=mode, **look) for mode, look in shades.items()]
+    if shades and most:
+        entries.append(Patch(facecolor="none", edgecolor="0.6", label=most))
+    legend_above(ax, entries)  # the motion may be anywhere within the axes

@@ -9,28 +9,19 @@ from typing import Any
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    GREY,
-    ORANGE,
-    in_brackets,
-    new_figure,
-    power_of_ten,
-    symbol,
-    tidy,
-)
+from mems_impact.plotting.labels import Label, label_axis, symbol
+from mems_impact.plotting.style import color, inches, new_figure, styled
 from mems_impact.studies.spread import Spread
 from mems_impact.studies.stored_study import StoredStudy
 
 __all__ = ["plot_scatter"]
 
-WIDTH = 3.4  # inches: of a column
-HEIGHT = 1.9  # of a panel
-OUTSIDE = "#f2c9ad"  # a pale orange: what is out of specification
+OUTSIDE = "0.85"  # what is out of specification
 PALE = "#72b2dd"  # a blue on which lines are seen
 MOST = 4  # quantities that are shown where nobody says which
 
 
+@styled
 def plot_scatter(
     scatter: Spread | StoredStudy,
     *,
@@ -39,10 +30,10 @@ def plot_scatter(
 ) -> Any:
     """Draw how quantities are spread, with their specification, and Sobol's indices beside them.
 
-    A panel a quantity: a histogram, blue where it is as specified and pale where it is not, dashed
-    lines at the bounds and a line at the median, and the yield. Where indices were asked for, a
-    panel below has a bar for each of what was drawn: the index of first order, filled, within the
-    total index, open; lines are their intervals.
+    A panel a quantity: a histogram, blue where it is as specified, grey and hatched where it is
+    not, dashed lines at the bounds and a line at the median, and the yield. Where indices were
+    asked for, a panel below has a bar for each of what was drawn: the index of first order,
+    filled, within the total index, open; lines are their intervals.
 
     Parameters
     ----------
@@ -89,10 +80,10 @@ def plot_scatter(
         _histogram(ax, scatter, shown[0])
         return ax
     rows = [kind for _ in shown for kind in _panels(scatter)]
-    bars = 0.55 + 0.2 * len(scatter.points.attrs.get("drawn", ()))
-    heights = [HEIGHT if kind == "spread" else bars for kind in rows]
-    figure = new_figure(WIDTH, sum(heights))
-    panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+    bars = 2.6 + len(scatter.points.attrs.get("drawn", ()))
+    figure = new_figure(0.8 * len(shown), bars * rows.count("indices"))
+    ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for kind in rows]
+    panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
     for i, panel in enumerate(panels):
         name = shown[i // len(_panels(scatter))]
         if rows[i] == "spread":
@@ -125,32 +116,30 @@ def _histogram(ax: Any, scatter: Spread, name: str) -> None:
     """Draw how a quantity is spread."""
     points = scatter.points
     values = points[name].dropna().to_numpy()
-    power = power_of_ten(float(np.abs(values).max(initial=0.0)))
-    values = values / 10.0**power
-    low, high = (
-        bound / 10.0**power for bound in scatter.specification.get(name, (-math.inf, math.inf))
-    )
+    low, high = scatter.specification.get(name, (-math.inf, math.inf))
     ends = _ends(values, low, high)
     count = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 8, 40))
     bins = np.linspace(*ends, count + 1)
     fine = (values >= low) & (values <= high)
-    ax.hist([values[fine], values[~fine]], bins, color=[BLUE, OUTSIDE], stacked=True)
+    _, _, (_, outside) = ax.hist(
+        [values[fine], values[~fine]], bins, color=[color("motion"), OUTSIDE], stacked=True
+    )
+    for bar in outside:
+        bar.set(hatch="////", edgecolor="0.5", linewidth=0.0)
     for bound in (low, high):
         if math.isfinite(bound):
-            ax.axvline(bound, color=ORANGE, linewidth=1.2, linestyle=(0, (4, 2)))
+            ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)))
     if len(values):
         ax.axvline(float(np.median(values)), color="black", linewidth=1.0)
     if name in scatter.specification:
         row = scatter.yields.set_index("quantity").loc[name]
         ax.set_title(
             f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})",
-            fontsize="small", loc="left",
         )  # fmt: skip
     ax.set_xlim(ends)
     unit = points.attrs.get("units", {}).get(name, "")
-    ax.set_xlabel(name + in_brackets(unit, power))
-    ax.set_ylabel("points")
-    tidy(ax)
+    label_axis(ax.xaxis, Label(name, unit))
+    label_axis(ax.yaxis, Label("points"))
 
 
 def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
@@ -172,19 +161,21 @@ def _bars(ax: Any, scatter: Spread, name: str) -> None:
     rows = table[table["quantity"] == name]
     symbols = table.attrs.get("symbols", {})
     places = np.arange(len(rows))[::-1]
-    style = {"capsize": 0.0, "elinewidth": 1.0}
-    for what, color, edge, shift in (("total", "none", GREY, 0.13), ("first", PALE, PALE, -0.13)):
+    style, guide = {"capsize": 0.0, "elinewidth": 1.0}, color("guide")
+    for what, face, edge, shift in (
+        ("total", "none", guide, 0.13),
+        ("first", PALE, PALE, -0.13),
+    ):
         middle = rows[what].to_numpy()
-        ax.barh(places, middle, height=0.62, color=color, edgecolor=edge, linewidth=0.9)
+        ax.barh(places, middle, height=0.62, color=face, edgecolor=edge, linewidth=0.9)
         reach = np.stack([middle - rows[f"{what} low"], rows[f"{what} high"] - middle])
         ax.errorbar(
             middle, places + shift, xerr=np.maximum(reach, 0.0), fmt="none",
-            ecolor="black" if what == "first" else GREY, **style,
+            ecolor="black" if what == "first" else guide, **style,
         )  # fmt: skip
     if rows["missing"].any():
         ax.text(0.5, 0.5, f"{rows['missing'].iloc[0]} points have no number", fontsize="small",
                 ha="center", va="center", transform=ax.transAxes)  # fmt: skip
     ax.set_yticks(places, [symbol(each, symbols) for each in rows["parameter"]])
     ax.set_xlim(min(0.0, *ax.get_xlim()), max(1.0, ax.get_xlim()[1]))
-    ax.set_xlabel("first-order (filled) and total index")
-    tidy(ax)
+    label_axis(ax.xaxis, Label("first-order (filled) and total index"))

@@ -8,15 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    ORANGE,
-    in_brackets,
-    new_figure,
-    power_of_ten,
-    symbol,
-    tidy,
-)
+from mems_impact.plotting.labels import Label, label_axis, symbol
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled
 
 if TYPE_CHECKING:
     from mems_impact.studies.sensitivity import Sensitivity
@@ -27,6 +21,7 @@ NOTHING = 1e-9  # part of the longest bar: rounding
 MOST = 15  # bars that are read at a glance
 
 
+@styled
 def plot_sensitivity(
     found: Sensitivity,
     quantity: str,
@@ -85,15 +80,16 @@ def plot_sensitivity(
     if not longest > 0.0:
         raise InvalidParameter("quantity", quantity, "one that a parameter changes")
     order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > NOTHING * longest][:MOST]
-    power = power_of_ten(longest)
-    names, change = [list(sizes)[i] for i in order], change[order] / 10.0**power
-    longest /= 10.0**power
+    names, change = [list(sizes)[i] for i in order], change[order]
     if ax is None:
-        ax = new_figure(3.5, 0.9 + 0.23 * len(names)).subplots()
+        ax = new_figure(0.0, 5.0 + len(names)).subplots()
     places = np.arange(len(names))
     words = ("+1 %", "-1 %") if tolerances is None else ("+ tolerance", "- tolerance")
-    for sign, color, label in ((1.0, BLUE, words[0]), (-1.0, ORANGE, words[1])):
-        ax.barh(places, sign * change, color=color, label=label.replace("-", "\N{MINUS SIGN}"))
+    for sign, direction, label in ((1.0, "up", words[0]), (-1.0, "down", words[1])):
+        ax.barh(
+            places, sign * change, label=label.replace("-", "\N{MINUS SIGN}"),
+            color=color(direction), hatch="" if sign > 0.0 else "////", edgecolor="white",
+        )  # fmt: skip
     ax.axvline(0.0, color="black", linewidth=0.8)
     labels = {name: symbol(name, symbols) for name in names}
     if tolerances is not None:
@@ -107,9 +103,7 @@ def plot_sensitivity(
     row = found.row(quantity)
     unit = found.units[row]
     start = f"{found.values[row]:.4g} {unit}".rstrip()
-    ax.set_xlabel(f"change of {quantity}{in_brackets(unit, power)}\nfrom {start}")
-    # The corner where the last, shortest bars leave room.
-    ax.legend(frameon=False, loc="lower right", fontsize="small", handlelength=1.0)
-    tidy(ax)
+    label_axis(ax.xaxis, Label(f"change of {quantity}", unit, f"\nfrom {start}"))
+    legend_above(ax)
     ax.spines["left"].set_visible(False)
     return ax

@@ -1,159 +1,190 @@
-"""What the figures share: colours, labels, and a figure that belongs to no backend."""
+"""How figures look: the style sheet, what colours mean, a figure that belongs to no backend."""
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Mapping
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import wraps
+from inspect import signature
+from pathlib import Path
+from typing import Any, TypeVar
 
-from mems_impact.tables.common import heading
-
-if TYPE_CHECKING:
-    import pandas as pd
+from mems_impact.errors import InvalidParameter
 
 __all__ = [
-    "BLUE", "GREEN", "GREY", "MODE_COLORS", "ORANGE",
-    "crosses", "in_brackets", "new_figure", "on_section", "parameter_label", "power_of_ten",
-    "symbol", "tidy", "with_unit",
+    "DASHES", "LINES", "MODE_COLORS", "cased", "color", "graded", "inches", "new_figure", "style",
+    "styled", "thickness", "wearing",
 ]  # fmt: skip
 
-# Distinct in grey and to the colour-blind (after Wong, Nature Methods 8, 441, 2011).
-BLUE = "#0072b2"
-ORANGE = "#d55e00"
-GREEN = "#009e73"
-GREY = "0.45"
-MODE_COLORS = (GREEN, "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "0.6")
-"""Of modes beside the one that a motion spends most time in, which is blue."""
+SHEET = Path(__file__).with_name("mems_impact.mplstyle")
+VARIABLE = "MEMS_IMPACT_STYLE"
+Sheet = str | os.PathLike[str] | Mapping[str, Any]
+_SHEETS: ContextVar[tuple[Sheet, ...] | None] = ContextVar("sheets", default=None)
+F = TypeVar("F", bound=Callable[..., Any])
 
-GREEK = [
-    "alpha",
-    "beta",
-    "gamma",
-    "delta",
-    "epsilon",
-    "zeta",
-    "eta",
-    "theta",
-    "iota",
-    "kappa",
-    "lambda",
-    "mu",
-    "nu",
-    "xi",
-    "pi",
-    "rho",
-    "sigma",
-    "tau",
-    "upsilon",
-    "phi",
-    "chi",
-    "psi",
-    "omega",
-    "Gamma",
-    "Delta",
-    "Theta",
-    "Lambda",
-    "Xi",
-    "Pi",
-    "Sigma",
-    "Phi",
-    "Psi",
-    "Omega",
-]
+MEANINGS = (
+    "motion", "unstable", "impact", "frame", "up", "down", "voltage", "grazing", "fold",
+    "doubling", "torus", "guide", "dots",
+)  # fmt: skip
+"""What the colours of the style sheet mean, in its order (docs/figures.md says more)."""
+
+MODE_COLORS = ("#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "0.6")
+"""Of modes beside the one that a motion spends most time in, which has that of the motion."""
+
+DASHES: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 0.8}
+"""How guides are drawn: stoppers, levels."""
+
+MARKERS = "os^Dv<>"
+LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.1)), (0, (4, 1.2, 1, 1.2)))
+"""What tells lines apart in grey."""
 
 
-def new_figure(width: float, height: float) -> Any:
-    """Return an empty figure of that size in inches; pyplot is not touched."""
-    from matplotlib.figure import Figure
+@contextmanager
+def style(*sheets: Sheet) -> Iterator[None]:
+    """Draw figures with other style sheets over the package's own.
 
-    return Figure(figsize=(width, height), layout="constrained")
-
-
-def symbol(name: str, symbols: Mapping[str, str] = MappingProxyType({})) -> str:
-    r"""Return the symbol of a state or a parameter, for labels; the name where it is a word.
+    What a sheet does not name stays as it is. Where nobody says anything, the file that the
+    environment variable ``MEMS_IMPACT_STYLE`` names is the sheet, on the command line too.
 
     Parameters
     ----------
-    name : str
-    symbols : mapping of str to str, optional
-        Those that are not to be read off the name.
+    *sheets : str, path or mapping
+        Files of matplotlib's style sheets, names of styles that matplotlib knows, or settings
+        by name; later ones win. None at all: the package's own alone.
+
+    Raises
+    ------
+    InvalidParameter
+        If there is no such file or style, or no such setting.
+
+    See Also
+    --------
+    plot_run : One of the figures that it is for.
 
     Examples
     --------
-    >>> symbol("x2"), symbol("v_max"), symbol("wall")
-    ('$x_2$', '$v_{\\mathrm{max}}$', 'wall')
+    >>> import mems_impact as mi
+    >>> with mi.style("journal.mplstyle", {"figure.figsize": (7.0, 4.0)}):
+    ...     mi.plot_run(run).figure.savefig("run.pdf")
     """
-    if name in symbols:
-        return symbols[name]
-    found = re.fullmatch(rf"({'|'.join(GREEK)}|[A-Za-z])(?:_?(\d+)|_([A-Za-z0-9]+))?", name)
-    if not found:
-        return name
-    letter, index = found[1], found[2] or found[3] or ""
-    if len(letter) > 1:
-        letter = f"\\{letter}"
-    if len(index) > 1:
-        index = rf"{{\mathrm{{{index}}}}}"
-    return f"${letter}_{index}$" if index else f"${letter}$"
+    for sheet in sheets:
+        _settings(sheet)
+    token = _SHEETS.set(sheets)
+    try:
+        with wearing():
+            yield
+    finally:
+        _SHEETS.reset(token)
 
 
-def with_unit(words: str, table: pd.DataFrame, name: str) -> str:
-    """Return `words`, which stand for the column `name`, with its unit if it has one."""
-    return words + heading(table, name)[len(name) :]
+def _settings(sheet: Sheet) -> Any:
+    """Return the settings of a sheet."""
+    import matplotlib as mpl
+    from matplotlib import style as styles
+
+    allowed = "a style sheet of matplotlib: a file, the name of a style, or settings by name"
+    try:
+        if isinstance(sheet, Mapping):
+            settings: Any = dict(sheet)
+            with mpl.rc_context(settings):
+                return settings
+        if sheet in styles.library:
+            return styles.library[sheet]
+        return mpl.rc_params_from_file(sheet, use_default_template=False)
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        problem = f"{allowed} ({str(error).splitlines()[0]})"
+        raise InvalidParameter("style", str(sheet), problem) from None
 
 
-def parameter_label(table: pd.DataFrame, name: str) -> str:
-    """Return the label of an axis for a parameter: its symbol, its unit.
+@contextmanager
+def wearing(ax: Any = None) -> Iterator[None]:
+    """Draw in the style; on given axes in the size of their labels."""
+    import matplotlib as mpl
 
-    And its name, where the symbol is not read off that.
+    chosen = _SHEETS.get()
+    if chosen is None:
+        named = os.environ.get(VARIABLE)
+        chosen = (named,) if named else ()
+    with mpl.rc_context():
+        for sheet in (SHEET, *chosen):
+            mpl.rcParams.update(_settings(sheet))
+        if ax is not None:
+            mpl.rcParams["font.size"] = ax.xaxis.label.get_fontsize()
+        yield
+
+
+def styled(draw: F) -> F:
+    """Return a function that draws in the style; it may be given axes by the name of ``ax``."""
+    parameters = signature(draw)
+
+    @wraps(draw)
+    def within(*args: Any, **options: Any) -> Any:
+        ax = parameters.bind(*args, **options).arguments.get("ax")
+        # Of several axes the first stands for all.
+        with wearing(ax if ax is None or hasattr(ax, "xaxis") else next(iter(ax), None)):
+            return draw(*args, **options)
+
+    return within  # type: ignore[return-value]
+
+
+def color(meaning: str) -> str:
+    """Return the colour of one of the `MEANINGS`."""
+    from matplotlib import rcParams
+    from matplotlib.colors import to_hex
+
+    colors = rcParams["axes.prop_cycle"].by_key().get("color", ["black"])
+    return str(to_hex(colors[MEANINGS.index(meaning) % len(colors)]))
+
+
+def thickness(times: float) -> float:
+    """Return a multiple of the width of the style's lines."""
+    from matplotlib import rcParams
+
+    return times * float(rcParams["lines.linewidth"])
+
+
+def graded(count: int) -> list[dict[str, Any]]:
+    """Return colour, marker and line of curves that differ in the size of something."""
+    from matplotlib import colormaps
+
+    shades = colormaps["cividis"]([0.8 * i / max(1, count - 1) for i in range(count)])
+    return [
+        {
+            "color": shades[i],
+            "marker": MARKERS[i % len(MARKERS)],
+            "linestyle": LINES[i % len(LINES)],
+        }
+        for i in range(count)
+    ]
+
+
+def cased(width: float) -> list[Any]:
+    """Return path effects that set a line of that width off from what lies below it."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    return [Stroke(linewidth=width + 1.4, foreground="white"), Normal()]
+
+
+def inches(panels: float, rows: float = 0.0) -> float:
+    """Return the height of panels of the style's height, and of rows of text such as bars have."""
+    from matplotlib import rcParams
+
+    row = 1.75 * rcParams["font.size"] / 72.0
+    return float(panels * rcParams["figure.figsize"][1] + rows * row)
+
+
+def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
+    """Return an empty figure as wide as the style says; pyplot is not touched.
+
+    Parameters
+    ----------
+    panels, rows : float, optional
+        Its height, in panels of the style's height and rows of text.
     """
-    symbols = table.attrs.get("symbols", {})
-    sign, told = symbol(name, symbols), name not in symbols
-    return with_unit(sign if told else f"{name} {sign}", table, name)
+    from matplotlib import rcParams
+    from matplotlib.figure import Figure
 
-
-def power_of_ten(largest: float) -> int:
-    """Return the power of ten in which an axis up to `largest` is best told; 0 for plain numbers.
-
-    Matplotlib puts it at the end of the axis, where a long label stands.
-    """
-    if not (largest > 0.0 and math.isfinite(largest)):
-        return 0
-    power = math.floor(math.log10(largest))
-    return 0 if -2 <= power <= 3 else power
-
-
-def in_brackets(unit: str, power: int) -> str:
-    """Return a power of ten and a unit in brackets for a label, as far as there are any."""
-    told = " ".join(filter(None, (f"$10^{{{power}}}$" if power else "", unit)))
-    return f" [{told}]" if told else ""
-
-
-def crosses(captions: Mapping[str, Any]) -> str:
-    """Return the equation of the Poincaré section from a table's ``attrs``; empty without one."""
-    if not captions.get("section"):
-        return ""
-    name, level = captions["section"]
-    sign = symbol(name)
-    sign = sign.strip("$") if sign != name else rf"\mathrm{{{name}}}"
-    return f"${sign} = {level:g}$"
-
-
-def on_section(table: pd.DataFrame, state: str) -> str:
-    """Return the label of an axis for a state where a table looks at it, with its unit."""
-    if table.attrs.get("equilibria"):
-        return with_unit(symbol(state), table, state)
-    equation = crosses(table.attrs)
-    else_where = " where periods begin" if table.attrs.get("forced", True) else ", largest value"
-    where = f" at {equation}" if equation else else_where
-    if table.attrs.get("maxima"):
-        where = ", maxima"
-    if "section" not in table.attrs:  # read back from a file
-        where = " on the section"
-    return with_unit(symbol(state), table, state) + where
-
-
-def tidy(ax: Any) -> None:
-    """Leave the two axes that carry numbers."""
-    ax.spines[["top", "right"]].set_visible(False)
+    size = (rcParams["figure.figsize"][0], inches(panels, rows))
+    return Figure(figsize=size, layout="constrained")

@@ -8,18 +8,17 @@ from typing import Any
 import pandas as pd
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.plotting.style import (
-    BLUE,
-    GREY,
-    ORANGE,
+from mems_impact.plotting.labels import (
+    Label,
     crosses,
-    new_figure,
+    label_axis,
+    label_of,
     on_section,
     parameter_label,
     symbol,
-    tidy,
-    with_unit,
 )
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import DASHES, color, new_figure, styled
 from mems_impact.studies.stored_study import StoredStudy
 from mems_impact.tables.common import bare
 from mems_impact.tables.sweep import NUMBER, PERIOD, sweep_summary, switches
@@ -28,14 +27,15 @@ __all__ = ["plot_sweep"]
 
 # Rings of the one around dots of the other: where both are the same, both are seen.
 MARKS: dict[str, dict[str, Any]] = {
-    "up": {"color": BLUE, "marker": "o", "markersize": 2.6, "zorder": 3},
-    "down": {"color": ORANGE, "marker": "o", "markersize": 4.6, "fillstyle": "none", "zorder": 2},
+    "up": {"marker": "o", "markersize": 1.9, "zorder": 3},
+    "down": {"marker": "o", "markersize": 3.6, "fillstyle": "none", "zorder": 2},
 }
 WORDS = {"up": "increased", "down": "decreased"}
 COLUMNS = ("direction", "status")
 """What a table of a sweep has beside the parameter, what is counted, states and statistics."""
 
 
+@styled
 def plot_sweep(
     table: pd.DataFrame | StoredStudy, ax: Any = None, *, quantity: str | None = None
 ) -> Any:
@@ -94,37 +94,34 @@ def plot_sweep(
     if ax is not None:
         panels = [ax]
     else:
-        figure = new_figure(7.0, 4.2 if len(drawn) == 1 else 4.2 + 1.6 * (len(drawn) - 1))
+        figure = new_figure(1.1 + 0.55 * (len(drawn) - 1))
         heights = [2.0 if name == first and len(drawn) > 1 else 1.0 for name in drawn]
         grid = {"height_ratios": heights}
         panels = figure.subplots(len(drawn), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
     for panel, name in zip(panels, drawn, strict=True):
-        size = _draw_dots(panel, table, *quantities[name])
-        _draw_switches(panel, table, named=panel is panels[0])
-        if panel is panels[0] and panel.get_legend_handles_labels()[0]:
-            panel.legend(frameon=False, markerscale=1.0 / size)
-        tidy(panel)
-    panels[-1].set_xlabel(parameter_label(table, table.columns[0]))
+        _draw_dots(panel, table, *quantities[name])
+        _draw_switches(panel, table)
+    legend_above(panels[0])
+    label_axis(panels[-1].xaxis, parameter_label(table, table.columns[0]))
     return panels[0]
 
 
-def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, str]]:
+def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
     """Return what may be drawn, the first state first: the column and what the axis says."""
     columns = [name for name in table.columns[3:] if name not in COLUMNS]
     states: list[str] = table.attrs.get("states", [table.columns[3]])
     found = {states[0]: (states[0], on_section(table, states[0]))}
     for name, (column, words) in table.attrs.get("quantities", {}).items():
         if column in columns:
-            found[name] = (column, with_unit(words, table, column))
+            found[name] = (column, label_of(table, column, words))
     for name in columns:
-        words = on_section(table, name) if name in states else with_unit(name, table, name)
-        found.setdefault(name, (name, words))
+        label = on_section(table, name) if name in states else label_of(table, name)
+        found.setdefault(name, (name, label))
     return found
 
 
-def _draw_dots(ax: Any, table: pd.DataFrame, column: str, words: str) -> float:
-    """Draw one quantity, and below a state the values without; return the size of its dots."""
-    ax.set_ylabel(words)
+def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
+    """Draw one quantity, and below a state the values without."""
     summary = sweep_summary(table)
     of_crossings = column not in summary
     rows = table if of_crossings else summary
@@ -137,18 +134,16 @@ def _draw_dots(ax: Any, table: pd.DataFrame, column: str, words: str) -> float:
     scale = min(1.0, max(0.35, math.sqrt(150.0 / max(1, dots))))
     for direction, style in MARKS.items():
         mark = {**style, "markersize": scale * style["markersize"], "linestyle": "none"}
+        mark["color"] = color(direction)
         chain = rows[rows["direction"] == direction]
         if len(chain):
-            label = f"{sign} {WORDS[direction]}"
             ax.plot(
-                chain[parameter], chain[column], label=label, markeredgewidth=0.7 * scale,
-                rasterized=len(chain) > 20_000, **mark,
+                chain[parameter], chain[column], label=f"{sign} {WORDS[direction]}",
+                markeredgewidth=0.7 * scale, rasterized=len(chain) > 20_000, **mark,
             )  # fmt: skip
     if of_crossings:
         _draw_feet(ax, rows, column, scale)
-    else:
-        ax.ticklabel_format(axis="y", scilimits=(-2, 4))
-    return scale
+    label_axis(ax.yaxis, label)
 
 
 def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
@@ -165,12 +160,12 @@ def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
         values = rows.loc[here, parameter]
         if len(values):
             mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
-            mark["zorder"] += 3  # above the axis
+            mark |= {"zorder": style["zorder"] + 3, "color": color(direction)}  # above the axis
             ax.plot(values, [0.0] * len(values), label=label, **foot, **mark)
             label = "_"  # one line of the legend is enough
     failed = rows.loc[~good, parameter].unique()
     if len(failed):
-        cross = {"marker": "x", "color": GREY, "markersize": 4, "label": "failed"}
+        cross = {"marker": "x", "color": color("guide"), "markersize": 4, "label": "failed"}
         ax.plot(failed, [0.02] * len(failed), **foot, **cross)
 
 
@@ -178,19 +173,9 @@ def _symbol(table: pd.DataFrame) -> str:
     return symbol(table.columns[0], table.attrs.get("symbols", {}))
 
 
-def _draw_switches(ax: Any, table: pd.DataFrame, *, named: bool) -> None:
-    """Draw a line where each chain begins or ceases to impact, maybe with its value above it."""
+def _draw_switches(ax: Any, table: pd.DataFrame) -> None:
+    """Draw a line where each chain begins or ceases to impact; the legend has the value."""
     parameter = _symbol(table)
-    marks = sorted(switches(table), key=lambda mark: mark[1])
-    for place, (direction, value, impacting) in enumerate(marks):
-        color = MARKS[direction]["color"]
-        ax.axvline(value, color=color, linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
-        if not named:
-            continue
+    for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):
         text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
-        # Two labels lean away from each other, however near the values are.
-        side = "center" if len(marks) == 1 else ("right", "left")[place]
-        ax.annotate(
-            text, (value, 1.0), xycoords=ax.get_xaxis_transform(), xytext=(0, 3),
-            textcoords="offset points", ha=side, va="bottom", color=color, fontsize="small",
-        )  # fmt: skip
+        ax.axvline(value, color=color(direction), zorder=1, label=text, **DASHES)

@@ -10,8 +10,11 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.plotting.style import GREEN, ORANGE
+from mems_impact.plotting.style import MODE_COLORS, color, wearing
 from tests.analysis.systems import oscillator
+
+with wearing():
+    BLACK = color("impact")
 
 
 def curve(ax):
@@ -24,7 +27,7 @@ def dots(ax):
 
 
 def jumps(ax):
-    dashed = [line for line in ax.lines if line.get_color() == ORANGE and line.get_marker() != "o"]
+    dashed = [line for line in ax.lines if line.get_color() == BLACK and line.get_marker() != "o"]
     return dashed[0].get_xydata().reshape(-1, 3, 2) if dashed else np.empty((0, 3, 2))
 
 
@@ -70,7 +73,7 @@ def test_the_rarer_mode_is_shaded_and_named(resting, tmp_path):
     x, v = mi.plot_run(resting, 10.5, 13.5).figure.axes
     assert legend(x) == ["impact", "held", "free"]
     for ax in (x, v):
-        assert {to_hex(patch.get_facecolor()) for patch in ax.patches} == {GREEN}
+        assert {to_hex(patch.get_facecolor()) for patch in ax.patches} == {MODE_COLORS[0]}
         assert len(ax.patches) == 3
     held = resting.events[resting.events["mode after"] == "held"]["t"]
     period = resting.system.forcing_period
@@ -109,7 +112,7 @@ def test_chosen_states_on_given_axes(run):
     with pytest.raises(mi.InvalidParameter, match="one of x, v"):
         mi.plot_run(run, states=[])
     with pytest.raises(mi.InvalidParameter, match="2 axes"):
-        mi.plot_run(run, axes=axes[:1])
+        mi.plot_run(run, ax=axes[:1])
 
 
 def test_many_states_are_cut_to_six():
@@ -137,7 +140,7 @@ def test_panels_do_not_lie_over_each_other_without_impacts(tmp_path):
     axes[0].figure.savefig(tmp_path / "run.png")
     boxes = [ax.get_position() for ax in axes]
     assert all(above.y0 > below.y1 for above, below in pairwise(boxes))
-    assert min(box.width for box in boxes) > 0.8
+    assert min(box.width for box in boxes) > 0.75
     assert legend(axes[0]) == []
 
 
@@ -146,7 +149,7 @@ def test_pyplot_is_left_alone():
         "import sys, mems_impact as mi\n"
         "run = mi.simulate(mi.load_actuator('zhao2004'), mi.Sine(amplitude=.2, omega=.5), 2,"
         " options=mi.Options(engine='interpreted', rtol=1e-6))\n"
-        "mi.plot_run(run), mi.plot_run(run, states=['v2'])\n"
+        "mi.plot_run(run), mi.plot_run(run, states=['v2']), mi.animate(run, per_period=4)\n"
         "assert 'matplotlib.pyplot' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
+import numpy as np
 import pandas as pd
 
 from mems_impact.actuator.tables import SYMBOLS
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, symbol, tidy
-from mems_impact.tables.common import heading
+from mems_impact.plotting.labels import Label, label_axis, label_of, symbol
+from mems_impact.plotting.placing import Mark, free_corner, label_points, legend_above
+from mems_impact.plotting.style import color, new_figure, styled, thickness
 
 __all__ = ["plot_chart"]
 
-SHADES = {"I": GREEN, "II": GREY, "III": ORANGE}
+SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
+NEAR = 0.03  # of the height of the axes: boundaries that the eye does not part
+INSET = (0.42, 0.3)  # width and height, of the axes
 
 
 class Charted(Protocol):
@@ -31,11 +35,13 @@ class Charted(Protocol):
         """One row a point of codimension two."""
 
 
+@styled
 def plot_chart(chart: Charted, ax: Any = None) -> Any:
     """Draw the amplitudes of switching on (solid) and off (dotted) over the frequency.
 
     Crosses are values that were simulated, not followed. The types of the paper are shaded, and
-    the points of codimension two between them marked.
+    the points of codimension two between them marked. Where the boundaries lie so near each other
+    that they are not told apart, an inset shows by how much they differ.
 
     Parameters
     ----------
@@ -61,55 +67,79 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
     >>> mi.plot_chart(chart).figure.savefig("chart.png")
     """
     if ax is None:
-        ax = new_figure(7.0, 4.4).subplots()
+        ax = new_figure(1.2).subplots()
     table = chart.table
     omega, amplitude = "omega", "amplitude"
-    styles: dict[str, dict[str, Any]] = {
-        "on": {"color": BLUE, "linewidth": 1.8, "label": "on", "zorder": 3},
-        "off": {
-            "color": ORANGE, "linewidth": 1.8, "linestyle": (0, (1, 1.5)), "label": "off",
-            "zorder": 4,
-        },
-    }  # fmt: skip
-    for boundary, style in styles.items():
-        rows = table[table["boundary"] == boundary].sort_values(omega)
-        ax.plot(rows[omega], rows[amplitude], **style)
+    boundaries = {
+        name: table[table["boundary"] == name].sort_values(omega) for name in ("on", "off")
+    }
+    for name, rows in boundaries.items():
+        ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
     simulated = table[table["kind"] == "crisis"]
     # Where the boundaries meet is known from the curves.
     simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]
     if len(simulated):
         ax.plot(
-            simulated[omega], simulated[amplitude], linestyle="none", marker="x", markersize=5,
-            color=ORANGE, label="off, simulated (crisis)", zorder=5, clip_on=False,
-        )  # fmt: skip
-    top = ax.get_xaxis_transform()
-    for _, row in chart.types.iterrows():
-        low, high = row[f"{omega} from"], row[f"{omega} to"]
-        ax.axvspan(low, high, color=SHADES[row["type"]], alpha=0.1, linewidth=0.0, zorder=0)
-        ax.annotate(
-            row["type"], (0.5 * (low + high), 0.95), xycoords=top, ha="center", va="top",
-            color="0.25",
+            simulated[omega], simulated[amplitude], linestyle="none", marker="x", markersize=3.5,
+            color=color("down"), label="off, simulated (crisis)", zorder=5, clip_on=False,
         )  # fmt: skip
     first, last = chart.types[f"{omega} from"].min(), chart.types[f"{omega} to"].max()
-    for place, (_, row) in enumerate(chart.special_table.iterrows()):
-        ax.plot(
-            row[omega], row[amplitude], marker="o", markersize=6, color="white", linestyle="none",
-            markeredgecolor="black", markeredgewidth=1.0, zorder=6,
-        )  # fmt: skip
-        # On alternate sides, where the curves leave room; next to the axis above a falling one.
-        near = place % 2 == 0 and row[omega] - first < 0.3 * (last - first)
-        left, above = place % 2 == 0 and not near, near
-        ax.annotate(
-            f"{row['kind']}\n({row[omega]:.5g}, {row[amplitude]:.5g})",
-            (row[omega], row[amplitude]), xytext=(-8 if left else 8, 6 if above else -6),
-            textcoords="offset points", ha="right" if left else "left",
-            va="bottom" if above else "top", fontsize="small", zorder=6,
-        )  # fmt: skip
     ax.set_xlim(first, last)
-    ax.margins(y=0.14)
-    units = {name: heading(table, name).removeprefix(name) for name in (omega, amplitude)}
-    ax.set_xlabel(f"omega {symbol(omega)}{units[omega]}")
-    ax.set_ylabel(f"amplitude {symbol(amplitude, SYMBOLS)}{units[amplitude]}")
-    ax.legend(frameon=False, loc="lower left")
-    tidy(ax)
+    low, high = ax.get_ylim()
+    ax.set_ylim(low - 0.22 * (high - low), high + 0.08 * (high - low))  # for labels
+    for _, row in chart.types.iterrows():
+        low, high = row[f"{omega} from"], row[f"{omega} to"]
+        ax.axvspan(low, high, color=SHADES[row["type"]], linewidth=0.0, zorder=0)
+        ax.annotate(
+            row["type"], (0.5 * (low + high), 0.98), xycoords=ax.get_xaxis_transform(),
+            ha="center", va="top", color="0.25",
+        )  # fmt: skip
+    for _, row in chart.special_table.iterrows():
+        ax.plot(
+            row[omega], row[amplitude], marker="o", markersize=4.5, color="white",
+            linestyle="none", markeredgecolor="black", markeredgewidth=0.8, zorder=6,
+        )  # fmt: skip
+    label_axis(ax.xaxis, label_of(table, omega, symbol(omega)))
+    label_axis(ax.yaxis, label_of(table, amplitude, f"amplitude {symbol(amplitude, SYMBOLS)}"))
+    legend_above(ax)
+    marks = [
+        Mark(f"{row['kind']}\n({row[omega]:.5g}, {row[amplitude]:.5g})", row[omega], row[amplitude])
+        for _, row in chart.special_table.iterrows()
+    ]
+    label_points(ax, marks)
+    _inset(ax, boundaries)
     return ax
+
+
+def _line(boundary: str) -> dict[str, Any]:
+    """Return how a boundary is drawn."""
+    if boundary == "on":
+        return {"color": color("up"), "linewidth": thickness(1.2), "zorder": 3}
+    dots = {"linestyle": (0, (1, 1.3)), "zorder": 4}
+    return {"color": color("down"), "linewidth": thickness(1.2), **dots}
+
+
+def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
+    """Draw by how much the boundaries differ where the eye does not part them."""
+    on, off = (
+        rows.drop_duplicates("omega")[["omega", "amplitude"]].to_numpy(dtype=float)
+        for rows in boundaries.values()
+    )
+    if min(len(on), len(off)) < 2:
+        return
+    # At the frequencies of the boundary with fewer points.
+    own = on if len(on) < len(off) else off
+    gap = np.interp(own[:, 0], *on.T) - np.interp(own[:, 0], *off.T)
+    near = np.abs(gap) < NEAR * np.ptp(ax.get_ylim())
+    place = free_corner(ax, *INSET, top=0.87)
+    if near.sum() < 3 or place is None:
+        return
+    inset = ax.inset_axes((*place, *INSET))
+    inset.plot(own[near, 0], gap[near], color="black", marker=".", linewidth=thickness(0.8))
+    inset.axhline(0.0, color=color("guide"), linewidth=0.5, zorder=0)
+    inset.tick_params(labelsize="small", pad=1.5)
+    inset.margins(y=0.1)
+    unit = label_of(boundaries["on"], "amplitude").unit
+    label_axis(inset.yaxis, Label("on \N{MINUS SIGN} off", unit))
+    label_axis(inset.xaxis, Label(""))
+    inset.yaxis.label.set_fontsize("small")

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
+from mems_impact.plotting.labels import Label, label_axis
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import LINES, color, new_figure, styled
 
 if TYPE_CHECKING:
     from mems_impact.actuator.drive import Drive
@@ -47,9 +48,8 @@ def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
     return stretches
 
 
-def plot_drive(
-    drive: Drive, actuator: Actuator | None = None, axes: Sequence[Any] | None = None
-) -> tuple[Any, Any]:
+@styled
+def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -> tuple[Any, Any]:
     """Draw what the device sees: voltage and force at x2 = 0 over one forcing period.
 
     Parameters
@@ -57,7 +57,7 @@ def plot_drive(
     drive : Drive
     actuator : Actuator, optional
         Whose force is drawn; by default the force is in units of alpha/d^2.
-    axes : two matplotlib Axes, optional
+    ax : two matplotlib Axes, optional
         Where to draw voltage and force; a new figure by default.
 
     Returns
@@ -77,29 +77,29 @@ def plot_drive(
     >>> voltage, force = mi.plot_drive(drive, actuator)
     >>> voltage.figure.savefig("drive.png")
     """
-    if axes is None:
-        axes = new_figure(7.0, 4.4).subplots(2, sharex=True)
-    above, below = axes
+    above, below = new_figure(1.2).subplots(2, sharex=True) if ax is None else ax
     si = actuator is not None and actuator.units == "SI"
     stretches = seen(drive, actuator)
     time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
     two = drive.left_voltage is not None
-    above.plot(time, right, color=BLUE, linewidth=1.4, label="right electrode")
+    own = color("voltage")
+    above.plot(time, right, color=own, label="right electrode")
     if two:
-        above.plot(time, left, color=ORANGE, linewidth=1.4, label="left electrode")
-        above.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
-    below.plot(time, force, color=GREEN, linewidth=1.4)
-    for ax in (above, below):
-        ax.axhline(0.0, color=GREY, linewidth=0.6, zorder=0)
+        above.plot(time, left, color=own, linestyle=LINES[1], label="left electrode")
+        legend_above(above)
+    below.plot(time, force, color="black")
+    guide = {"color": color("guide"), "linewidth": 0.5, "zorder": 0}
+    for panel in (above, below):
+        panel.axhline(0.0, **guide)
         if len(drive.switches) <= 64:
             for switch in drive.switches:
-                ax.axvline(switch, color=GREY, linewidth=0.6, linestyle=(0, (1, 3)), zorder=0)
-        tidy(ax)
-    above.set_ylabel("voltage [V]" if si else "voltage")
-    unit = r" [$\alpha/d^2$]" if actuator is None else (" [N]" if si else "")
-    below.set_ylabel(f"force at $x_2 = 0${unit}")
-    below.set_xlabel("time [s]" if si else "time")
+                panel.axvline(switch, linestyle=(0, (1, 3)), **guide)
     below.set_xlim(0.0, drive.period)
+    volt, newton, second = ("V", "N", "s") if si else ("", "", "")
+    label_axis(above.yaxis, Label("voltage", volt))
+    unit = r"$\alpha/d^2$" if actuator is None else newton
+    label_axis(below.yaxis, Label("force at $x_2 = 0$", unit))
+    label_axis(below.xaxis, Label("time", second))
     return above, below
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
-from mems_impact.tables.common import heading
+from mems_impact.plotting.labels import label_axis, label_of, prefixed
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import color, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     from mems_impact.actuator.design.load import LoadCurve
@@ -14,12 +15,13 @@ if TYPE_CHECKING:
 __all__ = ["plot_load"]
 
 LINES = {
-    "sliding_load": ("every slip ends", GREEN),
-    "walking_load": ("walks", BLUE),
-    "holding_load": ("holds without voltage", GREY),
+    "sliding_load": ("every slip ends", (0, (4, 3))),
+    "walking_load": ("walks", (0, (4, 1.2, 1, 1.2))),
+    "holding_load": ("holds without voltage", (0, (1, 1.5))),
 }
 
 
+@styled
 def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     """Draw the mean speed over the load: orbits filled, runs hollow, crosses where it runs away.
 
@@ -47,32 +49,34 @@ def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
     >>> mi.plot_load(curve).figure.savefig("load.png")
     """
     if ax is None:
-        ax = new_figure(6.4, 4.0).subplots()
+        ax = new_figure(1.25).subplots()
     table = curve.table
-    ax.plot(table["load"], table["mean speed"], color=BLUE, linewidth=1.2, zorder=2)
+    motion, guide = color("motion"), color("guide")
+    ax.plot(table["load"], table["mean speed"], color=motion, linewidth=thickness(0.8), zorder=2)
     for by, filled in (("orbit", "full"), ("run", "none")):
         rows = table[(table["by"] == by) & table["mean speed"].notna()]
         if len(rows):
             ax.plot(
-                rows["load"], rows["mean speed"], linestyle="none", marker="o", markersize=5,
-                color=BLUE, fillstyle=filled, label=by, zorder=3,
+                rows["load"], rows["mean speed"], linestyle="none", marker="o",
+                color=motion, fillstyle=filled, label=by, zorder=3,
             )  # fmt: skip
     away = table.loc[table["does"] == "runs away", "load"]
     if len(away):
         ax.plot(
-            away, [0.0] * len(away), linestyle="none", marker="x", markersize=6, color=ORANGE,
+            away, [0.0] * len(away), linestyle="none", marker="x", markersize=4.5, color=guide,
             label="runs away", zorder=3,
         )  # fmt: skip
-    for name, (words, color) in LINES.items():
+    label = label_of(table, "load")
+    for name, (words, dashes) in LINES.items():
         value = getattr(curve, name)
         if math.isfinite(value):
+            power, unit = prefixed(label.unit, abs(value))
+            told = f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()
             ax.axvline(
-                value, color=color, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1,
-                label=f"{words} up to {value:.4g}",
-            )  # fmt: skip
-    ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
-    ax.set_xlabel(heading(table, "load"))
-    ax.set_ylabel(heading(table, "mean speed"))
-    ax.legend(frameon=False, loc="lower left")
-    tidy(ax)
+                value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1, label=told
+            )
+    ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
+    label_axis(ax.xaxis, label)
+    label_axis(ax.yaxis, label_of(table, "mean speed"))
+    legend_above(ax)
     return ax

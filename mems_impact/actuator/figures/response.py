@@ -4,28 +4,29 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from mems_impact.plotting.style import new_figure, tidy
-from mems_impact.tables.common import heading
+from mems_impact.plotting.labels import label_axis, label_of, parameter_label
+from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.style import graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["plot_response"]
 
-MARKS = {"up": {"marker": "o", "fillstyle": "full"}, "down": {"marker": "o", "fillstyle": "none"}}
-WORDS = {"up": "up", "down": "down"}
+FILLS = {"up": "full", "down": "none"}
 
 
-def plot_response(table: pd.DataFrame, axes: Any = None) -> tuple[Any, Any]:
-    """Draw deflection and mean speed over the frequency, a colour an amplitude.
+@styled
+def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
+    """Draw deflection and mean speed over the frequency, a colour and a marker an amplitude.
 
-    Filled dots on the way up, rings on the way down.
+    Filled on the way up, hollow on the way down.
 
     Parameters
     ----------
     table : DataFrame
         From `mems_impact.frequency_response`.
-    axes : two matplotlib Axes, optional
+    ax : two matplotlib Axes, optional
         Where to draw deflection and speed; a new figure by default.
 
     Returns
@@ -45,19 +46,18 @@ def plot_response(table: pd.DataFrame, axes: Any = None) -> tuple[Any, Any]:
     >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
     >>> mi.plot_response(table)[0].figure.savefig("response.png")
     """
-    if axes is None:
-        axes = new_figure(6.4, 5.0).subplots(2, sharex=True)
-    colors: dict[float, str] = {}
+    axes = new_figure(1.6).subplots(2, sharex=True) if ax is None else ax
+    looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
+    volts = label_of(table, "amplitude", "$f$")
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
-        color = colors.setdefault(amplitude, f"C{len(colors)}")
-        for ax, name in zip(axes, ("deflection", "mean speed"), strict=True):
-            ax.plot(
-                group["omega"], group[name], linewidth=0.8, markersize=3.5, color=color,
-                label=f"{amplitude:g}, {WORDS[direction]}", **MARKS[direction],
+        told = f"{volts.words} = {amplitude:g} {volts.unit}".rstrip()
+        for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
+            panel.plot(
+                group["omega"], group[name], linewidth=thickness(0.6), label=f"{told}, {direction}",
+                fillstyle=FILLS[direction], **looks[amplitude],
             )  # fmt: skip
-    for ax, name in zip(axes, ("deflection", "mean speed"), strict=True):
-        ax.set_ylabel(heading(table, name))
-        tidy(ax)
-    axes[1].set_xlabel(heading(table, "omega"))
-    axes[0].legend(frameon=False, fontsize=8, title=heading(table, "amplitude"))
+    for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
+        label_axis(panel.yaxis, label_of(table, name))
+    label_axis(axes[1].xaxis, parameter_label(table, "omega"))
+    legend_above(axes[0])
     return axes[0], axes[1]

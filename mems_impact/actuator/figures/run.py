@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.plotting.labels import Label, label_axis, label_of
+from mems_impact.plotting.motion import IMPACT
+from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.run import PER_PERIOD, SHOWN
-from mems_impact.plotting.style import BLUE, GREEN, GREY, ORANGE, new_figure, tidy
+from mems_impact.plotting.style import DASHES, color, new_figure, styled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -16,11 +18,12 @@ if TYPE_CHECKING:
 __all__ = ["plot_run"]
 
 
+@styled
 def plot_run(
     run: ActuatorRun,
     first: float | None = None,
     last: float | None = None,
-    axes: Sequence[Any] | None = None,
+    ax: Any = None,
 ) -> tuple[Any, Any]:
     """Draw x2 and x1 over time, impacts marked and slips shaded.
 
@@ -30,7 +33,7 @@ def plot_run(
         With its events kept.
     first, last : float, optional
         Forcing periods between which to draw; the last 6 of the run by default.
-    axes : two matplotlib Axes, optional
+    ax : two matplotlib Axes, optional
         Where to draw x2 and x1; a new figure by default.
 
     Returns
@@ -44,7 +47,6 @@ def plot_run(
         If the run kept no events, or does not cover those periods.
     """
     period, delta = run.system.forcing_period, run.actuator.delta
-    unit = " [m]" if run.actuator.units == "SI" else ""
     if first is None:
         begin, end = run.extent
         end = end if last is None else last
@@ -52,38 +54,31 @@ def plot_run(
     samples = run.samples(PER_PERIOD, first, last)
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]
-    if axes is None:
-        figure = new_figure(7.0, 4.4)
-        axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
-    block, frame = axes
+    if ax is None:
+        ax = new_figure(1.3).subplots(2, sharex=True, height_ratios=(3, 2))
+    block, frame = ax
 
     for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
-        for ax in (block, frame):
+        for panel in (block, frame):
             # The edge keeps a slip visible that is thinner than a dot.
-            ax.axvspan(*slip, color=GREEN, alpha=0.3, linewidth=1.0, zorder=0)
+            panel.axvspan(*slip, linewidth=0.8, zorder=0, **_slip())
     for stopper in (-delta, delta):
-        block.axhline(stopper, color=GREY, linewidth=1.0, linestyle=(0, (4, 3)), zorder=1)
-    block.plot(time, samples["x2"], color=BLUE, linewidth=1.4)
+        block.axhline(stopper, color=color("guide"), zorder=1, **DASHES)
+    block.plot(time, samples["x2"], color=color("motion"))
     hits = run.impacts
     hits = hits.assign(t=hits["period"] + hits["phase"])
     hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
     if len(hits):  # matplotlib gives a line without points a place, outside the figure
         sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
-        block.plot(
-            hits["t"], sides, linestyle="none", marker="o", markersize=5, color=ORANGE,
-            markeredgecolor="white", markeredgewidth=0.6, zorder=3, clip_on=False,
-        )  # fmt: skip
-    frame.plot(time, samples["x1"], color=BLUE, linewidth=1.4)
+        block.plot(hits["t"], sides, color=color("impact"), clip_on=False, **IMPACT)
+    frame.plot(time, samples["x1"], color=color("motion"))
 
-    block.set_ylabel("$x_2$, block in frame" + unit)
     block.set_ylim(-1.15 * delta, 1.15 * delta)
-    frame.set_ylabel("$x_1$, frame" + unit)
-    frame.ticklabel_format(axis="y", useOffset=False)
-    frame.set_xlabel("time / forcing period")
     frame.set_xlim(left, right)
+    label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
+    label_axis(frame.yaxis, label_of(samples, "x1", "frame $x_1$"))
+    label_axis(frame.xaxis, Label("time / forcing period"))
     _key(block)
-    for ax in (block, frame):
-        tidy(ax)
     return block, frame
 
 
@@ -91,15 +86,18 @@ def _key(ax: Any) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    dot: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 5, "color": ORANGE}
-    dashes: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 1.0, "color": GREY}
     entries = [
-        Line2D([], [], label="impact", **dot),
-        Line2D([], [], label="stopper", **dashes),
-        Patch(color=GREEN, alpha=0.3, label="frame slips"),
+        Line2D([], [], label="impact", color=color("impact"), **IMPACT),
+        Line2D([], [], label="stopper", color=color("guide"), **DASHES),
+        Patch(label="frame slips", **_slip()),
     ]
-    # Above the axes: the block may be anywhere within them.
-    ax.legend(handles=entries, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, frameon=False)
+    legend_above(ax, entries)  # the block may be anywhere within the axes
+
+
+def _slip() -> dict[str, Any]:
+    """Return how slips are shaded."""
+    own = color("frame")
+    return {"facecolor": (own, 0.3), "edgecolor": (own, 0.6)}
 
 
 def _slips(

@@ -22,7 +22,7 @@ def test_every_drive_has_a_plot(name, tmp_path):
 def test_a_jump_is_a_gap_and_the_force_that_of_the_device():
     device = ZHAO.replace(alpha=2.0)
     drive = DRIVES["square"]
-    _, below = mi.plot_drive(drive, device, axes=Figure().subplots(2))
+    _, below = mi.plot_drive(drive, device, ax=Figure().subplots(2))
     time, force = below.lines[0].get_data()
     assert np.isnan(force).sum() == 1
     assert set(np.round(force[~np.isnan(force)], 12)) == {0.0, 0.18}

@@ -20,7 +20,7 @@ def test_orbit(orbit, tmp_path):
 
 def test_a_chosen_plane_is_drawn_as_that_of_any_system(orbit, tmp_path):
     ax = mi.plot_orbit(orbit, x="x1")
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x_1$", "$v_1$")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x_1$ [$10^{-4}$]", "$v_1$")
     # Cyclic: the frame ends where its step has brought it.
     ends = [line.get_xdata()[-1] for line in ax.lines if line.get_label() == "stuck-free"]
     start = [line.get_xdata()[0] for line in ax.lines if line.get_label() == "stuck-free"]

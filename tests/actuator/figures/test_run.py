@@ -28,7 +28,7 @@ def test_run_shows_its_last_periods(run, tmp_path):
 
 def test_run_on_given_axes(run):
     axes = Figure().subplots(2)
-    block, frame = mi.plot_run(run, 10, 12, axes=axes).figure.axes
+    block, frame = mi.plot_run(run, 10, 12, ax=axes).figure.axes
     assert block is axes[0]
     assert frame is axes[1]
     assert frame.get_xlim() == pytest.approx((10, 12))
@@ -56,8 +56,8 @@ def test_chosen_states_are_drawn_as_those_of_any_system(run):
 def test_units_are_those_of_the_device():
     device = mi.load_actuator("mita2003")
     run = mi.simulate(device, mi.Sine(amplitude=100, omega=6.283), periods=2)
-    assert mi.plot_run(run).figure.axes[1].get_ylabel() == "$x_1$, frame [m]"
+    assert mi.plot_run(run).figure.axes[1].get_ylabel() == "frame $x_1$ [nm]"
     (ax,) = mi.plot_run(run, states=["x2"]).figure.axes
-    assert ax.get_ylabel() == "$x_2$ [m]"
+    assert ax.get_ylabel() == "$x_2$ [µm]"
     low, high = ax.get_ylim()
     assert -1.3 * device.delta < low < high < 1.3 * device.delta

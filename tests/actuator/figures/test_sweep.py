@@ -11,9 +11,10 @@ def test_the_table_says_what_the_figure_shows(tmp_path):
                      direction="down")  # fmt: skip
     axes = mi.plot_sweep(table).figure.axes
     assert [ax.get_ylabel() for ax in axes] == [
-        "$v_2$ at $x_2 = 0$", "step per impact", "mean speed"]  # fmt: skip
+        "$v_2$ at $x_2 = 0$", "step per impact\n[$10^{-4}$]",
+        "mean speed\n[$10^{-5}$]"]  # fmt: skip
     assert axes[-1].get_xlabel() == "amplitude $f$"
-    assert mi.plot_sweep(table, quantity="speed").get_ylabel() == "mean speed"
+    assert mi.plot_sweep(table, quantity="speed").get_ylabel() == "mean speed [$10^{-5}$]"
     axes[0].figure.savefig(tmp_path / "sweep.png")
 
 
@@ -22,5 +23,5 @@ def test_units_of_the_device():
     table = mi.sweep(mita, drive, "amplitude", [90.0, 100.0], transient=1, periods=1)
     axes = mi.plot_sweep(table).figure.axes
     assert [ax.get_ylabel() for ax in axes] == [
-        "$v_2$ [m/s] at $x_2 = 0$", "step per impact [m]", "mean speed [m/s]"]  # fmt: skip
+        "$v_2$ [µm/s] at $x_2 = 0$", "step per impact\n[nm]", "mean speed\n[nm/s]"]  # fmt: skip
     assert axes[-1].get_xlabel() == "amplitude $f$ [V]"
