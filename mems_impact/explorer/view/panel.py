@@ -11,7 +11,6 @@ from bokeh.plotting import figure
 from mems_impact.analysis.system import System
 from mems_impact.explorer.magnitudes import told_in
 from mems_impact.explorer.picture import Picture
-from mems_impact.plotting.style import BLUE, GREEN, ORANGE
 
 __all__ = [
     "BLUE",
@@ -25,7 +24,7 @@ __all__ = [
     "unit_for",
 ]
 
-GREY = "#737373"
+BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#737373"
 LEFT = 62  # room for numbers of any length, lest the page is laid out anew for each picture
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
