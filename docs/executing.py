@@ -1,8 +1,8 @@
 """Pages in Markdown that write pictures are run when the site is built, and show what they write.
 
-A page's Python blocks are run in their order, as the tests run them (`tests/test_docs.py`). A picture
-that a block saves stands behind it; one that the page itself shows, as ``figures/NAME.png``, is taken
-from the block that writes ``NAME.png``.
+A page's Python blocks are run in their order, as the tests run them (`tests/test_docs.py`). A
+picture that a block saves stands behind it; one that the page itself shows, as
+``figures/NAME.png``, is taken from the block that writes ``NAME.png``.
 """
 
 import re

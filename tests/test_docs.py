@@ -1,7 +1,8 @@
-"""The Python examples of README.md and docs/*.md run as they stand, page by page."""
+"""The Python examples of README.md and docs/ run as they stand, page by page."""
 
 import re
 from pathlib import Path
+from textwrap import dedent
 
 import pytest
 
@@ -10,9 +11,9 @@ from mems_impact.actuator.drives import WAVEFORMS
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
-PAGES += sorted((DOCS / "terms").glob("*.md"))
+PAGES += [*sorted((DOCS / "terms").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 
-FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^ *```(\w*|\{\w+\})\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
 
@@ -20,12 +21,13 @@ def python_blocks(text):
     """Yield the line on which a block begins, and the block."""
     for match in FENCE.finditer(text):
         if match.group(1) == "python":
-            yield text.count("\n", 0, match.start(2)), match.group(2)
+            yield text.count("\n", 0, match.start(2)), dedent(match.group(2))
 
 
 SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.md", "peers.md")
 SLOW += ("basins.md", "lyapunov.md", "maps.md", "scatter.md", "sensitivity.md", "terms.md")
-SLOW += tuple(page.name for page in (DOCS / "terms").glob("*.md"))
+SLOW += ("index.md", "symbols.md")
+SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))
 EXAMPLES = [
     pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
 ]

@@ -1,11 +1,13 @@
-"""The pages of the gallery run as they stand; each ends with checks of its own."""
+"""The pages of gallery, tutorials and ideas run as they stand; each has checks of its own."""
 
 import runpy
 from pathlib import Path
 
 import pytest
 
-PAGES = sorted((Path(__file__).resolve().parents[1] / "docs" / "examples").glob("*.py"))
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+GALLERY = sorted((DOCS / "examples").glob("*.py"))
+LESSONS = [*sorted((DOCS / "tutorials").glob("*.py")), *sorted((DOCS / "ideas").glob("*.py"))]
 PICTURES = {  # where they are not run, orbit, branch
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
@@ -15,11 +17,12 @@ PICTURES = {  # where they are not run, orbit, branch
 
 
 def test_there_are_pages():
-    assert len(PAGES) >= 9
+    assert len(GALLERY) >= 9
+    assert len(LESSONS) >= 15
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+@pytest.mark.parametrize("page", GALLERY, ids=lambda page: page.stem)
 def test_page_runs(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
@@ -28,3 +31,15 @@ def test_page_runs(page, tmp_path, monkeypatch):
     pictures = {path.stem for path in tmp_path.glob("*.png")}
     kinds = PICTURES.get(page.stem, {"run", "orbit", "branch"})
     assert pictures == {f"{page.stem}_{kind}" for kind in kinds}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", LESSONS, ids=lambda page: page.stem)
+def test_lesson_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    runpy.run_path(str(page), run_name="__main__")
+    assert "assert " in page.read_text(encoding="utf-8")
+    # A build runs them all in one folder.
+    pictures = {path.stem for path in tmp_path.glob("*.png")}
+    assert all(name.startswith(page.stem.lstrip("0123456789_")) for name in pictures)

@@ -2,19 +2,19 @@
 The automaton
 =============
 
-A machine with impacts and dry friction moves smoothly most of the time, each time by other equations: the
-body flies or rests, the frame sticks or slips. Such a system is a *hybrid automaton*. It has modes, and in
-each of them a flow
+A machine with impacts and dry friction moves smoothly most of the time, each time by other
+equations: the body flies or rests, the frame sticks or slips. Such a system is a *hybrid
+automaton*. It has modes, and in each of them a flow
 
 .. math:: \\dot y = f_m(t, y; p).
 
-A guard ends the flow where its margin :math:`h(t, y; p)`, positive until then, falls through zero. The
-transition of that guard gives the next mode and the state in which it begins:
+A guard ends the flow where its margin :math:`h(t, y; p)`, positive until then, falls through zero.
+The transition of that guard gives the next mode and the state in which it begins:
 
 .. math:: (m, y) \\mapsto (m', R(t, y; p)).
 
-Nothing else exists: impact, slip and stick, rest and release, a switched source are guards with transitions.
-Below is a ball that bounces and comes to rest.
+Nothing else exists: impact, slip and stick, rest and release, a switched source are guards with
+transitions. Below is a ball that bounces and comes to rest.
 """
 
 import mems_impact as mi
@@ -48,8 +48,9 @@ ball = mi.System(
 run = mi.simulate(ball, duration=3.0)
 
 # %%
-# A run is a list of arcs: each one smooth, in one mode, and ended by one event. Nothing is lost between two
-# steps of the integration, since every step that passes a zero of a margin is cut there.
+# A run is a list of arcs: each one smooth, in one mode, and ended by one event. Nothing is lost
+# between two steps of the integration, since every step that passes a zero of a margin is cut
+# there.
 
 print(run.events[["t", "event", "mode before", "mode after"]].iloc[[0, 1, -2, -1]])
 mi.plot_run(run).figure.savefig("automaton.png")
@@ -57,4 +58,5 @@ assert run.final.mode == "resting"
 
 # %%
 # In a figure vertical lines are impacts, and a shade is a mode that lasts. How to write one:
-# :doc:`/hybrid`; what stands ready: :doc:`/parts`; the automaton of the actuator: :doc:`/equations`.
+# :doc:`/hybrid`; what stands ready: :doc:`/parts`; the automaton of the actuator:
+# :doc:`/equations`.

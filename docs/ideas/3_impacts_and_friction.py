@@ -6,12 +6,13 @@ An impact takes no time: positions stay, and the speeds of the two bodies along 
 
 .. math:: v^+ = -e\\,v^-,
 
-with the coefficient of restitution :math:`e`; momentum decides the rest. Dry friction has two laws in one. While
-a body slips, the force is :math:`\\mu_d N` against its velocity. While it sticks, the force is whatever
-holds it, up to :math:`\\mu_s N`. So sticking and slipping are modes, and the change between them are events.
+with the coefficient of restitution :math:`e`; momentum decides the rest. Dry friction has two laws
+in one. While a body slips, the force is :math:`\\mu_d N` against its velocity. While it sticks, the
+force is whatever holds it, up to :math:`\\mu_s N`. So sticking and slipping are modes, and the
+change between them are events.
 
-A block on a moving belt, held by a spring: it sticks until the spring overcomes static friction, slips
-against less, and sticks again.
+A block on a moving belt, held by a spring: it sticks until the spring overcomes static friction,
+slips against less, and sticks again.
 """
 
 import math
@@ -35,8 +36,8 @@ print(run.events[["t", "event", "mode after"]].tail(4))
 mi.plot_run(run).figure.savefig("impacts_and_friction.png")
 
 # %%
-# The cycle is known in closed form (the drop of the friction over the speed of the belt), and comes out to
-# rounding: no regularization smears it, and no step size enters.
+# The cycle is known in closed form (the drop of the friction over the speed of the belt), and comes
+# out to rounding: no regularization smears it, and no step size enters.
 
 cycle = mi.find_orbit(block, transient=50)
 drop, speed = 0.4, 0.3
@@ -45,5 +46,5 @@ print(cycle.period - closed)
 assert abs(cycle.period - closed) < 1e-9
 
 # %%
-# Where several contacts hold at once, they are solved together. More laws (Stribeck, tabulated restitution,
-# yielding stoppers): :doc:`/parts`, and for the actuator :doc:`/terms`.
+# Where several contacts hold at once, they are solved together. More laws (Stribeck, tabulated
+# restitution, yielding stoppers): :doc:`/parts`, and for the actuator :doc:`/terms`.

@@ -2,12 +2,14 @@
 Grazing
 =======
 
-An orbit *grazes* where it touches a stopper without speed. An orbit a little beyond strikes it softly, and the
-softest impact already changes everything: the map from one period to the next has a square root there,
+An orbit *grazes* where it touches a stopper without speed. An orbit a little beyond strikes it
+softly, and the softest impact already changes everything: the map from one period to the next has a
+square root there,
 
 .. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\dots
 
-so that its slope has no bound (Nordmark, 1991). That is why such devices switch with a jump and not gradually.
+so that its slope has no bound (Nordmark, 1991). That is why such devices switch with a jump and not
+gradually.
 """
 
 import math
@@ -39,9 +41,9 @@ oscillator = mi.System(
 quiet = mi.find_orbit(oscillator, transient=200)
 
 # %%
-# The branch of the quiet orbit ends where its largest deflection is the gap. It goes on as an orbit with an
-# impact, which lies on the *other* side: unstable, back towards smaller forcing. The largest multiplier tells of
-# the square root: it is without bound at the grazing.
+# The branch of the quiet orbit ends where its largest deflection is the gap. It goes on as an orbit
+# with an impact, which lies on the *other* side: unstable, back towards smaller forcing. The
+# largest multiplier tells of the square root: it is without bound at the grazing.
 
 branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]
@@ -57,6 +59,6 @@ dots = mi.sweep(
 mi.plot_branch(branch, sweep=dots).figure.savefig("grazing.png")
 
 # %%
-# The type of a grazing says how the motion leaves it: continuously, with a jump, or not at all, the orbit having
-# died in a fold before. At the points of codimension two between these types the paper's types I, II and III
-# meet: :doc:`/orbits`.
+# The type of a grazing says how the motion leaves it: continuously, with a jump, or not at all, the
+# orbit having died in a fold before. At the points of codimension two between these types the
+# paper's types I, II and III meet: :doc:`/orbits`.

@@ -2,13 +2,13 @@
 Chatter and rest
 ================
 
-A ball with :math:`e < 1` bounces infinitely often in a finite time: its flights shorten by the factor
-:math:`e`, and their sum is finite,
+A ball with :math:`e < 1` bounces infinitely often in a finite time: its flights shorten by the
+factor :math:`e`, and their sum is finite,
 
 .. math:: t_\\infty = \\sqrt{\\frac{2h}{g}}\\,\\frac{1 + e}{1 - e}.
 
-No event loop can follow all of them. Stopping at some last one is wrong by what is left; and a body that then
-lies on the stopper needs the contact force, whose end is an event again.
+No event loop can follow all of them. Stopping at some last one is wrong by what is left; and a body
+that then lies on the stopper needs the contact force, whose end is an event again.
 """
 
 import math
@@ -30,8 +30,8 @@ ball = mi.System(
 run = mi.simulate(ball, duration=2.0)
 
 # %%
-# Once the flights are short, the sequence is completed in closed form, with its sum: one event "chatter ends",
-# at the right time.
+# Once the flights are short, the sequence is completed in closed form, with its sum: one event
+# "chatter ends", at the right time.
 
 ends = run.events.query("event == 'chatter ends'")["t"].iloc[0]
 closed = math.sqrt(2.0 / 9.81) * 1.5 / 0.5
@@ -40,8 +40,8 @@ assert abs(ends - closed) < 1e-10
 mi.plot_run(run).figure.savefig("chatter_and_rest.png")
 
 # %%
-# In the actuator one *blow*, as a microscope sees it, is such a sequence: some twenty impacts, then rest until
-# the voltage lets go.
+# In the actuator one *blow*, as a microscope sees it, is such a sequence: some twenty impacts, then
+# rest until the voltage lets go.
 
 mita = mi.load_actuator("mita2003")
 cycle = mi.simulate(mita, mi.Sine(amplitude=100, omega=2 * math.pi), periods=6, window=(2, 6))

@@ -2,9 +2,10 @@
 Methods and accuracy
 ====================
 
-Four methods of integration stand behind one loop of events: CVODE's Adams and BDF, an explicit one-step method
-of order 8 (``dop853``), and ``auto``, which takes ``dop853`` and changes to BDF in modes that turn out stiff. Events
-are located to rounding, whatever the method, so that the error of a run is that of its arcs.
+Four methods of integration stand behind one loop of events: CVODE's Adams and BDF, an explicit
+one-step method of order 8 (``dop853``), and ``auto``, which takes ``dop853`` and changes to BDF in
+modes that turn out stiff. Events are located to rounding, whatever the method, so that the error of
+a run is that of its arcs.
 """
 
 import matplotlib.pyplot as plt
@@ -33,8 +34,8 @@ axes.legend()
 figure.savefig("methods_and_accuracy.png", dpi=150)
 
 # %%
-# The error follows the tolerance: nothing at the events spoils it. The same can be asked of any run, by a method
-# that shares no formula with the first:
+# The error follows the tolerance: nothing at the events spoils it. The same can be asked of any
+# run, by a method that shares no formula with the first:
 
 run = mi.simulate(actuator, drive, periods=300)
 verification = run.verify()
@@ -42,5 +43,5 @@ print(verification.verdict)
 assert verification.agrees
 
 # %%
-# Which method when, with what each costs: :doc:`/guide`. What the engine promises: :doc:`/promises`; how it is
-# made: :doc:`/architecture`.
+# Which method when, with what each costs: :doc:`/guide`. What the engine promises:
+# :doc:`/promises`; how it is made: :doc:`/architecture`.

@@ -2,14 +2,18 @@
 Orbits and saltation
 ====================
 
-A periodic orbit is found as a boundary value problem: the states at the beginning of each arc and the times of
-its events are unknown, and Newton's method makes arcs meet. Its stability is that of the map over a period.
-Through an arc a deviation follows the linearized flow; through an event it jumps by the *saltation matrix*
+A periodic orbit is found as a boundary value problem: the states at the beginning of each arc and
+the times of its events are unknown, and Newton's method makes arcs meet. Its stability is that of
+the map over a period. Through an arc a deviation follows the linearized flow; through an event it
+jumps by the *saltation matrix*
 
-.. math:: S = R_y + \\frac{(f^+ - R_y f^- - R_t)\\, \\nabla h^{\\mathsf T}}{\\nabla h \\cdot f^- + h_t},
+.. math::
+   S = R_y + \\frac{(f^+ - R_y f^- - R_t)\\, \\nabla h^{\\mathsf T}}
+   {\\nabla h \\cdot f^- + h_t},
 
-since the neighbouring motion meets the guard a little sooner or later (Müller, 1995; Leine and Nijmeijer, 2004). The
-product over all arcs and events is the monodromy matrix, and its eigenvalues are the Floquet multipliers.
+since the neighbouring motion meets the guard a little sooner or later (Müller, 1995; Leine and
+Nijmeijer, 2004). The product over all arcs and events is the monodromy matrix, and its eigenvalues
+are the Floquet multipliers.
 """
 
 import math
@@ -43,7 +47,8 @@ mi.plot_orbit(orbit, x="x", y="v").figure.savefig("orbits_and_saltation.png")
 
 # %%
 # For this impact the determinant of :math:`S` is :math:`e^2`, and that of the flow over a period
-# :math:`\\exp(-cT)`. So the product of the multipliers is known, whatever the orbit does in between:
+# :math:`\\exp(-cT)`. So the product of the multipliers is known, whatever the orbit does in
+# between:
 
 product = np.prod(orbit.multipliers).real
 closed = 0.8 ** (2 * len(orbit.impacts)) * math.exp(-0.1 * orbit.period)
@@ -65,5 +70,5 @@ print(np.sort_complex(brute), np.sort_complex(orbit.multipliers))
 assert np.allclose(np.sort_complex(brute), np.sort_complex(orbit.multipliers), atol=1e-4)
 
 # %%
-# More on orbits, and what their errors say: :doc:`/orbits`. The same matrices make Lyapunov exponents:
-# :doc:`/lyapunov`.
+# More on orbits, and what their errors say: :doc:`/orbits`. The same matrices make Lyapunov
+# exponents: :doc:`/lyapunov`.

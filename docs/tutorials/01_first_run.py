@@ -2,9 +2,9 @@
 1. One run, impact by impact
 ============================
 
-A frame lies on the ground, held by friction. In it a block hangs on a spring, and an electrode in the
-frame pulls it by a voltage. Where the block strikes the stopper, the blow throws the frame forward by a
-small step.
+A frame lies on the ground, held by friction. In it a block hangs on a spring, and an electrode in
+the frame pulls it by a voltage. Where the block strikes the stopper, the blow throws the frame
+forward by a small step.
 
 A device is a preset or a file, a drive is a waveform, and a run is what both come to.
 """
@@ -21,24 +21,24 @@ run = mi.simulate(actuator, drive, periods=300)
 print(run.statistics[["impacts per period", "displacement per period", "mean speed"]])
 
 # %%
-# One impact in a forcing period, and each the same step. The tables are pandas, one row an event; here the
-# last impacts, with the velocity of the block before and after.
+# One impact in a forcing period, and each the same step. The tables are pandas, one row an event;
+# here the last impacts, with the velocity of the block before and after.
 
 print(run.impacts[["t", "stopper", "v2 before", "v2 after", "x1"]].tail(3))
 
 # %%
-# The last four forcing periods as a picture: the block swings between its stoppers, and each blow moves
-# the frame.
+# The last four forcing periods as a picture: the block swings between its stoppers, and each blow
+# moves the frame.
 
 mi.plot_run(run, first=296).figure.savefig("first_run.png")
 
 # %%
-# ``periods`` counts *forcing* periods. The force goes with the square of the voltage, so that a sine
-# without bias forces twice in its own period.
+# ``periods`` counts *forcing* periods. The force goes with the square of the voltage, so that a
+# sine without bias forces twice in its own period.
 
 assert abs(drive.period * drive.omega / 3.141592653589793 - 1.0) < 1e-15
 assert run.statistics["impacts per period"] == 1.0
 
 # %%
-# The same on the command line: ``mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5``. Next: for
-# which voltages does it walk?
+# The same on the command line: ``mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5``.
+# Next: for which voltages does it walk?

@@ -2,8 +2,8 @@
 3. The orbit behind it, and its branch
 ======================================
 
-What the device does at a voltage is a periodic orbit. It can be found as such, stable or not, and followed
-over the voltage: that shows why the device switches where it does.
+What the device does at a voltage is a periodic orbit. It can be found as such, stable or not, and
+followed over the voltage: that shows why the device switches where it does.
 """
 
 import numpy as np
@@ -16,21 +16,21 @@ print(orbit.stable, abs(orbit.multipliers))
 print(orbit.segments[["mode", "start", "end", "ends with"]])
 
 # %%
-# A small deviation shrinks by the *Floquet multipliers* in a period: below one, the orbit attracts. The block
-# against the velocity of the block, with the impact as a dashed line:
+# A small deviation shrinks by the *Floquet multipliers* in a period: below one, the orbit attracts.
+# The block against the velocity of the block, with the impact as a dashed line:
 
 mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit_and_branch_orbit.png")
 
 # %%
-# Followed to lower voltages the orbit turns round in a fold (CF), goes on as an unstable orbit, and loses its
-# impact where it only grazes the stopper (G).
+# Followed to lower voltages the orbit turns round in a fold (CF), goes on as an unstable orbit, and
+# loses its impact where it only grazes the stopper (G).
 
 branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
-print(branch.special_table[["label", "amplitude", "omega"]].to_string(index=False))
+print(branch.special_table[["label", "amplitude"]].to_string(index=False))
 
 # %%
-# So the device switches off at the fold: below it there is no walking orbit. It switches on at the grazing:
-# there the orbit without impacts ends. Dots are a sweep both ways.
+# So the device switches off at the fold: below it there is no walking orbit. It switches on at the
+# grazing: there the orbit without impacts ends. Dots are a sweep both ways.
 
 dots = mi.sweep(
     actuator, drive, "amplitude", np.linspace(0.16, 0.24, 33),

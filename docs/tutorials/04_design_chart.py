@@ -2,8 +2,9 @@
 4. From the branch to a design chart
 ====================================
 
-The fold and the grazing of the page before, followed over the frequency, are the lines at which the device
-switches: its operating chart, Fig. 7 of the paper. Then what a designer reads off at one point of it.
+The fold and the grazing of the page before, followed over the frequency, are the lines at which the
+device switches: its operating chart, Fig. 7 of the paper. Then what a designer reads off at one
+point of it.
 """
 
 import numpy as np
@@ -16,8 +17,9 @@ print(chart.types.to_string(index=False))
 mi.plot_chart(chart).figure.savefig("design_chart.png")
 
 # %%
-# Right of 0.488 the device switches on with a jump, and off at a lower voltage (type I): it holds its state
-# against a dip of the voltage. Between 0.480 and 0.488 it switches on and off at one voltage (type II).
+# Right of 0.488 the device switches on with a jump, and off at a lower voltage (type I): it holds
+# its state against a dip of the voltage. Between 0.480 and 0.488 it switches on and off at one
+# voltage (type II).
 #
 # At omega = 0.5, how far may the voltage wander before the regular walk ends, and how?
 

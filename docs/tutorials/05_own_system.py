@@ -2,8 +2,8 @@
 5. A system of your own
 =======================
 
-Whatever switches between smooth modes is a ``System``: functions that read like its equations. Here a mass on
-a spring, forced, that strikes a rigid stop.
+Whatever switches between smooth modes is a ``System``: functions that read like its equations. Here
+a mass on a spring, forced, that strikes a rigid stop.
 """
 
 import math
@@ -16,8 +16,8 @@ def flow(mode, t, y, p):
 
 
 # %%
-# A *guard* ends the smooth motion where its margin falls through zero: here the gap to the stop. What happens
-# then is the *transition*: the mode after it, and the state.
+# A *guard* ends the smooth motion where its margin falls through zero: here the gap to the stop.
+# What happens then is the *transition*: the mode after it, and the state.
 
 
 def gap(mode, t, y, p):
@@ -37,8 +37,8 @@ oscillator = mi.System(
 )
 
 # %%
-# All verbs take it. The functions are plain Python, tried once when the system is made, and compiled when it
-# runs: the first run of a new system takes some seconds, all others milliseconds.
+# All verbs take it. The functions are plain Python, tried once when the system is made, and
+# compiled when it runs: the first run of a new system takes some seconds, all others milliseconds.
 
 run = mi.simulate(oscillator, periods=300)
 print(run.impacts[["t", "event", "v before", "v after"]].tail(3))
@@ -60,5 +60,5 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# Friction, stops, relays and switching surfaces `stand ready <../parts.html>`__. Next: the diagram of this
-# oscillator.
+# Friction, stops, relays and switching surfaces `stand ready <../parts.html>`__. Next: the diagram
+# of this oscillator.

@@ -36,6 +36,7 @@ COMMANDS = (
     "completion",
     "continue",
     "devices",
+    "docs",
     "drive",
     "explore",
     "fit",
