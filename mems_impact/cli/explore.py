@@ -11,8 +11,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import KEY, drive_from, drive_options, drive_source
-from mems_impact.cli.failures import say, show_warnings_briefly
-from mems_impact.cli.options import actuator_from, changes_option, study_integrator_options
+from mems_impact.cli.failures import say
+from mems_impact.cli.options import (
+    actuator_from,
+    changes_option,
+    device_argument,
+    study_integrator_options,
+)
+from mems_impact.cli.showing import Told, show, tell_values
+from mems_impact.cli.subject import refuse_drive
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
@@ -23,7 +30,7 @@ USUAL, USUAL_PORT = "zhao2004", 5006
 
 
 @click.command(short_help="Move a device or a system by sliders, in the browser.")
-@click.argument("device", default=USUAL, metavar="[DEVICE | FILE.py:NAME | MODULE:NAME]")
+@device_argument(default=USUAL)
 @changes_option
 @drive_options
 @study_integrator_options
@@ -37,9 +44,7 @@ USUAL, USUAL_PORT = "zhao2004", 5006
 @click.option(
     "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
 )
-@click.pass_context
 def command(
-    ctx: click.Context,
     *,
     device: str,
     changes: dict[str, float],
@@ -50,15 +55,17 @@ def command(
     port: int,
     browser: bool,
 ) -> None:
-    """Explore DEVICE, zhao2004 by default, or the system NAME of a Python file or module.
+    """Explore DEVICE by sliders; zhao2004 by default.
 
-    Its page has a slider for every parameter, and shows motion, phase portrait, bifurcation
+    In place of DEVICE a system of your own may stand: FILE.py:NAME or MODULE:NAME, whose Python
+    code is run, or one that another package adds.
+
+    The page has a slider for every parameter, and shows motion, phase portrait, bifurcation
     diagram, steps and multipliers. Its address says all of it: who opens it sees the same. Without
-    options of the drive the device is under a sine, or under the drive of its file. A file or
-    module that is named here is run. Ctrl-C ends it.
+    options of the drive the device is under a sine, or under the drive of its file. Ctrl-C ends it.
 
     \b
-    Example:
+    Examples:
       mems-impact explore zhao2004
       mems-impact explore oscillator.py:system --set A=0.5
     """  # noqa: D301 - click looks for the backspace itself
@@ -70,34 +77,31 @@ def command(
     from mems_impact.explorer.server import serve
     from mems_impact.explorer.setting import first_setting
 
-    show_warnings_briefly()
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
-    subject = _subject(ctx, device, changes, options)
+    subject = _subject(device, changes, options)
     # Here Ctrl-C is heard while functions are compiled, and what cannot be run is said at once.
     picture_of(subject, first_setting(subject))
 
     def ready(address: str) -> None:
-        click.echo(f"{subject.title}: {address} (Ctrl-C ends it)")
+        tell_values({"address": Told(address)})
+        show(f"{subject.title}: {address} (Ctrl-C ends it)")
         if browser and not webbrowser.open(address):
             say(f"no browser was found; open {address}")
 
     serve(subject, port, ready)
 
 
-def _subject(
-    ctx: click.Context, device: str, changes: dict[str, float], options: Options
-) -> Subject:
+def _subject(device: str, changes: dict[str, float], options: Options) -> Subject:
+    from mems_impact.actuator.own_system import is_system_name
     from mems_impact.explorer.subject import of_code, of_device
 
-    given: dict[str, Any] = ctx.meta.get(KEY, {})
-    told = given.keys() - {"allow_code"}
-    if ":" in device and not Path(device).exists():
-        if told:
-            raise click.UsageError(f"{device} is under no drive; leave the options of drives out")
+    if is_system_name(device) and not Path(device).exists():
+        refuse_drive(device)
         return of_code(device, changes, options)
     actuator = actuator_from(device, changes)
-    if not told and _tells_drive(device):
-        given = ctx.meta[KEY] = {**given, "choice": device}
+    given = click.get_current_context().meta.setdefault(KEY, {})
+    if not given.keys() - {"allow_code"} and _tells_drive(device):
+        given["choice"] = device
     drive = drive_from(_usual(given, actuator))
     return of_device(device, actuator, drive, drive_source=drive_source(), options=options)
 

@@ -35,9 +35,7 @@ def subject_from(
     if not is_system_name(name) or Path(name).exists():
         actuator = actuator_from(name, dict(changes))
         return actuator.under(drive_from()), state_from(initial, actuator)
-    for option, value in click.get_current_context().meta.get(KEY, {}).items():
-        if value is not False:  # a flag that was not given
-            raise click.UsageError(f"{option_of(option)}: of devices; {name} has no voltage")
+    refuse_drive(name)
     if initial == KICKED:
         raise click.UsageError(f"--initial {KICKED}: of devices; {name} takes NAME=NUMBER")
     assert isinstance(initial, dict)
@@ -50,3 +48,10 @@ def subject_from(
             raise click.UsageError(f"--initial {component}: must be one of {', '.join(known)}")
     start: mi.State = system.initial.replace(**initial)
     return system, start
+
+
+def refuse_drive(name: str) -> None:
+    """Refuse options of a drive beside a system of that name."""
+    for option, value in click.get_current_context().meta.get(KEY, {}).items():
+        if value is not False:  # a flag that was not given
+            raise click.UsageError(f"{option_of(option)}: of devices; {name} has no voltage")

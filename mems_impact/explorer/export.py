@@ -43,13 +43,9 @@ def python_of(subject: Subject, setting: Setting, dial: Dial | None) -> str:
     if setting.start == "kicked":
         arguments.append("initial=mi.kicked(actuator)")
     options = _options(subject)
-    heads = ["numpy as np"] if dial is not None else []
-    imports = [subject.imports] if subject.imports else []
     lines = [
-        *(text for text in imports if not text.startswith("from ")),
-        *(["", *(f"import {text}" for text in heads), ""] if heads else [""]),
+        *(["import numpy as np", ""] if dial is not None else []),
         "import mems_impact as mi",
-        *(text for text in imports if text.startswith("from ")),
         "",
         subject.making(system),
         f"run = mi.simulate(system, {', '.join((*arguments, *options))})",
@@ -66,7 +62,7 @@ def python_of(subject: Subject, setting: Setting, dial: Dial | None) -> str:
         "except mi.OrbitError as error:",
         "    print(error)",
     ]
-    return "\n".join(lines).lstrip("\n") + "\n"
+    return "\n".join(lines) + "\n"
 
 
 def run_picture(run: Run) -> bytes:

@@ -5,29 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from pathlib import Path
 
-from mems_impact.actuator.code import Wanted, run_code
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.own_system import load_system
 from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.system import ActuatorSystem, kicked
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidFile, InvalidParameter, RunError
+from mems_impact.errors import RunError
 
 __all__ = ["Subject", "of_code", "of_device", "usual_sine"]
 
-CODE = Wanted(
-    field="system",
-    what='name in a Python file or module, "FILE.py:NAME" or "MODULE:NAME", of a System or of a '
-    "function that makes one",
-    kind="command line",
-    reader="",
-)
 OPTIONS = Options(method="auto")
 TRIED = 60  # forcing periods
 
@@ -41,8 +33,6 @@ class Subject:
     system : System
         At the numbers with which the page opens.
     title : str
-    imports : str
-        Lines of Python besides ``import mems_impact as mi``.
     making : callable
         ``making(system)`` returns the lines of Python that make `system`, this one at other
         numbers, under the name ``system``.
@@ -59,7 +49,6 @@ class Subject:
 
     system: System
     title: str
-    imports: str = ""
     making: Callable[[System], str] = field(repr=False)
     starts: Mapping[str, Callable[[System], State | None]] = field(repr=False)
     groups: Mapping[str, tuple[str, ...]]
@@ -115,6 +104,7 @@ def of_device(
     def making(system: System) -> str:
         assert isinstance(system, ActuatorSystem)
         lines = [
+            *_imports(system.drive, drive_source),
             f"actuator = mi.load_actuator({name!r}){_setting(loaded, system.actuator)}",
             f"drive = {_drive_source(system.drive, drive_source)}",
             "system = actuator.under(drive)",
@@ -149,79 +139,34 @@ def of_device(
 
 
 def of_code(
-    source: str, changes: Mapping[str, float] | None = None, options: Options = OPTIONS
+    name: str, changes: Mapping[str, float] | None = None, options: Options = OPTIONS
 ) -> Subject:
     """Return a system that Python code defines, to be explored.
 
     Parameters
     ----------
-    source : str
-        ``"FILE.py:NAME"`` or ``"MODULE:NAME"``: the name is that of a System, or of a function
-        without arguments that makes one. The code is run.
+    name : str
+        As `mems_impact.load_system` takes it: "FILE.py:NAME", for example. The code is run.
     changes : mapping of str to float, optional
         Other values of some parameters.
     options : Options, optional
         How runs are integrated.
-
-    Raises
-    ------
-    InvalidParameter
-        If it is no such name.
-    InvalidFile
-        If the code fails, or holds no such system.
     """
-    place, _, name = source.rpartition(":")
-    if not place or not name.isidentifier():
-        raise InvalidParameter("system", source, f"a {CODE.what}")
-    in_file = place.endswith(".py")
-    if in_file:
-        path = Path(place).resolve()
-        if not path.is_file():
-            raise InvalidFile(place, "no such file", f"give a {CODE.what}")
-        found = getattr(run_code(path, CODE), name, None)
-    else:
-        found = _imported(place, name)
-    called = callable(found) and not isinstance(found, System)
-    if callable(found) and called:
-        try:
-            found = found()
-        except Exception as error:
-            reason = f"{name}() fails ({type(error).__name__}: {error})"
-            raise InvalidFile(place, reason, f"give a {CODE.what}") from None
-    if not isinstance(found, System):
-        raise InvalidFile(place, f"holds no system {name}", f"give a {CODE.what}")
-    begin: System = found
-    loading = f"runpy.run_path({place!r})[{name!r}]" if in_file else name
-    made = f"system = {loading}{'()' if called else ''}"
+    begin = load_system(name)
 
     def making(system: System) -> str:
         changed = _differing(system.parameters, begin.parameters)
-        return f"{made}.changed(**{changed!r})" if changed else made
+        changing = f".changed(**{changed!r})" if changed else ""
+        return f"system = mi.load_system({name!r}){changing}"
 
     return Subject(
         system=begin.changed(**changes) if changes else begin,
-        title=begin.name or name,
-        imports="import runpy" if in_file else f"from {place} import {name}",
+        title=begin.name or name.rpartition(":")[2],
         making=making,
         starts={"given": lambda system: None},
         groups={"parameters": tuple(begin.parameters)},
         options=options,
     )
-
-
-def _imported(module: str, name: str) -> object:
-    """Return what a module defines, looking for it in the working directory too."""
-    import sys
-
-    here = str(Path.cwd())
-    sys.path.insert(0, here)
-    try:
-        return getattr(import_module(module), name, None)
-    except (Exception, SystemExit) as error:
-        reason = f"cannot be imported ({type(error).__name__}: {error})"
-        raise InvalidFile(module, reason, f"give a {CODE.what}") from None
-    finally:
-        sys.path.remove(here)
 
 
 def _setting(loaded: Actuator, actuator: Actuator) -> str:
@@ -245,7 +190,16 @@ def _drive_source(drive: Drive, source: str) -> str:
     if source:
         return f"{source}.varied({values!r})"
     given = ", ".join(f"{name}={value!r}" for name, value in values.items())
-    return f"mi.{type(drive).__name__}({given})"
+    owner = "" if _imports(drive, source) else "mi."
+    return f"{owner}{type(drive).__name__}({given})"
+
+
+def _imports(drive: Drive, source: str) -> list[str]:
+    """Return what is to be imported of a waveform that another package adds."""
+    kind = type(drive)
+    if source or kind.__module__.partition(".")[0] == "mems_impact":
+        return []
+    return [f"from {kind.__module__} import {kind.__name__}"]
 
 
 def _differing(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, float]:

@@ -11,7 +11,7 @@ import pytest
         (["zhao2004", "--port", "70000"], "--port"),
         (["zhao2004", "--drive", "pulse"], "missing option"),
         (["own.py:system"], "own.py: no such file"),
-        (["own.py:system", "--amplitude", "1"], "is under no drive"),
+        (["own.py:system", "--amplitude", "1"], "own.py:system has no voltage"),
         (["no_such_module:system"], "cannot be imported"),
     ],
 )

@@ -28,7 +28,6 @@ def made():
 
 
 system = made()
-number = 3
 """
 
 
@@ -85,23 +84,6 @@ def test_the_python_of_an_own_system(source, tmp_path, monkeypatch):
     names = {"mi": mi}
     exec(script.split("run = ")[0], names)
     assert names["system"].parameters == {"k": 3.0}
-
-
-@pytest.mark.parametrize(
-    ("source", "told"),
-    [
-        ("own.py:", "must be a name in a Python file or module"),
-        ("nowhere.py:system", "no such file"),
-        ("own.py:absent", "holds no system absent"),
-        ("own.py:number", "holds no system number"),
-        ("no_such_module:system", "cannot be imported"),
-    ],
-)
-def test_code_that_holds_no_system_is_refused(source, told, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "own.py").write_text(OWN)
-    with pytest.raises((mi.InvalidFile, mi.InvalidParameter), match=told):
-        of_code(source)
 
 
 def test_the_file_of_the_device_is_read_back(tmp_path):
