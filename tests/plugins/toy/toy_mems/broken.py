@@ -1,0 +1,3 @@
+"""A command that cannot be imported."""
+
+raise RuntimeError("no licence\nfor today")

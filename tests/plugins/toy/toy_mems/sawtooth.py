@@ -1,0 +1,31 @@
+"""A voltage that rises evenly and falls at once."""
+
+import numpy as np
+
+from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.drives.base import Drive
+
+
+def _voltage(t, q):
+    return q[0] * (t / q[1] - np.floor(t / q[1]))
+
+
+def _rate(t, q):
+    return q[0] / q[1]
+
+
+class Sawtooth(Drive):
+    amplitude: NonNegative
+    period: Positive
+
+    units = {"amplitude": "V", "period": "s"}  # noqa: RUF012
+
+    voltage = staticmethod(_voltage)
+    voltage_rate = staticmethod(_rate)
+
+    @property
+    def switches(self):
+        return (self.period,)
+
+    def parameters(self):
+        return np.array([self.amplitude, self.period])

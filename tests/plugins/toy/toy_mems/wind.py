@@ -1,0 +1,21 @@
+"""A constant force on the frame to the right."""
+
+from mems_impact.actuator.checked import Number
+from mems_impact.actuator.terms.base import Contribution, Term
+
+
+class Wind(Term):
+    """A wind from the left."""
+
+    force: Number
+
+    units = {"force": "N"}  # noqa: RUF012
+
+    @classmethod
+    def contribution(cls, at, shape):
+        force = at.p["force"]
+
+        def on_frame(y, p):
+            return p[force]
+
+        return Contribution(on_frame=on_frame)
