@@ -60,7 +60,8 @@ def python(site, tmp_path):
     def run(*arguments):
         paths = {"PYTHONPATH": f"{ROOT}{os.pathsep}{site}"}
         return subprocess.run(
-            [sys.executable, *arguments], cwd=tmp_path, env={**os.environ, **paths}, capture_output=True, text=True,
+            [sys.executable, *arguments], cwd=tmp_path,
+            env={**os.environ, **paths}, capture_output=True, text=True,
         )  # fmt: skip
 
     return run
