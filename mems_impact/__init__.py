@@ -67,22 +67,15 @@ if TYPE_CHECKING:
     from mems_impact.analysis.verification import Verification
     from mems_impact.engines.options import Options
     from mems_impact.errors import (
-        EngineFallbackWarning,
         EngineUnavailable,
         FileNotWritten,
-        FitWarning,
         FunctionError,
         FunctionsMissing,
         InvalidFile,
         InvalidParameter,
         MemsImpactError,
         OrbitError,
-        PluginWarning,
         RunError,
-        ScaleWarning,
-        StiffnessWarning,
-        UnitsWarning,
-        ValidityWarning,
         WorkersLost,
     )
     from mems_impact.hybrid.automaton import Guard, Impact
@@ -119,6 +112,15 @@ if TYPE_CHECKING:
     from mems_impact.studies.sweep import sweep
     from mems_impact.tables.labelled import to_xarray
     from mems_impact.tables.sweep import sweep_summary
+    from mems_impact.warnings import (
+        EngineFallbackWarning,
+        FitWarning,
+        PluginWarning,
+        ScaleWarning,
+        StiffnessWarning,
+        UnitsWarning,
+        ValidityWarning,
+    )
 
 __all__ = [
     *TERMS.values(),
@@ -274,22 +276,15 @@ _HOMES = {
     "actuator.study_file": ("load_study",),
     "engines.options": ("Options",),
     "errors": (
-        "EngineFallbackWarning",
         "EngineUnavailable",
         "FileNotWritten",
-        "FitWarning",
         "FunctionError",
         "FunctionsMissing",
         "InvalidFile",
         "InvalidParameter",
         "MemsImpactError",
         "OrbitError",
-        "PluginWarning",
         "RunError",
-        "ScaleWarning",
-        "StiffnessWarning",
-        "UnitsWarning",
-        "ValidityWarning",
         "WorkersLost",
     ),
     "interruptions": (
@@ -372,6 +367,15 @@ _HOMES = {
     "studies.stored_study": ("StoredStudy", "read_study"),
     "tables.labelled": ("to_xarray",),
     "tables.sweep": ("sweep_summary",),
+    "warnings": (
+        "EngineFallbackWarning",
+        "FitWarning",
+        "PluginWarning",
+        "ScaleWarning",
+        "StiffnessWarning",
+        "UnitsWarning",
+        "ValidityWarning",
+    ),
 }
 
 

@@ -18,7 +18,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from mems_impact.errors import PluginWarning
+from mems_impact.warnings import PluginWarning
 from mems_impact.wording import shown
 
 __all__ = ["COMMANDS", "DRIVES", "SYSTEMS", "TERMS", "names", "plugin"]

@@ -4,7 +4,6 @@ import pytest
 
 from mems_impact import errors, interruptions
 from mems_impact.errors import (
-    EngineFallbackWarning,
     EngineUnavailable,
     FileNotWritten,
     FunctionError,
@@ -25,6 +24,7 @@ from mems_impact.interruptions import (
     SweepInterrupted,
 )
 from mems_impact.paper.suite import SuiteInterrupted
+from mems_impact.warnings import EngineFallbackWarning
 
 RUN_ERROR = RunError(
     reason="too many events",

@@ -18,8 +18,9 @@ from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_names, term_of, term_with
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
-from mems_impact.errors import InvalidParameter, UnitsWarning
+from mems_impact.errors import InvalidParameter
 from mems_impact.units import DIMENSIONLESS, Scales
+from mems_impact.warnings import UnitsWarning
 from mems_impact.wording import html_table, shown
 
 if TYPE_CHECKING:

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mems_impact.actuator.terms.base import Limit
-from mems_impact.errors import ValidityWarning
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Events, Floats, Instant
 from mems_impact.units import Scales
+from mems_impact.warnings import ValidityWarning
 
 __all__ = ["Validity"]
 

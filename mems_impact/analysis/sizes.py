@@ -9,8 +9,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mems_impact.engines.options import Options
-from mems_impact.errors import ScaleWarning
 from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
+from mems_impact.warnings import ScaleWarning
 
 __all__ = ["Largest", "tell_of_orbits", "tell_of_run"]
 

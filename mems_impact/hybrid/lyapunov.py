@@ -18,18 +18,17 @@ from mems_impact.errors import RunError
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import stretched_flow
-from mems_impact.hybrid.memory import Memory
+from mems_impact.hybrid.memory import LoopMemory
 from mems_impact.hybrid.passage import SCRATCH
 from mems_impact.hybrid.perturbed import (
-    STRETCHING,
     Perturbed,
     Setup,
     flow_at,
     orthonormalize,
-    stretch,
 )
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.run import run
+from mems_impact.hybrid.stretching import STRETCHING
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
 
@@ -102,7 +101,7 @@ class Stretching:
         self.lengths: list[float] = []
         self._run = own = bind(problem)
         own.engine.learn(start.remembered)
-        self._memory = Memory(
+        self._memory = LoopMemory(
             problem,
             own,
             0,
@@ -199,7 +198,6 @@ class Stretching:
         try:
             while status == loop.PAUSED:
                 status = self._bound.call(
-                    stretch,
                     clock,
                     work,
                     self._at,

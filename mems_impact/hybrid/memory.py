@@ -10,12 +10,12 @@ from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Bound, Problem
 from mems_impact.hybrid.trajectory import Floats
 
-__all__ = ["EVENT_ROWS", "Memory"]
+__all__ = ["EVENT_ROWS", "LoopMemory"]
 
 EVENT_ROWS = 4096  # beside one for each guard
 
 
-class Memory:
+class LoopMemory:
     """What the event loop reads and writes; it lives as long as this.
 
     Parameters

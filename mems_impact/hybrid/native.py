@@ -19,7 +19,7 @@ from mems_impact.engines.cvode import compiled as _cvode  # noqa: F401 - as abov
 from mems_impact.engines.kernels import call_kernel
 from mems_impact.engines.onestep import compiled as _onestep  # noqa: F401 - as above
 from mems_impact.engines.snapshot import mark_overloaded, take
-from mems_impact.hybrid import gathering, loop, perturbed, record, settling
+from mems_impact.hybrid import gathering, loop, record, settling, stretching
 
 _making = threading.Lock()  # threads that start together want the same loop, compiled once
 
@@ -80,7 +80,7 @@ mark_overloaded(
     settling.advance,
     settling.numbers_of,
     settling.result_of,
-    perturbed.run_on,
+    stretching.run_on,
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
 
@@ -103,10 +103,10 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
         return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), bite))
 
 
-@overload(perturbed.run_on, jit_options={**JIT, **INNER})
+@overload(stretching.run_on, jit_options={**JIT, **INNER})
 def _run_on(s, w):  # type: ignore[no-untyped-def]
     if isinstance(w, types.Record) and "plain" in w.fields:
-        bite = perturbed.BITE
+        bite = stretching.BITE
         return lambda s, w: _call_advance(w.advance, (w.plain, address(s), bite))
 
 

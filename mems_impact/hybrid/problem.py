@@ -15,13 +15,9 @@ import numpy as np
 
 from mems_impact.engines.equations import Equations
 from mems_impact.engines.options import FOLDERS, Options
-from mems_impact.errors import (
-    EngineFallbackWarning,
-    EngineUnavailable,
-    FunctionsMissing,
-    InvalidParameter,
-)
+from mems_impact.errors import EngineUnavailable, FunctionsMissing, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.warnings import EngineFallbackWarning
 
 # No internal step is longer than this part of a period (or time scale), so that no two extrema of a
 # margin fall into one step. At tolerances of any use the steps are several times shorter.

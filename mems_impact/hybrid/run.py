@@ -10,14 +10,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mems_impact.engines import contract
-from mems_impact.errors import FunctionError, InvalidParameter, RunError, StiffnessWarning
+from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.clocks import AT_TIMES, is_clock
-from mems_impact.hybrid.memory import Memory
+from mems_impact.hybrid.memory import LoopMemory
 from mems_impact.hybrid.opposed import LOOKED_AT, SLIDE, opposed
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples, Trajectory
 from mems_impact.interruptions import RunInterrupted
+from mems_impact.warnings import StiffnessWarning
 
 __all__ = ["Problem", "run", "sample"]
 
@@ -120,7 +121,7 @@ class _Run:
         first = math.ceil((start.time / problem.period - 1e-12) * per_period)
         last = (end.cycle - start.cycle) * per_period
         last += math.floor(end.time / problem.period * per_period + 1e-9)
-        self.memory = Memory(
+        self.memory = LoopMemory(
             problem,
             self.bound,
             max(0, last - first + 1),

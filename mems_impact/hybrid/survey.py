@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid import gathering, loop, settling
-from mems_impact.hybrid.memory import Memory
+from mems_impact.hybrid.memory import LoopMemory
 from mems_impact.hybrid.observed import Observed
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Numbers, Problem, bind
 from mems_impact.hybrid.settling import (
@@ -137,7 +137,7 @@ class Survey:
         self._bound = bound = bind(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
         forced = recipe.returned == settling.AT_PERIODS
-        self._loop = Memory(problem, bound, SAMPLES, per_period=int(forced))
+        self._loop = LoopMemory(problem, bound, SAMPLES, per_period=int(forced))
         clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
         places, self._kept = bound.links(clock, observe, n, gains + marks)

@@ -14,7 +14,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.cli import COMMANDS
-from mems_impact.errors import UnitsWarning
+from mems_impact.warnings import UnitsWarning
 
 POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
 SIMULATE = ["simulate", *POINT, "--periods", "12", "--no-figure"]

@@ -17,8 +17,9 @@ from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.values import Shown
 from mems_impact.engines.options import Options
-from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
+from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
+from mems_impact.warnings import FitWarning
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -17,7 +17,8 @@ import pytest
 from mems_impact.engines.cvode import compiled, interpreted, library
 from mems_impact.engines.equations import Equations
 from mems_impact.engines.options import Options
-from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
+from mems_impact.errors import EngineUnavailable
+from mems_impact.warnings import EngineFallbackWarning
 from tests.hybrid.systems import (
     BALL,
     COULOMB,

@@ -9,9 +9,9 @@ import pytest
 from mems_impact.actuator.drive import Sine
 from mems_impact.engines import contract
 from mems_impact.engines.options import Options
-from mems_impact.errors import StiffnessWarning
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem, bind
+from mems_impact.warnings import StiffnessWarning
 from tests.actuator import machine
 from tests.actuator.machine import ZHAO
 from tests.hybrid.systems import ENGINES, INF, STOP, at, simulate, stop

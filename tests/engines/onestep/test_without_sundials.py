@@ -11,8 +11,9 @@ import pytest
 
 from mems_impact.engines.cvode import library
 from mems_impact.engines.options import METHODS, Options
-from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
+from mems_impact.errors import EngineUnavailable
 from mems_impact.hybrid.problem import is_compiled
+from mems_impact.warnings import EngineFallbackWarning
 from tests.hybrid.systems import BALL, ball, simulate
 
 
