@@ -8,7 +8,7 @@ from bokeh.models import Span
 from mems_impact.explorer.diagram import Diagram
 from mems_impact.explorer.magnitudes import told_in
 from mems_impact.explorer.picture import Picture
-from mems_impact.explorer.view.panel import BLUE, ORANGE, new_figure, source, unit_for
+from mems_impact.explorer.view.panel import DOWN, UP, new_figure, source, unit_for
 
 __all__ = ["Bifurcation"]
 
@@ -21,9 +21,9 @@ class Bifurcation:
         self.up, self.down = source("x", "y"), source("x", "y")
         self.here = source("x", "y")
         look = {"size": 5, "alpha": 0.7, "fill_color": None}
-        made.scatter("x", "y", source=self.up, color=BLUE, legend_label="up", **look)
+        made.scatter("x", "y", source=self.up, color=UP, legend_label="up", **look)
         made.scatter(
-            "x", "y", source=self.down, marker="x", color=ORANGE, legend_label="down", size=5,
+            "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", size=5,
             alpha=0.7,
         )  # fmt: skip
         made.scatter("x", "y", source=self.here, marker="diamond", color="black", size=9)

@@ -7,8 +7,8 @@ from bokeh.models import LinearAxis, Range1d
 
 from mems_impact.explorer.picture import Picture
 from mems_impact.explorer.view.panel import (
-    BLUE,
-    ORANGE,
+    IMPACT,
+    MOTION,
     new_figure,
     plain_numbers,
     source,
@@ -38,9 +38,9 @@ class CyclesPanel:
         self.speed.minor_tick_line_color = None
         values.add_layout(self.speed, "right")
         self.data, self.counts = source("number", "value"), source("number", "count")
-        values.line("number", "value", source=self.data, color=BLUE, alpha=0.4)
-        values.scatter("number", "value", source=self.data, color=BLUE, size=4)
-        events.vbar(x="number", top="count", source=self.counts, width=0.8, color=ORANGE)
+        values.line("number", "value", source=self.data, color=MOTION, alpha=0.4)
+        values.scatter("number", "value", source=self.data, color=MOTION, size=4)
+        events.vbar(x="number", top="count", source=self.counts, width=0.8, color=IMPACT)
         events.y_range.start = 0
         self.layout = column(values, events, sizing_mode="stretch_width")
 

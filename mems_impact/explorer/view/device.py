@@ -11,7 +11,7 @@ from bokeh.plotting import figure
 
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.picture import PER_PERIOD, Picture
-from mems_impact.explorer.view.panel import BLUE, GREEN, GREY, ORANGE, source, unit_for
+from mems_impact.explorer.view.panel import FRAME, GUIDE, MOTION, VOLTAGE, source, unit_for
 
 __all__ = ["Device", "frames_of"]
 
@@ -48,17 +48,17 @@ class Device:
         self.end = end
         ticks = [-1.6 * end + APART * i for i in range(TICKS)]
         self.ground = ColumnDataSource({"x0": ticks, "x1": [each - 0.12 for each in ticks]})
-        made.segment(-9.0, -0.02, 9.0, -0.02, color=GREY, line_width=1.5)
-        made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GREY)
+        made.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
+        made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
         made.quad("left", "right", "top", "bottom", source=self.walls, fill_color="color",
                   line_color=None)  # fmt: skip
-        made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=ORANGE, fill_color=ORANGE,
+        made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
                   fill_alpha="charge")  # fmt: skip
         self.caption = ColumnDataSource({"text": [" "]})
         made.text(-1.45 * end, 1.32, "text", source=self.caption, text_font_size="13px",
                   text_baseline="middle")  # fmt: skip
         made.line("x", "y", source=self.spring, color="black", line_width=1.2)
-        made.rect("x", 0.5, 2.0 * BLOCK, 0.62, source=self.block, fill_color=BLUE,
+        made.rect("x", 0.5, 2.0 * BLOCK, 0.62, source=self.block, fill_color=MOTION,
                   line_color=None, fill_alpha=0.85)  # fmt: skip
 
     def show(self, picture: Picture) -> None:
@@ -71,10 +71,10 @@ class Device:
             (-outer, -inner, 0.0, 1.0, "#b5b5b5"),
             (inner, outer, 0.0, 1.0, "#b5b5b5"),
             (-outer, outer, 0.0, 0.09, "#b5b5b5"),
-            (-inner, -stop, 0.09, 0.17, GREEN),
-            (stop, inner, 0.09, 0.17, GREEN),
-            (-inner, -stop, 0.83, 0.91, GREEN),
-            (stop, inner, 0.83, 0.91, GREEN),
+            (-inner, -stop, 0.09, 0.17, FRAME),
+            (stop, inner, 0.09, 0.17, FRAME),
+            (-inner, -stop, 0.83, 0.91, FRAME),
+            (stop, inner, 0.83, 0.91, FRAME),
         ]
         columns = zip(*quads, strict=True)
         names = ("left", "right", "bottom", "top", "color")

@@ -6,7 +6,7 @@ import numpy as np
 from bokeh.models import Range1d
 
 from mems_impact.explorer.floquet import Floquet
-from mems_impact.explorer.view.panel import BLUE, GREY, ORANGE, new_figure, source
+from mems_impact.explorer.view.panel import GUIDE, MOTION, UNSTABLE, new_figure, source
 
 __all__ = ["Multipliers"]
 
@@ -21,7 +21,7 @@ class Multipliers:
         made = self.layout = new_figure(330, match_aspect=True, title=" ")
         made.x_range, made.y_range = Range1d(-LEAST, LEAST), Range1d(-LEAST, LEAST)
         angle = np.linspace(0.0, 2.0 * np.pi, 181)
-        made.line(np.cos(angle), np.sin(angle), color=GREY, line_dash="dashed")
+        made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
         self.dots = source("re", "im", "color")
         made.scatter("re", "im", source=self.dots, size=9, color="color", line_color="white")
         made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
@@ -30,7 +30,7 @@ class Multipliers:
     def show(self, floquet: Floquet) -> None:
         """Show the multipliers of another orbit, or why there is none."""
         values = floquet.multipliers
-        colors = np.where(np.abs(values) < 1.0, BLUE, ORANGE)
+        colors = np.where(np.abs(values) < 1.0, MOTION, UNSTABLE)
         self.dots.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
         largest = float(np.abs(values).max()) if values.size else 0.0
         end = min(MOST, max(LEAST, 1.15 * largest))

@@ -81,13 +81,13 @@ class Page:
         self.pictures = self._thread(partial(picture_of, subject), self._show, patience=PATIENCE)
         self.orbits = self._thread(floquet_of, self._show_orbit, delay=ORBIT_DELAY)
         self.diagrams = self._thread(self._diagram, self._show_diagram, delay=DIAGRAM_DELAY)
-        self.files = self._thread(self._file, self._send)
+        self.drawings = self._thread(_drawing, lambda _, drawn: self._send("png", drawn))
         self._refused = bool(refused)
         self.pictures.ask(self.setting)
 
     def stop(self) -> None:
         """End the threads."""
-        for thread in (self.pictures, self.orbits, self.diagrams, self.files):
+        for thread in (self.pictures, self.orbits, self.diagrams, self.drawings):
             thread.stop()
 
     def change(self, change: Callable[[Setting], Setting]) -> None:
@@ -98,8 +98,16 @@ class Page:
 
     def save(self, what: str) -> None:
         """Let the browser save a file of the picture that is shown."""
-        if self.picture is not None:
-            self.files.ask((what, self.picture))
+        picture = self.picture
+        if picture is None:
+            return
+        if what == "picture":
+            self.drawings.ask(picture)
+        elif what == "python":
+            dial = self.dials.get(picture.setting.parameter)
+            self._send("py", python_of(self.subject, picture.setting, dial).encode())
+        elif isinstance(picture.system, ActuatorSystem):
+            self._send("toml", device_file(self.subject, picture.system).encode())
 
     def _draw_first(self, dials: tuple[Dial, ...]) -> None:
         subject, setting = self.subject, self.setting
@@ -237,24 +245,16 @@ class Page:
         if asked.points == COARSE:
             self.diagrams.ask(asked.finer())
 
-    def _file(self, asked: tuple[str, Picture], watch: Watch) -> tuple[str, bytes]:
-        """Return the name and the content of a file."""
-        what, picture = asked
+    def _send(self, ending: str, content: bytes) -> None:
+        """Let the browser save a file."""
         name = "".join(letter if letter.isalnum() else "_" for letter in self.subject.title)
-        if what == "picture":
-            return f"{name}.png", run_picture(picture.run)
-        if what == "python":
-            dial = self.dials.get(picture.setting.parameter)
-            return f"{name}.py", python_of(self.subject, picture.setting, dial).encode()
-        system = picture.system
-        assert isinstance(system, ActuatorSystem)
-        return f"{name}.toml", device_file(self.subject, system).encode()
-
-    def _send(self, asked: Any, file: tuple[str, bytes]) -> None:
-        name, content = file
         self._saved += 1  # so that the same file may be saved twice
-        told = {"name": name, "number": self._saved, "content": base64.b64encode(content).decode()}
-        self.parcel.text = json.dumps(told)
+        told = {"name": f"{name}.{ending}", "number": self._saved}
+        self.parcel.text = json.dumps(told | {"content": base64.b64encode(content).decode()})
+
+
+def _drawing(picture: Picture, watch: Watch) -> bytes:
+    return run_picture(picture.run)
 
 
 CAPTIONS = {

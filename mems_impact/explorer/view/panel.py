@@ -11,20 +11,27 @@ from bokeh.plotting import figure
 from mems_impact.analysis.system import System
 from mems_impact.explorer.magnitudes import told_in
 from mems_impact.explorer.picture import Picture
+from mems_impact.plotting.style import color, wearing
 
 __all__ = [
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "ORANGE",
+    "DOWN",
+    "FRAME",
+    "GUIDE",
+    "IMPACT",
+    "MOTION",
+    "UNSTABLE",
+    "UP",
     "Panel",
     "new_figure",
     "plain_numbers",
     "source",
     "unit_for",
-]
+]  # fmt: skip
 
-BLUE, ORANGE, GREEN, GREY = "#0072b2", "#d55e00", "#009e73", "#737373"
+with wearing():  # what the colours of figures mean, they mean here
+    MOTION, IMPACT, FRAME, UP, DOWN, UNSTABLE, VOLTAGE, GUIDE = map(
+        color, ("motion", "impact", "frame", "up", "down", "unstable", "voltage", "guide")
+    )
 LEFT = 62  # room for numbers of any length, lest the page is laid out anew for each picture
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 

@@ -9,7 +9,7 @@ from bokeh.models import Span
 
 from mems_impact.explorer.picture import Picture
 from mems_impact.explorer.setting import TIME
-from mems_impact.explorer.view.panel import BLUE, GREY, ORANGE, new_figure, source, unit_for
+from mems_impact.explorer.view.panel import GUIDE, IMPACT, MOTION, new_figure, source, unit_for
 
 __all__ = ["Portrait"]
 
@@ -20,13 +20,13 @@ class Portrait:
     def __init__(self) -> None:
         made = self.layout = new_figure(330)
         self.line, self.dots, self.jumps = source("x", "y"), source("x", "y"), source("x", "y")
-        made.line("x", "y", source=self.line, color=BLUE, line_width=1.4)
-        made.multi_line("x", "y", source=self.jumps, color=ORANGE, line_dash="dotted")
+        made.line("x", "y", source=self.line, color=MOTION, line_width=1.4)
+        made.multi_line("x", "y", source=self.jumps, color=IMPACT, line_dash="dotted")
         made.scatter(
             "x", "y", source=self.dots, marker="diamond", size=9, color="white", line_color="black"
         )
         self.factors: dict[str, float] = {}
-        self.cut = Span(line_color=GREY, line_dash="dotted", visible=False)
+        self.cut = Span(line_color=GUIDE, line_dash="dotted", visible=False)
         made.renderers.append(self.cut)
 
     def show(self, picture: Picture) -> None:

@@ -8,7 +8,15 @@ from bokeh.models import Span, VStrip
 
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.picture import Picture, series_shown
-from mems_impact.explorer.view.panel import BLUE, GREEN, GREY, ORANGE, new_figure, source, unit_for
+from mems_impact.explorer.view.panel import (
+    FRAME,
+    GUIDE,
+    IMPACT,
+    MOTION,
+    new_figure,
+    source,
+    unit_for,
+)
 
 __all__ = ["Series"]
 
@@ -36,13 +44,13 @@ class Series:
         self.lines = [source("t", "value") for _ in self.figures]
         self.hits = source("t", "value")
         self.strips = source("start", "end")
-        look = {"fill_color": GREEN, "fill_alpha": 0.3, "line_color": GREEN, "line_alpha": 0.3}
+        look = {"fill_color": FRAME, "fill_alpha": 0.3, "line_color": FRAME, "line_alpha": 0.3}
         for made, data in zip(self.figures, self.lines, strict=True):
             made.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
-            made.line("t", "value", source=data, color=BLUE, line_width=1.6)
-        first.scatter("t", "value", source=self.hits, size=7, color=ORANGE, line_color="white")
+            made.line("t", "value", source=data, color=MOTION, line_width=1.6)
+        first.scatter("t", "value", source=self.hits, size=7, color=IMPACT, line_color="white")
         self.walls = [
-            Span(dimension="width", line_color=GREY, line_dash="dashed", visible=False)
+            Span(dimension="width", line_color=GUIDE, line_dash="dashed", visible=False)
             for _ in range(2)
         ]
         first.renderers.extend(self.walls)
