@@ -23,7 +23,9 @@ KINDS: dict[str, dict[str, Any]] = {
 COLUMNS = ("left", "free", "right")  # where the block is, as seen
 ROWS = ("forward", "stuck", "backward")
 WIDTH, HEIGHT = 3.4, 2.2  # between the middles of two modes
-BOX = (0.62, 0.3)  # half width and half height of a mode
+PAPER = {"facecolor": "0.9", "linewidth": 1.0}
+"""How the two phases of the paper's flow chart stand out."""
+BOX = (0.72, 0.45)  # half width and half height of a mode
 
 
 @styled
@@ -43,9 +45,10 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
         ``ax.figure.savefig(…)`` writes the figure.
     """
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     if ax is None:
-        ax = new_figure(1.05).subplots()
+        ax = new_figure(1.35).subplots()
     places = {
         f"{friction}-{contact}": (COLUMNS.index(contact) * WIDTH, -ROWS.index(friction) * HEIGHT)
         for contact in CONTACT
@@ -69,14 +72,18 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
         for kind, style in KINDS.items()
         if kind in drawn
     ]
+    if len(reached) < len(places):
+        handles.append(Patch(label="never occurs", **_border(False)))
     legend_above(ax, handles)
-    texts = ("block on the left stopper", "block free", "block on the right stopper")
+    texts = ("block on the\nleft stopper", "block free", "block on the\nright stopper")
+    aside: dict[str, Any] = {"color": "0.3", "fontsize": "small"}
     for i, text in enumerate(texts):
-        ax.text(i * WIDTH, -2.35 * HEIGHT, text, ha="center", va="top", color="0.3")
-    for i, text in enumerate(("frame slides\nforward", "frame stuck", "frame slides\nbackward")):
-        ax.text(-0.37 * WIDTH, -i * HEIGHT, text, ha="right", va="center", color="0.3")
-    ax.set_xlim(-0.75 * WIDTH, 2.4 * WIDTH)
-    ax.set_ylim(-2.5 * HEIGHT, 0.4 * HEIGHT)
+        ax.text(i * WIDTH, -2.35 * HEIGHT, text, ha="center", va="top", **aside)
+    for i, text in enumerate(("frame slides\nforward", "frame\nstuck", "frame slides\nbackward")):
+        ax.text(-0.34 * WIDTH, -i * HEIGHT, text, ha="right", va="center", rotation=90, ma="center",
+                **aside)  # fmt: skip
+    ax.set_xlim(-0.62 * WIDTH, 2.35 * WIDTH)
+    ax.set_ylim(-2.75 * HEIGHT, 0.45 * HEIGHT)
     ax.set_aspect("equal")
     ax.set_axis_off()
     return ax
@@ -86,18 +93,25 @@ def _kind(event: str) -> str:
     return next(kind for kind in KINDS if kind in event)
 
 
+def _border(reached: bool) -> dict[str, Any]:
+    """Return how the box of a mode looks."""
+    return {
+        "facecolor": "white", "edgecolor": "black" if reached else "0.7", "linewidth": 0.6,
+        "linestyle": "-" if reached else (0, (3, 2)),
+    }  # fmt: skip
+
+
 def _box(ax: Any, name: str, x: float, y: float, reached: bool) -> Any:
     from matplotlib.patches import FancyBboxPatch
 
-    # The two phases of the paper's flow chart stand out; a mode that never occurs is faint.
+    # A mode that never occurs is faint.
     paper = name in ("stuck-free", "forward-free", "backward-free")
     patch = FancyBboxPatch(
         (x - BOX[0], y - BOX[1]), 2 * BOX[0], 2 * BOX[1], boxstyle="round,pad=0.06",
-        facecolor="0.93" if paper else "white", edgecolor="black" if reached else "0.7",
-        linewidth=1.4 if paper else 0.9, linestyle="-" if reached else (0, (3, 3)), zorder=3,
+        zorder=3, **{**_border(reached), **(PAPER if paper else {})},
     )  # fmt: skip
     ax.add_patch(patch)
-    text = name if reached else f"{name}\nnever occurs"
+    text = name.replace("-", "\n")
     color = "black" if reached else "0.55"
     ax.text(x, y, text, ha="center", va="center", fontsize="small", color=color, zorder=4)
     return patch
@@ -117,10 +131,10 @@ def _arrow(
             places[after],
             connectionstyle=f"arc3,rad={bend}",
             arrowstyle="-|>",
-            mutation_scale=11,
+            mutation_scale=6,
             color=color(style["color"]),
             linestyle=style["linestyle"],
-            linewidth=1.3,
+            linewidth=0.9,
             patchA=boxes[before],
             patchB=boxes[after],
             shrinkA=1,
@@ -143,10 +157,10 @@ def _loop(ax: Any, x: float, y: float, number: int, style: dict[str, Any]) -> No
             end,
             connectionstyle=f"arc3,rad={-side * 1.6}",
             arrowstyle="-|>",
-            mutation_scale=10,
+            mutation_scale=6,
             color=color(style["color"]),
             linestyle=style["linestyle"],
-            linewidth=1.3,
+            linewidth=0.9,
             zorder=2,
         )
     )

@@ -193,7 +193,9 @@ def _room(ax: Any) -> float:
     box, figure = ax.get_position(), ax.figure
     spec = ax.get_subplotspec()
     first = spec is None or spec.is_first_col()
-    return float((box.x1 - (0.0 if first else box.x0)) * 72.0 * figure.bbox.width / figure.dpi)
+    # The layout, which is made later, may leave less.
+    share = 0.9 * (box.x1 - (0.0 if first else box.x0))
+    return float(share * 72.0 * figure.bbox.width / figure.dpi)
 
 
 def _width(widths: Sequence[float], columns: int, size: float) -> float:

@@ -1,0 +1,72 @@
+"""What keeps a figure from being read: texts over each other, cut off or too small; lost dots."""
+
+from itertools import combinations
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+SMALLEST = 7.0  # pt
+DOT = 3.5  # pt
+SLACK = 1.0  # px by which boxes may touch
+
+
+def texts_of(figure):
+    """Return all texts that are seen, the numbers at ticks within the axes among them."""
+    found = list(figure.texts)
+    for ax in all_axes(figure):
+        found += ax.texts
+        if ax.axison:
+            found += [ax.title, ax._left_title, ax._right_title]
+            for axis in (ax.xaxis, ax.yaxis):
+                low, high = sorted(axis.get_view_interval())
+                room = 1e-9 * (high - low)
+                ticks = [
+                    t for t in axis.get_major_ticks() if low - room <= t.get_loc() <= high + room
+                ]
+                found += [axis.label, *(t.label1 for t in ticks), *(t.label2 for t in ticks)]
+                found.append(axis.get_offset_text())
+        legend = ax.get_legend()
+        if legend is not None:
+            found += [*legend.get_texts(), legend.get_title()]
+    return [text for text in found if text.get_visible() and text.get_text().strip()]
+
+
+def all_axes(figure):
+    return [each for ax in figure.axes for each in (ax, *ax.child_axes)]
+
+
+def flaws(figure):
+    """Return what is wrong with a figure, in words."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    found = []
+    boxes = [(text, text.get_window_extent()) for text in texts_of(figure)]
+    for text, box in boxes:
+        words = repr(text.get_text())
+        if (
+            box.x0 < -SLACK
+            or box.y0 < -SLACK
+            or box.x1 > figure.bbox.x1 + SLACK
+            or box.y1 > figure.bbox.y1 + SLACK
+        ):
+            found.append(f"{words} is cut off")
+        if text.get_fontsize() < SMALLEST:
+            found.append(f"{words} has {text.get_fontsize():.2g} pt")
+    for (one, a), (other, b) in combinations(boxes, 2):
+        wide = min(a.x1, b.x1) - max(a.x0, b.x0)
+        high = min(a.y1, b.y1) - max(a.y0, b.y0)
+        if wide > SLACK and high > SLACK:
+            found.append(f"{one.get_text()!r} lies over {other.get_text()!r}")
+    for ax in all_axes(figure):
+        if ax.get_legend() is None:
+            continue
+        box = ax.get_legend().get_window_extent()
+        if box.x0 < 0.0 or box.x1 > figure.bbox.x1 or box.y1 > figure.bbox.y1:
+            found.append("a legend is cut off")
+        for other in all_axes(figure):
+            if other.bbox.overlaps(box.padded(-SLACK)):
+                found.append("a legend lies over what is drawn")
+        for handle in ax.get_legend().legend_handles:
+            marker = getattr(handle, "get_marker", lambda: "None")()
+            if marker not in ("None", None, "") and handle.get_markersize() < DOT:
+                found.append(f"the dot of {handle.get_label()!r} is not seen")
+    return found

@@ -1,0 +1,187 @@
+"""Every figure can be read: at the width of a column and of a page."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+import mems_impact as mi
+from mems_impact.paper import figure2, tables
+from mems_impact.paper.automaton import plot_automaton
+from mems_impact.paper.displacement import plot_displacement
+from mems_impact.studies.axes import Axis
+from mems_impact.studies.starts import Grid
+from tests.actuator.figures.test_chart import chart
+from tests.plotting.reading import flaws
+from tests.plotting.sweeps import made_table, silent_table
+from tests.plotting.test_basins import made as made_basins
+from tests.plotting.test_branch import curve, diagram
+from tests.plotting.test_map import made_table as made_map
+from tests.plotting.test_scatter import made as made_scatter
+from tests.plotting.test_sensitivity import MITA, ZHAO
+from tests.plotting.test_sensitivity import made as made_sensitivity
+
+COLUMN, PAGE = (3.4, 2.4), (7.0, 4.2)
+DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
+
+
+def crowded():
+    """Branches whose special points lie near each other, as in Fig. 6 of the paper."""
+    found = diagram()
+    rows = found.special_table.loc[[0, 1, 0, 1]].assign(label=["PD", "G", "PD", "CF"])
+    rows = rows.assign(
+        admissible=True, amplitude=[0.2, 0.202, 0.206, 0.21], v2=[0.4, 0.4, 0.39, 0.41]
+    )
+    found.special_table = pd.concat([found.special_table, rows])
+    return found
+
+
+def narrow():
+    """A sweep whose values differ in the fifth digit, and that switches on and off at once."""
+    table = made_table(statuses=("ok", "ok", "ok"))
+    table["amplitude"] = 0.1717 + 1e-4 * table["amplitude"]
+    return table
+
+
+def front():
+    table = pd.DataFrame({"mean speed": [1e-5, 2e-5, 2.4e-5], "drive energy": [2e-9, 3e-9, 9e-9]})
+    table.attrs = {"aims": {"mean speed": "maximize", "drive energy": "minimize"},
+                   "units": {"mean speed": "m/s", "drive energy": "J"}}  # fmt: skip
+    return table
+
+
+def energy():
+    accounts = ["drive", "viscous damping", "impacts", "sliding_friction", "load", "stored"]
+    table = pd.DataFrame({
+        "account": accounts, "kind": ["in", "lost", "lost", "lost", "load", "stored"],
+        "energy per period": [5e-13, -2e-13, -1.5e-13, -1e-13, -4e-14, -1e-14],
+        "share": [1.0, -0.4, -0.3, -0.2, -0.08, -0.02]})  # fmt: skip
+    table.attrs = {"units": {"energy per period": "J"}}
+    return SimpleNamespace(table=table)
+
+
+def load():
+    table = pd.DataFrame({
+        "load": [-2e-5, 0.0, 1e-5, 2e-5, 3e-5], "mean speed": [4e-6, 3e-6, 1e-6, 0.0, np.nan],
+        "by": ["orbit", "orbit", "run", "run", ""],
+        "does": ["walks"] * 4 + ["runs away"]})  # fmt: skip
+    table.attrs = {"units": {"load": "N", "mean speed": "m/s"}}
+    return SimpleNamespace(table=table, sliding_load=2.78e-5, walking_load=1.93e-5,
+                           holding_load=4.12e-5)  # fmt: skip
+
+
+def response():
+    rows = [(w, f, way, 1e-6 * f / w, 2e-7 * f * w) for f in (20.0, 40.0, 60.0)
+            for way in ("up", "down") for w in (600.0, 700.0, 800.0)]  # fmt: skip
+    table = pd.DataFrame(
+        rows, columns=["omega", "amplitude", "direction", "deflection", "mean speed"]
+    )
+    table.attrs = {"units": {"omega": "rad/s", "amplitude": "V", "deflection": "m",
+                             "mean speed": "m/s"}}  # fmt: skip
+    return table
+
+
+def curves():
+    cusp, flip = ("cusp", 0.3, 0.7), ("fold-flip", 0.31, 0.69)
+    return [curve("fold", [1.0, 0.9, 0.7, 0.4], [True, True, False, False], [cusp, flip]),
+            curve("grazing", [0.2, 0.4, 0.7, 0.9], [True] * 4, [cusp])]  # fmt: skip
+
+
+def displacement():
+    device = mi.load_actuator("mita2003")
+    run = mi.simulate(device, mi.Sine(amplitude=100.0, omega=2.0 * np.pi), 3)
+    rows = [(f, v, 1e-10 * v * f**0.1, 1.0) for f in (0.1, 1.0, 10.0) for v in (38.0, 90.0, 150.0)]
+    return plot_displacement(tables.displacement(rows), run, 36.6)[0]
+
+
+def automaton():
+    found = figure2.compute(SimpleNamespace(paper=mi.load_actuator("zhao2004")),
+                            SimpleNamespace(of=lambda full, quick: quick))  # fmt: skip
+    return plot_automaton(found.tables["transitions"])
+
+
+def two_sided():
+    pulse = mi.Pulse(amplitude=40.0, period=2e-3, width=5e-4)
+    return mi.plot_drive(mi.TwoSided(right=pulse, left=pulse.replace(amplitude=30.0)),
+                         mi.load_actuator("mita2003"))[0]  # fmt: skip
+
+
+def real():
+    return mi.simulate(mi.load_actuator("mita2003"), mi.Sine(amplitude=100.0, omega=6.283), 3)
+
+
+GRID = Grid(Axis("x", (0.0, 1.0, 2.0)), Axis("v", (0.0, 1.0)))
+QUICK = {
+    "plot_branch": lambda _: mi.plot_branch(crowded(), narrow_to(made_table())),
+    "plot_chart": lambda _: mi.plot_chart(chart()),
+    "plot_sweep": lambda _: mi.plot_sweep(narrow()),
+    "plot_map": lambda _: mi.plot_map(made_map()),
+}
+LONG = {
+    "plot_basins": lambda _: mi.plot_basins(made_basins(GRID, [0, 0, 0, 1, 1, -1])),
+    "plot_curve": lambda _: mi.plot_curve(curves()),
+    "plot_drive": lambda _: two_sided(),
+    "plot_energy": lambda _: mi.plot_energy(energy()),
+    "plot_load": lambda _: mi.plot_load(load()),
+    "plot_map of a column": lambda _: mi.plot_map(made_map(), "speed"),
+    "plot_orbit": lambda get: mi.plot_orbit(get("orbit")),
+    "plot_orbit of an actuator": lambda _: mi.plot_orbit(
+        mi.find_orbit(mi.load_actuator("zhao2004"), DRIVE, transient=300)),
+    "plot_pareto": lambda _: mi.plot_pareto(front()),
+    "plot_response": lambda _: mi.plot_response(response())[0],
+    "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
+    "plot_run of an actuator": lambda _: mi.plot_run(real()),
+    "plot_run of its states": lambda _: mi.plot_run(real(), states=("x1", "v1", "x2", "v2")),
+    "plot_scatter": lambda _: mi.plot_scatter(made_scatter()),
+    "plot_sensitivity": lambda _: mi.plot_sensitivity(made_sensitivity(MITA), "mean speed"),
+    "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
+        made_sensitivity(ZHAO), "mean speed"),
+    "plot_sweep without crossings": lambda _: mi.plot_sweep(silent_table()),
+    "animate": lambda get: SimpleNamespace(figure=mi.animate(get("run"), 98).frame(-1)),
+    "animate an actuator": lambda _: SimpleNamespace(figure=mi.animate(real(), 2).frame(-1)),
+    "the paper's displacement": lambda _: displacement(),
+    "the paper's automaton": lambda _: automaton(),
+}  # fmt: skip
+
+
+def narrow_to(table):
+    return table[["amplitude", "v2"]]
+
+
+def test_every_figure_is_among_them():
+    figures = {name for name in mi.__all__ if name.startswith("plot_")} | {"animate"}
+    assert figures <= set(QUICK) | set(LONG)
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_it_can_be_read_in_a_column(name, request):
+    assert flaws(QUICK[name](request.getfixturevalue).figure) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*QUICK, *LONG])
+def test_it_can_be_read(name, request):
+    draw = {**QUICK, **LONG}[name]
+    for size in (COLUMN, PAGE):
+        with mi.style({"figure.figsize": size}):
+            figure = draw(request.getfixturevalue).figure
+        assert figure.get_figwidth() == size[0]
+        assert flaws(figure) == []
+
+
+def test_what_cannot_be_read_is_found():
+    figure = Figure(figsize=(3.0, 3.0))
+    ax = figure.subplots()
+    ax.annotate("one", (0.5, 0.5))
+    ax.annotate("another", (0.52, 0.5))
+    ax.annotate("outside", (1.2, 0.5))
+    ax.annotate("tiny", (0.1, 0.1), fontsize=5)
+    ax.plot([0, 1], [0, 1], marker="o", markersize=0.5, label="dots")
+    ax.legend()
+    found = flaws(figure)
+    for words in ("'one' lies over 'another'", "'tiny' has 5 pt"):
+        assert words in found
+    assert "the dot of 'dots' is not seen" in found
+    assert "a legend lies over what is drawn" in found
