@@ -25,7 +25,7 @@ def run(app, page, content):
         return
     up = "../" * page.count("/")
     namespace = {"__name__": "__main__"}
-    parts, last = [], 0
+    parts, last, shown = [], 0, {}
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         for match in BLOCK.finditer(text):
             before = {path: path.stat().st_mtime_ns for path in Path().glob("*.png")}
@@ -40,12 +40,13 @@ def run(app, page, content):
                 name = f"{page.replace('/', '_')}_{path.name}"
                 MADE.mkdir(exist_ok=True)
                 shutil.copy(path, MADE / name)
-                shown = f"({up}figures/{path.name})"
-                if shown in text:
-                    text = text.replace(shown, f"({up}made/{name})".ljust(len(shown)))
+                if f"({up}figures/{path.name})" in text:
+                    shown[f"({up}figures/{path.name})"] = f"({up}made/{name})"
                 else:
                     parts.append(f"\n\n{match.group(1)}![{path.stem}]({up}made/{name})\n")
     content[0] = "".join([*parts, text[last:]])
+    for old, new in shown.items():
+        content[0] = content[0].replace(old, new)
 
 
 def setup(app):

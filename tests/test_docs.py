@@ -1,8 +1,10 @@
 """The Python examples of README.md and docs/ run as they stand, page by page."""
 
+import importlib.util
 import re
 from pathlib import Path
 from textwrap import dedent
+from types import SimpleNamespace
 
 import pytest
 
@@ -78,3 +80,21 @@ def test_the_map_of_the_house_names_what_is_there():
     assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
     for name, path in re.findall(r"`([A-Z_]+)` of `([^`]+)`", page):
         assert re.search(rf"^ *{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("executing", DOCS / "executing.py")
+    executing = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(executing)
+    monkeypatch.setattr(executing, "MADE", tmp_path / "made")
+    block = (
+        '```python\nfrom pathlib import Path\nPath("{}.png").write_bytes(b"")  # savefig(\n```\n'
+    )
+    text = block.format("first") + "\n![shown](../figures/first.png)\n\n" + block.format("second")
+    app = SimpleNamespace(env=SimpleNamespace(doc2path=lambda page: tmp_path / f"{page}.md"))
+    content = [text]
+    executing.run(app, "howto/page", content)
+    assert "![shown](../made/howto_page_first.png" in content[0]
+    assert content[0].endswith("```\n\n![second](../made/howto_page_second.png)\n\n")
+    made = {path.name for path in (tmp_path / "made").iterdir()}
+    assert made == {"howto_page_first.png", "howto_page_second.png"}

@@ -54,6 +54,11 @@ def style(*sheets: Sheet) -> Iterator[None]:
         Files of matplotlib's style sheets, names of styles that matplotlib knows, or settings
         by name; later ones win. None at all: the package's own alone.
 
+    Yields
+    ------
+    None
+        What is drawn meanwhile has that style.
+
     Raises
     ------
     InvalidParameter
