@@ -6,7 +6,7 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for executing and scraping
+sys.path.insert(0, str(Path(__file__).parent))  # for executing, formulas and scraping
 
 import mems_impact as mi
 
@@ -15,11 +15,11 @@ author = "mems_impact developers"
 
 extensions = [
     "executing",
+    "formulas",
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = [
@@ -32,6 +32,7 @@ exclude_patterns = [
 ]
 nitpicky = True  # a reference that leads nowhere is a warning, and a warning an error
 numfig = True
+html_math_renderer = "mathml"
 math_numfig = True
 math_eqref_format = "({number})"
 
