@@ -6,7 +6,7 @@
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))  # for executing and scraping
+sys.path.insert(0, str(Path(__file__).parent))  # for executing, formulas and scraping
 
 import mems_impact as mi
 
@@ -15,11 +15,11 @@ author = "mems_impact developers"
 
 extensions = [
     "executing",
+    "formulas",
     "myst_parser",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.mathjax",
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = [
@@ -32,6 +32,7 @@ exclude_patterns = [
 ]
 nitpicky = True  # a reference that leads nowhere is a warning, and a warning an error
 numfig = True
+html_math_renderer = "mathml"
 math_numfig = True
 math_eqref_format = "({number})"
 
@@ -60,10 +61,11 @@ autodoc_member_order = "groupwise"
 numpydoc_show_class_members = False  # autodoc shows them, with their docstrings
 numpydoc_attributes_as_param_list = True
 
-# Other addresses than those of a forge's pages are not asked; each in turn, with time to answer.
+# Links to elsewhere, each in turn, with time to answer.
 linkcheck_timeout = 30
 linkcheck_retries = 2
 linkcheck_workers = 2
+linkcheck_ignore = [r"http://127\.0\.0\.1"]  # of the explorer
 
 sphinx_gallery_conf = {
     "examples_dirs": ["tutorials", "ideas", "examples"],

@@ -19,13 +19,15 @@ MADE = Path(__file__).parent / "made"
 
 def run(app, page, content):
     """Run a page that saves pictures, and put them behind the blocks that do."""
+    if not int(app.config.sphinx_gallery_conf.get("plot_gallery", True)):
+        return  # asked for without anything that is run: to look at links, say
     text = content[0]
     source = Path(app.env.doc2path(page))
     if source.suffix != ".md" or "savefig(" not in text:
         return
     up = "../" * page.count("/")
     namespace = {"__name__": "__main__"}
-    parts, last = [], 0
+    parts, last, shown = [], 0, {}
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         for match in BLOCK.finditer(text):
             before = {path: path.stat().st_mtime_ns for path in Path().glob("*.png")}
@@ -40,12 +42,13 @@ def run(app, page, content):
                 name = f"{page.replace('/', '_')}_{path.name}"
                 MADE.mkdir(exist_ok=True)
                 shutil.copy(path, MADE / name)
-                shown = f"({up}figures/{path.name})"
-                if shown in text:
-                    text = text.replace(shown, f"({up}made/{name})".ljust(len(shown)))
+                if f"({up}figures/{path.name})" in text:
+                    shown[f"({up}figures/{path.name})"] = f"({up}made/{name})"
                 else:
                     parts.append(f"\n\n{match.group(1)}![{path.stem}]({up}made/{name})\n")
     content[0] = "".join([*parts, text[last:]])
+    for old, new in shown.items():
+        content[0] = content[0].replace(old, new)
 
 
 def setup(app):

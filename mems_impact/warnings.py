@@ -52,7 +52,20 @@ class FitWarning(UserWarning):
 
 
 class PluginWarning(UserWarning):
-    """What another package adds cannot be had, and is left out."""
+    """What another package adds cannot be had, and is left out.
+
+    See Also
+    --------
+    load_system, load_drive
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", mi.PluginWarning)  # rather fail than go without it
+    ...     actuator = mi.load_actuator("zhao2004")
+    """
 
 
 class UnitsWarning(UserWarning):

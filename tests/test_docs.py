@@ -1,8 +1,10 @@
 """The Python examples of README.md and docs/ run as they stand, page by page."""
 
+import importlib.util
 import re
 from pathlib import Path
 from textwrap import dedent
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +16,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md")
 PAGES += [*sorted((DOCS / "terms").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 
 FENCE = re.compile(r"^ *```(\w*|\{\w+\})\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+ELSEWHERE = re.compile(r"\]\((https?:[^)\s]+)\)")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 
 
@@ -78,3 +81,32 @@ def test_the_map_of_the_house_names_what_is_there():
     assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
     for name, path in re.findall(r"`([A-Z_]+)` of `([^`]+)`", page):
         assert re.search(rf"^ *{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("executing", DOCS / "executing.py")
+    executing = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(executing)
+    monkeypatch.setattr(executing, "MADE", tmp_path / "made")
+    block = (
+        '```python\nfrom pathlib import Path\nPath("{}.png").write_bytes(b"")  # savefig(\n```\n'
+    )
+    text = block.format("first") + "\n![shown](../figures/first.png)\n\n" + block.format("second")
+    app = SimpleNamespace(
+        env=SimpleNamespace(doc2path=lambda page: tmp_path / f"{page}.md"),
+        config=SimpleNamespace(sphinx_gallery_conf={}),
+    )
+    content = [text]
+    executing.run(app, "howto/page", content)
+    assert "![shown](../made/howto_page_first.png" in content[0]
+    assert content[0].endswith("```\n\n![second](../made/howto_page_second.png)\n\n")
+    made = {path.name for path in (tmp_path / "made").iterdir()}
+    assert made == {"howto_page_first.png", "howto_page_second.png"}
+
+
+def test_links_to_elsewhere_are_whole():
+    links = [link for page in PAGES for link in ELSEWHERE.findall(page.read_text("utf-8"))]
+    assert len(links) > 10
+    assert [
+        link for link in links if not re.fullmatch(r"https://[\w.-]+\.\w+(/[^\s<>]*)?", link)
+    ] == []

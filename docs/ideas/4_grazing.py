@@ -6,7 +6,7 @@ An orbit *grazes* where it touches a stopper without speed. An orbit a little be
 softly, and the softest impact already changes everything: the map from one period to the next has a
 square root there,
 
-.. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\dots
+.. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\ldots
 
 so that its slope has no bound (Nordmark, 1991). That is why such devices switch with a jump and not
 gradually.

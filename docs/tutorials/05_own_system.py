@@ -60,5 +60,5 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# Friction, stops, relays and switching surfaces `stand ready <../parts.html>`__. Next: the diagram
+# Friction, stops, relays and switching surfaces :doc:`stand ready </parts>`. Next: the diagram
 # of this oscillator.

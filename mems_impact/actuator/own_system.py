@@ -50,8 +50,16 @@ def load_system(name: str) -> System:
 
     Examples
     --------
+    >>> from pathlib import Path
     >>> import mems_impact as mi
-    >>> run = mi.simulate(mi.load_system("oscillator.py:oscillator"), periods=300)
+    >>> _ = Path("decay.py").write_text('''
+    ... import mems_impact as mi
+    ... def flow(mode, t, y, p):
+    ...     return (-y.x,)
+    ... decay = mi.System(states=("x",), flow=flow, initial={"x": 1.0})
+    ... ''')
+    >>> mi.load_system("decay.py:decay").states
+    ('x',)
     """
     place, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
     if isinstance(name, str) and not colon:

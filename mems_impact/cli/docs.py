@@ -87,7 +87,7 @@ def told(word: str | None) -> str:
     name = public(word)
     if name is not None:
         thing = getattr(mi, name)
-        parts.append(f"mems_impact.{name}{inspect.signature(thing)}\n\n{inspect.getdoc(thing)}")
+        parts.append(f"mems_impact.{name}{signature(thing)}\n\n{inspect.getdoc(thing)}")
     if word in COMMANDS:
         parts.append(help_of(word))
     if not parts:
@@ -102,6 +102,19 @@ def told(word: str | None) -> str:
         hint = f"; near are {', '.join(close)}" if close else ""
         raise click.UsageError(f"nothing is said of {word!r}{hint}")
     return "\n".join(parts)
+
+
+def signature(thing: object) -> str:
+    """Return how a name is called, without the types, which its text tells."""
+    import inspect
+
+    assert callable(thing)
+    try:
+        found = inspect.signature(thing)
+    except ValueError:  # a warning: Python's own constructor
+        return ""
+    bare = [each.replace(annotation=inspect.Parameter.empty) for each in found.parameters.values()]
+    return str(found.replace(parameters=bare, return_annotation=inspect.Signature.empty))
 
 
 def help_of(name: str) -> str:

@@ -53,7 +53,8 @@ class Animation:
     Examples
     --------
     >>> import mems_impact as mi
-    >>> moving = mi.animate(run, fps=20)
+    >>> run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 300)
+    >>> moving = mi.animate(run, first=299, per_period=8, fps=20)
     >>> moving.save("run.gif")
     """
 
@@ -326,8 +327,8 @@ def animate(
     --------
     >>> import mems_impact as mi
     >>> run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 300)
-    >>> mi.animate(run, last=12).save("device.gif")
-    >>> mi.animate(run, x="x2", y="v2").save("portrait.html")
+    >>> mi.animate(run, first=299, per_period=8).save("device.gif")
+    >>> mi.animate(run, first=299, per_period=8, x="x2", y="v2").save("portrait.html")
     """
     if not isinstance(run, Run):
         allowed = "a Run, as mems_impact.simulate returns it"

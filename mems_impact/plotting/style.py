@@ -54,6 +54,11 @@ def style(*sheets: Sheet) -> Iterator[None]:
         Files of matplotlib's style sheets, names of styles that matplotlib knows, or settings
         by name; later ones win. None at all: the package's own alone.
 
+    Yields
+    ------
+    None
+        What is drawn meanwhile has that style.
+
     Raises
     ------
     InvalidParameter
@@ -66,8 +71,9 @@ def style(*sheets: Sheet) -> Iterator[None]:
     Examples
     --------
     >>> import mems_impact as mi
-    >>> with mi.style("journal.mplstyle", {"figure.figsize": (7.0, 4.0)}):
-    ...     mi.plot_run(run).figure.savefig("run.pdf")
+    >>> run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 300)
+    >>> with mi.style("grayscale", {"lines.linewidth": 2.0}):
+    ...     mi.plot_run(run, first=296).figure.savefig("run.pdf")
     """
     for sheet in sheets:
         _settings(sheet)

@@ -49,7 +49,7 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
 
     See Also
     --------
-    Run.samples, operating_map
+    Run, operating_map
 
     Examples
     --------

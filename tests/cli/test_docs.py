@@ -47,6 +47,7 @@ def test_what_is_opened(cli, site, monkeypatch):
     ("word", "said"),
     [
         ("find_orbit", "mems_impact.find_orbit("),
+        ("fitwarning", "mems_impact.FitWarning"),
         ("pull-in", "Usage: mems-impact pull-in"),
         ("grazing", "grazing_type: "),
     ],
