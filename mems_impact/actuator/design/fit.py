@@ -244,7 +244,10 @@ def fit(
     reached = computed(best)
     shown = tables.fit_residuals(
         [target.label(actuator) for target in targets],
-        [str(target.drive) if target.drive is not None else "" for target in targets],
+        [
+            _voltage(target.drive, actuator) if target.drive is not None else ""
+            for target in targets
+        ],
         measured,
         reached,
         weights,
@@ -317,6 +320,15 @@ def _verdict(converged: bool, misfit: float, errors: Floats) -> Verdict:
     if misfit > MISFIT:
         return "misfit"
     return "undetermined" if (errors > LOOSE).any() else "good"
+
+
+def _voltage(drive: Drive, actuator: Actuator) -> str:
+    """Return a drive as text, with units if the actuator has them."""
+    told = []
+    for name in drive.names:
+        unit = drive.unit(name) if actuator.scales.named else ""
+        told.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
+    return f"{type(drive).__name__}({', '.join(told)})"
 
 
 def _missed(targets: Sequence[Target], off: Floats) -> list[str]:
