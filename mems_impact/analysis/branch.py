@@ -237,7 +237,9 @@ def continue_orbit(
     low, high = (system.into(parameter, bound) for bound in bounds)
     # Where the branch begins, to the last digit of the numerics.
     begin = orbit.found.family.values[parameter]
-    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
+    with values_of(
+        progress, system.label(parameter), "orbits", partial(system.out, parameter)
+    ) as report:
         found = branches.follow(
             orbit.found,
             parameter,
@@ -311,7 +313,9 @@ def switch_branch(
         first, side = born(special.equilibrium.found, parameter)
     else:
         first, side = doubled(special.found.orbit, parameter)
-    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
+    with values_of(
+        progress, system.label(parameter), "orbits", partial(system.out, parameter)
+    ) as report:
         found = branches.follow(
             first,
             parameter,

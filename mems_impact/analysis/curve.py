@@ -178,7 +178,9 @@ def continue_curve(
         raise InvalidParameter("special", special.kind, allowed)
     bounds = bounds_of(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
-    with values_of(progress, parameter, "orbits", partial(system.out, parameter)) as report:
+    with values_of(
+        progress, system.label(parameter), "orbits", partial(system.out, parameter)
+    ) as report:
         found = curves.follow_curve(
             special.without_impact,
             first,

@@ -173,7 +173,9 @@ def continue_equilibrium(
     bounds = bounds_of(system, parameter, stop, back)
     low, high = (system.into(parameter, bound) for bound in bounds)
     begin = equilibrium.found.family.values[parameter]
-    with values_of(progress, parameter, "equilibria", partial(system.out, parameter)) as report:
+    with values_of(
+        progress, system.label(parameter), "equilibria", partial(system.out, parameter)
+    ) as report:
         found = follow_equilibrium(
             equilibrium.found,
             parameter,

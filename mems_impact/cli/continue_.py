@@ -31,12 +31,14 @@ if TYPE_CHECKING:
 @click.command(short_help="Follow a periodic orbit over a parameter.")
 @device_options
 @parameter_option
-@range_options("Value at which the orbit is found.", "Value at which the branch ends.")
+@range_options(
+    "Value at which the orbit is found, in the parameter's unit.", "Value at which the branch ends."
+)
 @click.option(
     "--back",
     type=float,
     show_default="that of --start",
-    help="Value at which it ends if it turns round.",
+    help="Value at which it ends if it turns round, in the parameter's unit.",
 )
 @drive_options
 @guess_options

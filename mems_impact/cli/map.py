@@ -20,7 +20,7 @@ from mems_impact.cli.options import (
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.showing import show, show_table
+from mems_impact.cli.showing import show, show_table, unit_of
 from mems_impact.cli.studied import run_kept, study_of
 
 if TYPE_CHECKING:
@@ -162,6 +162,7 @@ def _show(table: pd.DataFrame) -> None:
     x, y = table.columns[:2]
     rows = zip(failed[x], failed[y], failed["status"], strict=True)
     for a, b, reason in islice(rows, SHOWN_FAILURES):
-        show(f"  failed at {x} = {a:.9g}, {y} = {b:.9g}: {reason}")
+        here = f"{x} = {a:.9g}{unit_of(table, x)}, {y} = {b:.9g}{unit_of(table, y)}"
+        show(f"  failed at {here}: {reason}")
     if len(failed):
         show("")

@@ -18,7 +18,7 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import Told, show, show_table, show_values
+from mems_impact.cli.showing import Told, show, show_table, show_values, with_units_in
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -163,4 +163,5 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
         named=system.scales.named,
     )
     show("\nTo the next bifurcation:")
-    show_table("margins", margins, 6)
+    units = {name: system.unit(name) if system.scales.named else "" for name in best.values}
+    show_table("margins", with_units_in(margins, "parameter", units), 6)

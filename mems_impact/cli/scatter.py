@@ -19,7 +19,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import show_table
+from mems_impact.cli.showing import show_table, with_units_in
 from mems_impact.cli.studied import run_kept, study_of
 
 KIND = "scatter"
@@ -103,10 +103,11 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         files.draw(lambda: mi.plot_scatter(found).figure)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
-        show_table("quantiles", seen, 5)
-        show_table("yields", found.yields, 5)
+        units = found.table.attrs.get("units", {})
+        show_table("quantiles", with_units_in(seen, "quantity", units), 5)
+        show_table("yields", with_units_in(found.yields, "quantity", units), 5)
         if found.indices is not None:
-            show_table("indices", found.indices, 5)
+            show_table("indices", with_units_in(found.indices, "quantity", units), 5)
         files.tell()
 
 

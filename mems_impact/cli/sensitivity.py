@@ -16,7 +16,7 @@ from mems_impact.cli.options import (
     state_from,
     tolerance_option,
 )
-from mems_impact.cli.showing import Told, show, show_table, show_values
+from mems_impact.cli.showing import Told, show, show_table, show_values, with_units_in
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ def command(
         files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)
         _show(found, quantity)
         if tolerances:
-            show_table("scatter", tables["scatter"].iloc[:, :4], 6)
+            scattered = tables["scatter"].iloc[:, :4]
+            show_table("scatter", with_units_in(scattered, "quantity", _units(found)), 6)
         files.tell()
 
 
@@ -113,4 +114,13 @@ def _show(found: mi.Sensitivity, quantity: str) -> None:
     shown = table[table["quantity"] == quantity].sort_values(
         "per cent", key=lambda column: -column.abs()
     )
-    show_table("table", shown[["parameter", "at", "derivative", "elasticity"]], 6)
+    named = found.system.scales.named
+    units = {name: found.system.unit(name) if named else "" for name in found.parameters}
+    shown = shown[["parameter", "at", "derivative", "elasticity"]]
+    show_table("table", with_units_in(shown, "parameter", units), 6)
+
+
+def _units(found: mi.Sensitivity) -> dict[str, str]:
+    """Return the units of the quantities, if they have any."""
+    named = found.system.scales.named
+    return dict(zip(found.quantities, found.units, strict=True)) if named else {}

@@ -63,6 +63,14 @@ def unit_of(table: pd.DataFrame, name: str) -> str:
     return f" {unit}" if unit else ""
 
 
+def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
+    """Return a table in whose column names carry their units: ``omega [rad/s]``."""
+    names = [f"{name} [{units[name]}]" if units.get(name) else name for name in table[column]]
+    result = table.assign(**{column: names})
+    result.attrs = table.attrs
+    return result
+
+
 def show(text: str) -> None:
     """Show a text, which tells nothing that values and tables do not."""
     if not as_json() and not quiet():

@@ -135,8 +135,10 @@ def _show(run: mi.Run) -> None:
     from mems_impact.actuator.results import ActuatorRun
 
     first, last = run.window
-    over = "forcing periods" if run.system.forced else "times"
-    show(f"Statistics over {over} {first:g} to {last:g}:")
+    over, unit = (
+        ("forcing periods", "") if run.system.forced else ("times", run.system.unit("time"))
+    )
+    show(f"Statistics over {over} {first:g} to {last:g}{f' {unit}' if unit else ''}:")
     units = run.statistics.attrs["units"]
     values = {str(name): Told(value, units.get(name, "")) for name, value in run.statistics.items()}
     tell_values(values)

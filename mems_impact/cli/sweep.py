@@ -33,7 +33,7 @@ SHOWN_FAILURES = 3
 @click.command(short_help="Vary a parameter slowly, up and down.")
 @device_options
 @parameter_option
-@range_options("First value upwards.", "Last value upwards.")
+@range_options("First value upwards, in the parameter's unit.", "Last value upwards.")
 @click.option(
     "--points",
     type=click.IntRange(2, 1_000_000),

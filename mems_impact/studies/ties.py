@@ -142,5 +142,7 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
         found.append((name, values.min(), values.max(), ", ".join(told), before, after))
     columns = [ATTRACTOR, f"{parameter} min", f"{parameter} max", "motion", "before", "after"]
     result = pd.DataFrame(found, columns=columns)
-    result.attrs = dict(table.attrs)
+    unit = table.attrs.get("units", {}).get(parameter, "")
+    units = dict.fromkeys(columns[1:3], unit) if unit else {}
+    result.attrs = {**table.attrs, "units": units}
     return result

@@ -57,7 +57,7 @@ def test_targets_under_other_voltages_and_of_the_device(cli, tmp_path):
     )  # fmt: skip
     assert done.status == 0
     table = pd.read_csv(tmp_path / "out" / "fit-residuals.csv")
-    assert table["drive"].str.contains("amplitude=60.0").tolist()[:2] == [False, True]
+    assert table["drive"].str.contains("amplitude = 60 V").tolist()[:2] == [False, True]
     differences = table["difference"] / table["in tolerances"]
     assert differences.tolist() == pytest.approx([0.01 * measured[100], 1e-11, 0.1], rel=1e-3)
     found = pd.read_csv(tmp_path / "out" / "fit-parameters.csv")["fitted"]

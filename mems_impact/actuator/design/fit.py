@@ -12,6 +12,7 @@ import numpy as np
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.targets import Target
+from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
@@ -245,14 +246,14 @@ def fit(
     reached = computed(best)
     shown = tables.fit_residuals(
         [target.label(actuator) for target in targets],
-        [str(target.drive) if target.drive is not None else "" for target in targets],
+        [_voltage(target.drive, actuator) for target in targets],
         measured,
         reached,
         weights,
     )
     off = np.abs(reached - measured) / weights
     sentences = [
-        *_missed(targets, off),
+        *_missed(targets, off, actuator),
         *_undetermined(free, sizes, directions, errors),
         *_at_bounds(free, solved.active_mask),
         *_indifferent(targets, np.asarray(solved.jac)),
@@ -320,14 +321,26 @@ def _verdict(converged: bool, misfit: float, errors: Floats) -> Verdict:
     return "undetermined" if (errors > LOOSE).any() else "good"
 
 
-def _missed(targets: Sequence[Target], off: Floats) -> list[str]:
+def _voltage(drive: Drive | None, actuator: Actuator) -> str:
+    """Return a drive as text, with units if the actuator has them."""
+    if drive is None:
+        return ""
+    told = []
+    for name in drive.names:
+        unit = drive.unit(name) if actuator.scales.named else ""
+        told.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
+    return f"{type(drive).__name__}({', '.join(told)})"
+
+
+def _missed(targets: Sequence[Target], off: Floats, actuator: Actuator) -> list[str]:
     """Return a sentence on the targets that the fit misses; none if it misses none."""
     missed = int((off > MISFIT).sum())
     if not missed:
         return []
     worst = int(off.argmax())
     target = targets[worst]
-    under = f" under {target.drive}" if target.drive is not None else ""
+    voltage = _voltage(target.drive, actuator)
+    under = f" under {voltage}" if voltage else ""
     number = f"{missed} of {len(targets)} targets" if len(targets) > 1 else "the target"
     return [
         f"the fit misses {number} by more than {MISFIT:g} tolerances, {target.quantity}{under} "
