@@ -67,7 +67,7 @@ def plot_automaton(table: pd.DataFrame, ax: Any = None) -> Any:
         else:
             _arrow(ax, places, boxes, before, after, KINDS[kind])
     drawn = {kind for kind, _, _ in arrows}
-    handles = [
+    handles: list[Any] = [
         Line2D([], [], color=color(style["color"]), linestyle=style["linestyle"], label=kind)
         for kind, style in KINDS.items()
         if kind in drawn
