@@ -39,11 +39,10 @@ class Bifurcation:
     def show(self, picture: Picture) -> None:
         """Show where another run stands."""
         system, name = picture.system, picture.setting.parameter
-        if not name:
-            return
+        if self.diagram is None:
+            return  # the axes are those of the diagram
         value = system.value(name)
-        state = self.diagram.state if self.diagram is not None else system.shown[0]
-        column = picture.section.get(state, np.empty(0))
+        column = picture.section.get(self.diagram.state, np.empty(0))
         at, size = self.units
         self.here.data = {"x": np.full(len(column), value / at), "y": column / size}
         self.place.location = value / at
