@@ -17,6 +17,7 @@ NEAR = (0.5, 1.2, 2.2, 3.4)  # distances of a label from its point, in heights o
 SIDES = tuple(
     side for side in product((1, -1, 0, 0.5, -0.5), (1, -1, 0)) if abs(side[0]) + side[1] ** 2 >= 1
 )
+PAD = 1.5  # pt, about a label
 DOT = 4.0  # pt: the smallest dot that is seen in a legend
 TAKEN, OUTSIDE = 1e4, 1e5  # what a place costs that lies on another text, or outside the axes
 
@@ -73,7 +74,7 @@ def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
     taken = [np.array([*(point - radius), *(point + radius)]) for point in points]
     found = []
     for mark, point in zip(marks, points, strict=True):
-        extent = scale * np.array(text_size(mark.text, size))
+        extent = scale * (np.array(text_size(mark.text, size)) + PAD)
         best, cost, away = taken[0], np.inf, np.zeros(2)
         for far, side in product(NEAR, SIDES):
             shift = np.trunc(side) * (radius + (far - 0.5) * scale * size)
