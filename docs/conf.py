@@ -38,6 +38,8 @@ math_eqref_format = "({number})"
 
 html_theme = "pydata_sphinx_theme"
 html_title = "mems_impact"
+html_static_path = ["static"]
+html_css_files = ["formulas.css"]
 html_show_sourcelink = False
 html_theme_options = {
     "navigation_with_keys": False,

@@ -47,7 +47,7 @@ mi.plot_orbit(orbit, x="x", y="v").figure.savefig("orbits_and_saltation.png")
 
 # %%
 # For this impact the determinant of :math:`S` is :math:`e^2`, and that of the flow over a period
-# :math:`\\exp(-cT)`. So the product of the multipliers is known, whatever the orbit does in
+# :math:`\exp(-cT)`. So the product of the multipliers is known, whatever the orbit does in
 # between:
 
 product = np.prod(orbit.multipliers).real
