@@ -7,6 +7,10 @@ from pathlib import Path
 
 import click
 
+from mems_impact.cli.everywhere import quiet
+from mems_impact.cli.failures import say
+from mems_impact.cli.showing import Told, show, show_text, tell_values
+
 BUILD = "python -m sphinx docs docs/_build/html"
 CLOSE = 5  # how many names are told where a word is none of them
 
@@ -30,12 +34,13 @@ def command(*, word: str | None, text: bool) -> None:
     site = built_site()
     if not text and site is not None:
         address = page(site, word)
-        click.echo(address)
+        tell_values({"address": Told(address)})
+        show(address)
         webbrowser.open(address)
         return
-    click.echo_via_pager(told(word))
-    if site is None and not text:
-        click.echo(f"as a site with pictures: {BUILD}, in a clone", err=True)
+    show_text(told(word))
+    if site is None and not text and not quiet():
+        say(f"as a site with pictures: {BUILD}, in a clone")
 
 
 def built_site() -> Path | None:

@@ -77,6 +77,13 @@ def show(text: str) -> None:
         click.echo(text)
 
 
+def show_text(text: str) -> None:
+    """Show a long text, page by page on a terminal."""
+    tell_values({"text": Told(text)})
+    if not as_json() and not quiet():
+        click.echo_via_pager(text)
+
+
 def show_table(name: str, table: pd.DataFrame, digits: int, *, empty: str = "") -> None:
     """Show a table with its units in the headings, or the text `empty` if it has no row."""
     if as_json():
