@@ -39,7 +39,7 @@ class Bifurcation:
     def show(self, picture: Picture) -> None:
         """Show where another run stands."""
         system, name = picture.system, picture.setting.parameter
-        if self.diagram is None:
+        if self.diagram is None or self.diagram.asked.setting.parameter != name:
             return  # the axes are those of the diagram
         value = system.value(name)
         column = picture.section.get(self.diagram.state, np.empty(0))
