@@ -41,9 +41,9 @@ oscillator = mi.System(
 quiet = mi.find_orbit(oscillator, transient=200)
 
 # %%
-# The branch of the quiet orbit ends where its largest deflection is the gap. It goes on as an orbit
-# with an impact, which lies on the *other* side: unstable, back towards smaller forcing. The
-# largest multiplier tells of the square root: it is without bound at the grazing.
+# The quiet orbit ends where its largest deflection is the gap. The branch goes on as an orbit with
+# one impact, unstable at first, since the largest multiplier is without bound at the grazing: that
+# is the square root. It becomes stable at a period doubling (PD), far away.
 
 branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]
