@@ -14,12 +14,12 @@ import numpy as np
 from mems_impact.hybrid.portable import same_function
 from mems_impact.wording import html_table
 
-__all__ = ["Shown", "Value", "same"]
+__all__ = ["Summarized", "Value", "same"]
 
 KEPT = "_kept"  # what a result that came without its system's functions brought along
 
 
-class Shown:
+class Summarized:
     """What a notebook shows as a small table."""
 
     def summary(self) -> dict[str, Any]:
@@ -31,7 +31,7 @@ class Shown:
         return html_table(type(self).__name__, self.summary())
 
 
-class Value(Shown):
+class Value(Summarized):
     """What a result can do beside what it tells.
 
     Two results are equal if they are of one kind, and their systems, options and arrays are. They

@@ -17,7 +17,7 @@ R = TypeVar("R")
 Result = TypeVar("Result", covariant=True)
 
 
-class Model(Protocol):
+class Drivable(Protocol):
     """What makes a system, given what drives it."""
 
     def under(self, drive: Any) -> System:
@@ -41,10 +41,12 @@ class Verb(Protocol[P, Result]):
     def __call__(self, system: System | Done, /, *rest: P.args, **named: P.kwargs) -> Result: ...
 
     @overload
-    def __call__(self, model: Model, drive: Any, /, *rest: P.args, **named: P.kwargs) -> Result: ...
+    def __call__(
+        self, model: Drivable, drive: Any, /, *rest: P.args, **named: P.kwargs
+    ) -> Result: ...
 
     @overload
-    def __call__(self, model: Model, /, *, drive: Any, **named: Any) -> Result: ...
+    def __call__(self, model: Drivable, /, *, drive: Any, **named: Any) -> Result: ...
 
     @overload
     def __call__(self, /, **named: Any) -> Result: ...

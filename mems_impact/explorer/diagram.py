@@ -13,10 +13,10 @@ import mems_impact as mi
 from mems_impact.analysis.system import System
 from mems_impact.explorer.dials import Dial, allowed_range
 from mems_impact.explorer.latest import Watch
-from mems_impact.explorer.setting import Setting, unit_of_time
+from mems_impact.explorer.setting import PageSetting, unit_of_time
 from mems_impact.explorer.subject import Subject
 
-__all__ = ["COARSE", "FINE", "Asked", "Diagram", "diagram_of", "sweep_arguments"]
+__all__ = ["COARSE", "FINE", "Asked", "BifurcationDiagram", "diagram_of", "sweep_arguments"]
 
 COARSE, FINE = 41, 161  # values of the parameter
 TRANSIENT, PERIODS = 60, 16  # forcing periods at each, or units of time
@@ -24,7 +24,7 @@ MOST_ROWS = 40_000  # that are drawn
 
 
 @dataclass(frozen=True, kw_only=True)
-class Diagram:
+class BifurcationDiagram:
     """A parameter varied slowly, up and down.
 
     Attributes
@@ -56,12 +56,12 @@ class Asked:
 
     Attributes
     ----------
-    setting : Setting
+    setting : PageSetting
     points : int
         Number of values of the parameter.
     """
 
-    setting: Setting
+    setting: PageSetting
     points: int
 
     @property
@@ -76,7 +76,9 @@ class Asked:
         return replace(self, points=FINE)
 
 
-def sweep_arguments(system: System, setting: Setting, dial: Dial, points: int) -> dict[str, Any]:
+def sweep_arguments(
+    system: System, setting: PageSetting, dial: Dial, points: int
+) -> dict[str, Any]:
     """Return what `mems_impact.sweep` is called with, beside the system."""
     low, high = allowed_range(system, setting.parameter, dial.low, dial.high)
     value = system.value(setting.parameter)
@@ -89,7 +91,9 @@ def sweep_arguments(system: System, setting: Setting, dial: Dial, points: int) -
     return {"parameter": setting.parameter, "values": values, "direction": "both", **spans}
 
 
-def diagram_of(subject: Subject, asked: Asked, dial: Dial, watch: Watch | None = None) -> Diagram:
+def diagram_of(
+    subject: Subject, asked: Asked, dial: Dial, watch: Watch | None = None
+) -> BifurcationDiagram:
     """Sweep the parameter of a setting over its slider.
 
     Parameters
@@ -107,4 +111,4 @@ def diagram_of(subject: Subject, asked: Asked, dial: Dial, watch: Watch | None =
     reasons = table.loc[table["status"] != "ok", "status"]
     failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""
     states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
-    return Diagram(asked=asked, table=table, state=states[0], failed=failed)
+    return BifurcationDiagram(asked=asked, table=table, state=states[0], failed=failed)

@@ -18,7 +18,7 @@ from mems_impact.analysis.system import System
 from mems_impact.explorer.diagram import FINE, sweep_arguments
 from mems_impact.explorer.dials import Dial
 from mems_impact.explorer.picture import run_length
-from mems_impact.explorer.setting import Setting, unit_of_time
+from mems_impact.explorer.setting import PageSetting, unit_of_time
 from mems_impact.explorer.subject import OPTIONS, Subject
 
 __all__ = ["device_file", "python_of", "run_picture"]
@@ -27,13 +27,13 @@ DPI = 200
 LINE = 96
 
 
-def python_of(subject: Subject, setting: Setting, dial: Dial | None) -> str:
+def python_of(subject: Subject, setting: PageSetting, dial: Dial | None) -> str:
     """Return a script that makes the run of a setting, its orbit, its diagram and their pictures.
 
     Parameters
     ----------
     subject : Subject
-    setting : Setting
+    setting : PageSetting
     dial : Dial or None
         Of the parameter of the diagram; None for a system without parameters.
     """
@@ -93,7 +93,7 @@ def _options(subject: Subject) -> list[str]:
     return [f"options=mi.{options!r}"]
 
 
-def _sweep(system: System, setting: Setting, dial: Dial, options: list[str]) -> Iterator[str]:
+def _sweep(system: System, setting: PageSetting, dial: Dial, options: list[str]) -> Iterator[str]:
     given = sweep_arguments(system, setting, dial, FINE)
     name, values = given.pop("parameter"), given.pop("values")
     low, high = float(values[0]), float(values[-1])

@@ -15,7 +15,7 @@ from mems_impact.analysis.run import Run
 from mems_impact.analysis.system import System
 from mems_impact.explorer.latest import Watch
 from mems_impact.explorer.motion import Motion, counts_of, motion_of, times_of
-from mems_impact.explorer.setting import TIME, Setting, unit_of_time
+from mems_impact.explorer.setting import TIME, PageSetting, unit_of_time
 from mems_impact.explorer.subject import Subject
 from mems_impact.hybrid.trajectory import Floats
 
@@ -65,7 +65,7 @@ class Picture:
 
     Attributes
     ----------
-    setting : Setting
+    setting : PageSetting
     run : Run
     motion : Motion
         The last part of the run.
@@ -81,7 +81,7 @@ class Picture:
         How long it took to compute.
     """
 
-    setting: Setting
+    setting: PageSetting
     run: Run = field(repr=False)
     motion: Motion = field(repr=False)
     voltages: tuple[Floats, ...] = field(repr=False)
@@ -104,13 +104,13 @@ class Picture:
         return tuple((t0, t1) for mode, t0, t1 in stretches if not mode.startswith("stuck"))
 
 
-def picture_of(subject: Subject, setting: Setting, watch: Watch | None = None) -> Picture:
+def picture_of(subject: Subject, setting: PageSetting, watch: Watch | None = None) -> Picture:
     """Run the system of a setting and gather what is shown of it.
 
     Parameters
     ----------
     subject : Subject
-    setting : Setting
+    setting : PageSetting
     watch : callable, optional
         Called while the run goes on; what it raises ends it.
 
@@ -146,21 +146,21 @@ def picture_of(subject: Subject, setting: Setting, watch: Watch | None = None) -
     )
 
 
-def run_length(system: System, setting: Setting, unit: float) -> dict[str, Any]:
+def run_length(system: System, setting: PageSetting, unit: float) -> dict[str, Any]:
     """Return the length of the run as `simulate` takes it."""
     if system.forced:
         return {"periods": setting.length}
     return {"duration": setting.length * unit}
 
 
-def states_shown(system: System, setting: Setting) -> tuple[str, ...]:
+def states_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
     """Return the states that any part of the page shows, those over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
     names = (*over_time, setting.x, setting.y, *system.shown[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
 
 
-def series_shown(system: System, setting: Setting) -> tuple[str, ...]:
+def series_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
     """Return the states that are shown over time."""
     return states_shown(system, setting)[:2]
 

@@ -14,7 +14,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.subject import Subject
 from mems_impact.wording import label
 
-__all__ = ["LONGEST", "SHORTEST", "Setting", "address_of", "first_setting", "setting_at"]
+__all__ = ["LONGEST", "SHORTEST", "PageSetting", "address_of", "first_setting", "setting_at"]
 
 SHORTEST, LONGEST = 1.0, 1000.0  # of a run, in forcing periods or units of time
 USUAL = 100.0
@@ -23,7 +23,7 @@ TIME = "t"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setting:
+class PageSetting:
     """What a page shows.
 
     Attributes
@@ -47,7 +47,7 @@ class Setting:
     x: str
     y: str
 
-    def with_value(self, name: str, value: float) -> Setting:
+    def with_value(self, name: str, value: float) -> PageSetting:
         """Return the setting with another value of a parameter."""
         return replace(self, values={**self.values, name: value})
 
@@ -66,12 +66,12 @@ def unit_of_time(system: System) -> float:
     return period if period is not None else float(system.out("time", system.numbers().period))
 
 
-def first_setting(subject: Subject) -> Setting:
+def first_setting(subject: Subject) -> PageSetting:
     """Return what a page shows whose address says nothing."""
     system = subject.system
     x, y = _plane(system)
     names = tuple(system.parameters)
-    return Setting(
+    return PageSetting(
         values=system.parameters,
         length=USUAL,
         # Of a device that rests there is nothing to see.
@@ -82,13 +82,13 @@ def first_setting(subject: Subject) -> Setting:
     )
 
 
-def address_of(subject: Subject, setting: Setting) -> str:
+def address_of(subject: Subject, setting: PageSetting) -> str:
     """Return the query of a page's address: every number to the last digit."""
     words = {f"{PREFIX}{name}": text for name, text in _words(subject, setting).items()}
     return urlencode({**{name: repr(value) for name, value in setting.values.items()}, **words})
 
 
-def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> Setting:
+def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
     """Return the setting that the query of an address tells; what it leaves out is as at first.
 
     Raises
@@ -126,7 +126,7 @@ def planes(system: System) -> tuple[str, ...]:
     return (*system.states, TIME)
 
 
-def _words(subject: Subject, setting: Setting) -> dict[str, str]:
+def _words(subject: Subject, setting: PageSetting) -> dict[str, str]:
     """Return the page's own words and what they are set to."""
     return {
         word: str(getattr(setting, field)).removesuffix(".0")

@@ -10,7 +10,7 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any
 
-from mems_impact.analysis.values import Shown
+from mems_impact.analysis.values import Summarized
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies import parquet
 from mems_impact.studies.frames import frame
@@ -32,7 +32,7 @@ FIGURES = {
 
 
 @dataclass(frozen=True, eq=False)
-class StoredStudy(Shown):
+class StoredStudy(Summarized):
     """What a store held when it was read.
 
     Attributes

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
 from mems_impact.actuator.modes import V2
 from mems_impact.analysis.moments import Moments
-from mems_impact.analysis.values import Shown
+from mems_impact.analysis.values import Summarized
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.trajectory import Events, Floats
 
@@ -23,7 +23,7 @@ __all__ = ["BlowCounter", "Blows", "EachBlow", "blow_of", "blows", "contacts", "
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blows(Shown):
+class Blows(Summarized):
     """What the blows of a run's window do, in the units of the device.
 
     A blow is an impact, or a sequence of ever weaker impacts on one stopper that ends in rest

@@ -21,7 +21,7 @@ from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import State
-from mems_impact.analysis.values import Shown
+from mems_impact.analysis.values import Summarized
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Events, Floats
@@ -382,7 +382,7 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Window(Shown):
+class Window(Summarized):
     """The voltages between which an orbit lasts.
 
     Attributes

@@ -16,7 +16,7 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
-from mems_impact.analysis.values import Shown
+from mems_impact.analysis.values import Summarized
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, MemsImpactError
 from mems_impact.hybrid.trajectory import Floats
@@ -48,7 +48,7 @@ REMEDIES: dict[Verdict, str] = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit(Shown):
+class Fit(Summarized):
     """A fitted actuator, and how well it is known.
 
     Attributes

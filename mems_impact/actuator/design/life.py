@@ -12,7 +12,7 @@ from mems_impact.actuator.design.summing import accounted_problem
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.state import is_number
-from mems_impact.analysis.values import Shown
+from mems_impact.analysis.values import Summarized
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 
@@ -20,7 +20,7 @@ __all__ = ["Life", "life", "normal_force"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Life(Shown):
+class Life(Summarized):
     """What wears a device, and for how long it lasts, in the units of the device.
 
     Attributes

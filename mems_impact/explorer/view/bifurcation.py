@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from bokeh.models import Span
 
-from mems_impact.explorer.diagram import Diagram
+from mems_impact.explorer.diagram import BifurcationDiagram
 from mems_impact.explorer.magnitudes import told_in
 from mems_impact.explorer.picture import Picture
 from mems_impact.explorer.view.panel import DOWN, UP, new_figure, source, unit_for
@@ -33,7 +33,7 @@ class Bifurcation:
         made.legend.location = "top_left"
         made.legend.background_fill_alpha = 0.6
         made.title.text_font_style = "normal"
-        self.diagram: Diagram | None = None
+        self.diagram: BifurcationDiagram | None = None
         self.units = 1.0, 1.0
 
     def show(self, picture: Picture) -> None:
@@ -47,7 +47,7 @@ class Bifurcation:
         self.here.data = {"x": np.full(len(column), value / at), "y": column / size}
         self.place.location = value / at
 
-    def show_diagram(self, diagram: Diagram, picture: Picture) -> None:
+    def show_diagram(self, diagram: BifurcationDiagram, picture: Picture) -> None:
         """Show another diagram, and where the run stands in it."""
         self.diagram = diagram
         system, name = picture.system, diagram.asked.setting.parameter

@@ -10,7 +10,7 @@ from bokeh.layouts import column, row
 from bokeh.models import Button, CustomJS, Div, PrintfTickFormatter, Select, Slider
 
 from mems_impact.explorer.dials import Dial
-from mems_impact.explorer.setting import LONGEST, Setting, length_word, planes
+from mems_impact.explorer.setting import LONGEST, PageSetting, length_word, planes
 from mems_impact.explorer.subject import Subject
 
 __all__ = ["Controls"]
@@ -28,7 +28,7 @@ class Controls:
     ----------
     subject : Subject
     dials : tuple of Dial
-    setting : Setting
+    setting : PageSetting
         That they begin with.
     changed : callable
         ``changed(change)`` is called with a function from the setting to the one that is wanted.
@@ -40,8 +40,8 @@ class Controls:
         self,
         subject: Subject,
         dials: tuple[Dial, ...],
-        setting: Setting,
-        changed: Callable[[Callable[[Setting], Setting]], None],
+        setting: PageSetting,
+        changed: Callable[[Callable[[PageSetting], PageSetting]], None],
         save: Callable[[str], None],
     ) -> None:
         self._changed = changed
@@ -83,7 +83,7 @@ class Controls:
         made.js_on_change("value", CustomJS(code=MOVED))
         return made
 
-    def _length(self, setting: Setting, word: str) -> Slider:
+    def _length(self, setting: PageSetting, word: str) -> Slider:
         made = Slider(
             title=word, value=setting.length, start=min(LENGTHS, setting.length),
             end=max(MOST, min(setting.length, LONGEST)), step=LENGTHS, sizing_mode=WIDE,

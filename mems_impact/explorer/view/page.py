@@ -17,7 +17,7 @@ from bokeh.models import ColumnDataSource, CustomJS, Div
 
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter, MemsImpactError
-from mems_impact.explorer.diagram import COARSE, Asked, Diagram, diagram_of
+from mems_impact.explorer.diagram import COARSE, Asked, BifurcationDiagram, diagram_of
 from mems_impact.explorer.dials import Dial
 from mems_impact.explorer.export import device_file, python_of, run_picture
 from mems_impact.explorer.floquet import Floquet, floquet_of
@@ -25,7 +25,7 @@ from mems_impact.explorer.latest import Latest, Watch
 from mems_impact.explorer.picture import PER_PERIOD, Picture, picture_of, series_shown
 from mems_impact.explorer.setting import (
     TIME,
-    Setting,
+    PageSetting,
     address_of,
     first_setting,
     length_word,
@@ -90,7 +90,7 @@ class Page:
         for thread in (self.pictures, self.orbits, self.diagrams, self.drawings):
             thread.stop()
 
-    def change(self, change: Callable[[Setting], Setting]) -> None:
+    def change(self, change: Callable[[PageSetting], PageSetting]) -> None:
         """Compute the picture of a changed setting."""
         self.setting = change(self.setting)
         self._refused = False
@@ -188,7 +188,7 @@ class Page:
             return
         self.message.text = text
 
-    def _show(self, setting: Setting, picture: Picture) -> None:
+    def _show(self, setting: PageSetting, picture: Picture) -> None:
         """Draw a run."""
         self.picture = picture
         self.document.hold("combine")
@@ -235,10 +235,10 @@ class Page:
     def _show_orbit(self, picture: Picture, floquet: Floquet) -> None:
         self.multipliers.show(floquet)
 
-    def _diagram(self, asked: Asked, watch: Watch) -> Diagram:
+    def _diagram(self, asked: Asked, watch: Watch) -> BifurcationDiagram:
         return diagram_of(self.subject, asked, self.dials[asked.setting.parameter], watch)
 
-    def _show_diagram(self, asked: Asked, diagram: Diagram) -> None:
+    def _show_diagram(self, asked: Asked, diagram: BifurcationDiagram) -> None:
         if self.bifurcation is None or self.picture is None or asked.key != self._diagram_asked:
             return
         self.bifurcation.show_diagram(diagram, self.picture)
