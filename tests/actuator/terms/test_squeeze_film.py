@@ -12,7 +12,7 @@ import mems_impact as mi
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.modes import X2
 
-pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.warnings.ValidityWarning")
 
 INTERPRETED = mi.Options(engine="interpreted", rtol=1e-10, atol=1e-12)
 ZHAO = mi.load_actuator("zhao2004")
@@ -232,7 +232,7 @@ def test_a_run_is_kept_with_its_film(tmp_path):
     assert loaded.samples(4).equals(run.samples(4))
 
 
-@pytest.mark.filterwarnings("default::mems_impact.errors.ValidityWarning")
+@pytest.mark.filterwarnings("default::mems_impact.warnings.ValidityWarning")
 def test_a_run_beyond_what_holds_says_so_once():
     def told(speed, **changes):
         device, start = ZHAO.adding(FILM.replace(**changes)), mi.State(v2=speed)
