@@ -198,6 +198,7 @@ class Stretching:
         try:
             while status == loop.PAUSED:
                 status = self._bound.call(
+                    stretch,
                     clock,
                     work,
                     self._at,
