@@ -130,7 +130,10 @@ def systems() -> mi.System:
 
 
 def orbits(system: mi.System, actuator: mi.Actuator, drive: mi.Drive) -> None:
-    assert_type(mi.simulate(system, duration=3.0), mi.Run)
+    run = assert_type(mi.simulate(system, duration=3.0), mi.Run)
+    with mi.style({}):
+        moving = assert_type(mi.animate(run), mi.Animation)
+    moving.save("run.gif")
     orbit = assert_type(mi.find_orbit(system), mi.Orbit)
     assert_type(mi.find_orbit(actuator, drive), ActuatorOrbit)
     branch = assert_type(mi.continue_orbit(orbit, "A", 1.0, steps=mi.Steps()), mi.Branch)

@@ -118,10 +118,12 @@ def test_sweep(parameter, tmp_path):
     axes = mi.plot_sweep(scaled).figure.axes
     assert axes[-1].get_xlabel().endswith(f"[{unit}]")
     units = [re.search(r"\[.*\]", ax.get_ylabel()).group() for ax in axes]
-    assert units == ["[m/s]", "[m]", "[m/s]"]
+    assert units == ["[mm/s]", "[nm]", "[nm/s]"]
+    shown = axes[0].lines[0].get_ydata()  # of which the numbers on the axis are told in thousandths
+    assert set(np.round(shown, 12)) <= set(np.round(scaled["v2"], 12))
 
 
 def test_plot_of_a_run(pair):
     block, frame = mi.plot_run(pair[1]).figure.axes
-    assert "[m]" in block.get_ylabel()
-    assert "[m]" in frame.get_ylabel()
+    assert "[µm]" in block.get_ylabel()
+    assert "[nm]" in frame.get_ylabel()
