@@ -28,7 +28,7 @@ from mems_impact.hybrid.perturbed import (
 )
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.run import run
-from mems_impact.hybrid.stretching import STRETCHING
+from mems_impact.hybrid.stretching import STRETCHING, stretch
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
 

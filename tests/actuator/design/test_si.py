@@ -126,4 +126,4 @@ def test_sweep(parameter, tmp_path):
 def test_plot_of_a_run(pair):
     block, frame = mi.plot_run(pair[1]).figure.axes
     assert "[µm]" in block.get_ylabel()
-    assert "[nm]" in frame.get_ylabel()
+    assert "[µm]" in frame.get_ylabel()
