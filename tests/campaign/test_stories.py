@@ -37,6 +37,7 @@ for name in sys.argv[1]:
 """
 
 
+@pytest.mark.slow
 def test_two_automata_from_the_cache_do_not_take_each_other_for_themselves(tmp_path):
     """Found by run 10 of the first 20 of seed 1, whose numbers were those of another drive.
 

@@ -18,6 +18,7 @@ def test_every_term_is_tried():
     assert terms.unjudged() == []
 
 
+@pytest.mark.slow
 def test_without_terms_it_meets_the_judge_of_the_papers_equations():
     device = {
         "m1": 5.0,

@@ -32,6 +32,7 @@ def test_another_branch_crosses():
         mi.continue_curve(crossing, "b", 1.0)
 
 
+@pytest.mark.slow
 def test_the_branch_that_crosses_turns_round_there_in_no_fold():
     off = mi.find_orbit(SYMMETRIC.changed(a=0.5), periods=1)
     assert off.state.x > 0.1

@@ -40,6 +40,7 @@ def values(branch, kind):
     return [special.value for special in branch.special_points if special.kind == kind]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["from rest", "from impacts"])
 def test_special_points_at_half_from_either_side(name):
     if name == "from rest":

@@ -24,6 +24,7 @@ ORBITS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ORBITS)
 def test_gradients_of_guards_and_lengths(name):
     orbit = ORBITS[name]()

@@ -164,6 +164,7 @@ MODULE = "mems_impact/hybrid/sums.py"
 FILE = "tests/test_sums.py"
 
 
+@pytest.mark.slow
 def test_a_trial(project, tmp_path):
     """Tests are watched; what they run is noticed, the spare product is not; nothing is left."""
     trial = Copy.make(project, tmp_path / "copy")
