@@ -20,6 +20,8 @@ class Served:
             [*command, "--port", "0", "--no-browser"],
             cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+            # A shell has what it puts into the background ignore Ctrl-C.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )  # fmt: skip
         line = self.process.stdout.readline()
         assert "http://127.0.0.1:" in line, self.process.stderr.read()
