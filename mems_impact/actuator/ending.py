@@ -5,18 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Any
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
-from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS
+from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.ledger import NO_LEDGER
+from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis import given
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.columns import weight_of
+from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Numbers
 from mems_impact.hybrid.record import ENDS
+from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.written import RATE_STEP, function, named
+from mems_impact.units import Scales
 
 __all__ = ["EndedSystem", "ended"]
 
@@ -31,6 +37,39 @@ class EndedSystem(ActuatorSystem):
     """
 
     until: Function
+    _unended: ActuatorSystem
+
+    def _key(self) -> tuple[Any, ...]:
+        return *super()._key(), self.until
+
+    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
+        other = super()._with(actuator, drive, scales)
+        other.until, other._unended = self.until, self._unended._with(actuator, drive, scales)
+        return other
+
+    def restored(
+        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
+    ) -> ActuatorSystem:
+        """Return the system at the values of a file, and in the scales in which it counted."""
+        return ended(self._unended.restored(values, scales, typical), self.until)
+
+    @property
+    def told_by_numbers(self) -> bool:
+        """Never: a file cannot hold the function."""
+        return False
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where the function is defined, and those of the drive that are not the package's own."""
+        return {**super().functions, "until": reference(self.until)}
+
+    def ending(self, until: Function) -> EndedSystem:
+        """Return the actuator whose runs end by another function."""
+        return ended(self._unended, until)
+
+    def with_energy(self) -> NoReturn:
+        """Refuse: its studies run to no end of their own."""
+        raise InvalidParameter("until", self.until, "", problem=NO_LEDGER)
 
     @property
     def automaton(self) -> Automaton:
@@ -68,7 +107,7 @@ def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
     other = object.__new__(EndedSystem)
     other._put(system.actuator, system.drive, system.scales)
     other.until = until
-    vars(other)["_unended"] = system
+    other._unended = system
     return other
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, NoReturn
 
 from mems_impact.actuator.accounting import accounts, sum_of, summing_automaton
 from mems_impact.actuator.composing import SCRATCH
@@ -16,10 +16,13 @@ from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import TermKind
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.state import State, state_from
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Instant
 
-__all__ = ["LedgerSystem"]
+__all__ = ["NO_LEDGER", "LedgerSystem"]
+
+NO_LEDGER = "account of the energy is kept by studies, whose runs end by no function"
 
 
 class LedgerSystem(ActuatorSystem):
@@ -52,6 +55,10 @@ class LedgerSystem(ActuatorSystem):
         electrodes = 1 if self.drive.left_voltage is None else 2
         given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
         return (*super().studied, given)
+
+    def ending(self, until: Callable[..., float]) -> NoReturn:
+        """Refuse: runs of studies end by no function."""
+        raise InvalidParameter("until", until, "", problem=NO_LEDGER)
 
     def state_of(self, instant: Instant) -> State:
         """Return an instant as a state of the actuator: without the sums."""

@@ -19,10 +19,11 @@ from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
 from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.ending import EndedSystem
 from mems_impact.actuator.ledger import LedgerSystem
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.system import ActuatorSystem, kind_of, own_functions
+from mems_impact.actuator.system import ActuatorSystem, kind_of
 from mems_impact.actuator.terms.files import table_of as term_table
 from mems_impact.actuator.terms.files import term_of
 from mems_impact.actuator.units import DeviceScales
@@ -80,7 +81,7 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),
         "scales": system.scales,
-        "told": description(system, own_functions(system.drive)) if own else None,
+        "told": description(system, system.functions) if own else None,
     }
 
 
@@ -99,6 +100,7 @@ def _ledger(system: System) -> System:
 
 
 register(ActuatorSystem, parts=_parts, reading=_system)
+register(EndedSystem, parts=_parts, reading=_system)
 register(LedgerSystem, parts=_parts, reading=lambda parts, reader: _ledger(_system(parts, reader)))
 register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
 register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})

@@ -27,6 +27,42 @@ def test_the_frame_comes_to_a_place():
     assert pickle.loads(pickle.dumps(run)).final == run.final
 
 
+def test_a_run_of_it_in_a_file(tmp_path):
+    zhao = mi.load_actuator("zhao2004")
+    run = mi.simulate(zhao, DRIVE, until=arrived, initial=mi.kicked(zhao))
+    place = tmp_path / "run.mi"
+    run.save(place)
+    there = mi.load(place)
+    assert there.ended == "until"
+    assert there.final.as_dict() == run.final.as_dict()
+    assert there.system.functions == {"until": f"{__name__}:arrived"}
+    assert mi.load(place, system=run.system) == run
+    with pytest.raises(mi.InvalidParameter, match=r"system\.ending\(until\)"):
+        mi.load(place, system=run.system.unended)
+
+
+def test_other_values_and_other_functions():
+    zhao = mi.load_actuator("zhao2004")
+    start = mi.kicked(zhao)
+    system = mi.simulate(zhao, DRIVE, until=arrived, initial=start).system
+    run = mi.simulate(system.changed(e=0.4), initial=start)
+    assert run.ended == "until"
+    assert run.final.x1 == pytest.approx(0.01 * zhao.delta, rel=1e-12)
+    assert system != system.changed(e=0.4)
+
+    def further(mode, t, y, p):
+        return 0.02 * p.delta - y.x1
+
+    other = system.ending(further)
+    assert system != other
+    run = mi.simulate(other, initial=start)
+    assert run.final.x1 == pytest.approx(0.02 * zhao.delta, rel=1e-12)
+    with pytest.raises(mi.InvalidParameter, match="account of the energy"):
+        system.with_energy()
+    with pytest.raises(mi.InvalidParameter, match="account of the energy"):
+        system.unended.with_energy().ending(further)
+
+
 @pytest.mark.slow
 def test_a_device_in_si_units_with_a_term():
     mita = mi.load_actuator("mita2003").adding(mi.Tilt(angle=0.1))
