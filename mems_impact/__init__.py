@@ -15,12 +15,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.duty import Duty, duty_cycle
     from mems_impact.actuator.design.energy import Energy, energy
     from mems_impact.actuator.design.estimates import (
-        Window,
-        period_one_window,
         pull_in_voltage,
-        resolution,
         resting_voltage,
-        speed_over_voltage,
         step_length,
         step_lengths,
     )
@@ -29,7 +25,9 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.load import LoadCurve, load_curve
     from mems_impact.actuator.design.response import frequency_response, impact_onset
     from mems_impact.actuator.design.ring_down import RingDown, ring_down
+    from mems_impact.actuator.design.speeds import resolution, speed_over_voltage
     from mems_impact.actuator.design.targets import Target
+    from mems_impact.actuator.design.window import Window, period_one_window
     from mems_impact.actuator.drive import *  # noqa: F403
     from mems_impact.actuator.drive import Drive, load_drive
     from mems_impact.actuator.figures.chart import plot_chart
@@ -330,15 +328,13 @@ _HOMES = {
     "actuator.figures.response": ("plot_response",),
     "actuator.design.load": ("LoadCurve", "load_curve"),
     "actuator.design.estimates": (
-        "Window",
-        "period_one_window",
         "pull_in_voltage",
-        "resolution",
         "resting_voltage",
-        "speed_over_voltage",
         "step_length",
         "step_lengths",
     ),
+    "actuator.design.speeds": ("resolution", "speed_over_voltage"),
+    "actuator.design.window": ("Window", "period_one_window"),
     "actuator.design.fit": ("Fit", "fit"),
     "analysis.parts.friction": ("Friction", "Stribeck"),
     "analysis.parts.part": ("Part",),

@@ -60,8 +60,10 @@ INTERRUPTIONS = [
 
 
 def test_all_errors_are_listed_and_pickled():
+    parts = (errors.base, errors.given, errors.running)
+    assert {name for part in parts for name in part.__all__} == set(errors.__all__)
     own = set()
-    for module in (errors, interruptions):
+    for module in (*parts, interruptions):
         found = vars(module).values()
         of_module = {
             kind for kind in found if isinstance(kind, type) and kind.__module__ == module.__name__

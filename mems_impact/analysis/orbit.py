@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.analysis.defects import sentence
 from mems_impact.analysis.extremes import largest_values
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.run import check_direction
@@ -24,7 +25,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples
 from mems_impact.hybrid.unguarded import unguarded
-from mems_impact.orbits.orbit import Defect, PeriodicOrbit
+from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.tables import run as tables
 from mems_impact.tables.common import CHATTER_ENDS, DRIVE_SWITCHES
@@ -143,7 +144,7 @@ class Orbit(Value):
     @property
     def defects(self) -> tuple[str, ...]:
         """In words, how the solution violates the rules of the system."""
-        return tuple(self._sentence(defect) for defect in self.found.defects)
+        return tuple(sentence(self.system, self.found, defect) for defect in self.found.defects)
 
     @property
     def residual(self) -> float:
@@ -385,30 +386,11 @@ class Orbit(Value):
                 yield segment.cycle, offset.copy(), run(problem, begin, length)
             offset[cyclic] += found.point.arcs[i].end[cyclic]
 
-    def _sentence(self, defect: Defect) -> str:
-        segment, modes = self.found.segments[defect.segment], self.system.modes
-        where = f"segment {defect.segment} ({modes[segment.mode]})"
-        unit, time = self.system.margin_factor(defect.guard), self.system.factor("time")
-        value = f"{defect.value * (unit / time if defect.kind == 'reversed' else unit):.3g}"
-        match defect.kind:
-            case "missed":
-                return f"{where} passes the {defect.guard} without it, by {value}"
-            case "reversed":
-                return f"{where} ends with a {defect.guard} from the wrong side, at speed {value}"
-            case "mode":
-                return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
-            case "order":
-                return f"{where} ends before it starts, by {-defect.value * time:.3g}"
-        return f"{where}: {defect.guard}, {defect.kind}, {value}"
-
     def _what_ends(self, code: int) -> str:
         automaton = self.system.automaton
-        if code == BOUNDARY:
-            return PERIOD_ENDS
-        if code == automaton.switch_code:
-            return DRIVE_SWITCHES
-        m = len(automaton.guards)
-        return automaton.guards[code].name if code < m else CHATTER_ENDS
+        names = {BOUNDARY: PERIOD_ENDS, automaton.switch_code: DRIVE_SWITCHES}
+        names |= {number: guard.name for number, guard in enumerate(automaton.guards)}
+        return names.get(code, CHATTER_ENDS)
 
 
 def orbit_of(system: System, found: PeriodicOrbit) -> Orbit:

@@ -53,12 +53,12 @@ def page(site: Path, word: str | None) -> str:
     """Return the address of the page on a word: of the reference, of its own, or of a search."""
     if word is None:
         return (site / "index.html").as_uri()
-    names = [*filter(None, [public(word)])]
-    candidates = [
-        site / "reference" / f"mems_impact.{n}{e}.html" for n in names for e in ("-class", "")
-    ]
     topic = word.lower().replace(" ", "_").replace("-", "_")
-    candidates += [site / f"{topic}.html", *sorted(site.glob(f"*/*{topic}*.html"))]
+    candidates = [site / f"{topic}.html", *sorted(site.glob(f"*/*{topic}*.html"))]
+    name = public(word)
+    if name is not None:
+        kinds = (f"mems_impact.{name}-class.html", f"mems_impact.{name}.html")
+        candidates = [*(site / "reference" / kind for kind in kinds), *candidates]
     for candidate in candidates:
         if candidate.is_file():
             return candidate.as_uri()

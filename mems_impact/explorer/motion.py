@@ -13,12 +13,10 @@ import numpy as np
 
 from mems_impact.analysis.run import Run
 from mems_impact.hybrid.trajectory import Events, Floats
+from mems_impact.plotting.motion import SMALL, interleaved
 from mems_impact.tables.common import is_shown
 
 __all__ = ["Motion", "counts_of", "motion_of", "times_of"]
-
-SMALL = 1e-9  # a jump that is none, as a part of the largest value
-SAME = 1e-12  # instants that are one, as a part of the time shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,20 +108,10 @@ def _joined(
     time: Floats, y: Floats, instants: Floats, before: Floats, after: Floats, jumps: np.ndarray
 ) -> tuple[Floats, Floats]:
     """Return samples and transitions as one line, in the order of time."""
-    if not instants.size:
-        return time, y
-    # A sample at the instant of a transition may stand on either side of it.
-    place = np.searchsorted(instants, time)
-    beside = np.stack([np.maximum(place - 1, 0), np.minimum(place, instants.size - 1)])
-    near = np.abs(instants[beside] - time).min(axis=0)
-    apart = near > SAME * (time[-1] - time[0])
-    order = 3 * np.arange(instants.size)
+    kept, order = interleaved(time, instants, jumps)
     gaps = np.full((int(jumps.sum()), y.shape[1]), np.nan)
-    t = np.concatenate([time[apart], instants, instants[jumps], instants])
-    values = np.concatenate([y[apart], before, gaps, after])
-    ranks = np.concatenate([np.full(int(apart.sum()), -1), order, order[jumps] + 1, order + 2])
-    rows = np.lexsort((ranks, t))
-    return t[rows], values[rows]
+    t = np.concatenate([time[kept], instants, instants[jumps], instants])
+    return t[order], np.concatenate([y[kept], before, gaps, after])[order]
 
 
 def _named(names: Sequence[str], t: Floats, values: Floats) -> dict[str, Floats]:

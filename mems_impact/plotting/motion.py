@@ -13,8 +13,8 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.style import LINES, MODE_COLORS, color, thickness
 
 __all__ = [
-    "IMPACT", "between", "check_states", "jump", "line", "mode_styles", "moves", "plane", "shade",
-    "spans",
+    "IMPACT", "SMALL", "between", "check_states", "interleaved", "jump", "line", "mode_styles",
+    "moves", "plane", "shade", "spans",
 ]  # fmt: skip
 
 IMPACT: dict[str, Any] = {
@@ -25,6 +25,7 @@ IMPACT: dict[str, Any] = {
 
 HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
 SMALL = 1e-9  # a jump that is none, as a part of the largest value
+SAME = 1e-12  # instants that are one, as a part of the time shown
 
 
 def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -67,31 +68,53 @@ def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> 
 
     At a transition stand the states before and after it; between them a row of NaN where one jumps.
     """
-    names, period = list(names), samples["t"].iloc[-1] - samples["t"].iloc[0]
-    taken = corners["t"].to_numpy()
-    time = samples["t"].to_numpy()
-    # A sample at the instant of a transition may stand on either side of it.
-    place = np.searchsorted(taken, time)
-    near = np.full(time.size, np.inf)
-    for beside in (place - 1, place):
-        inside = (beside >= 0) & (beside < taken.size)
-        near[inside] = np.minimum(near[inside], np.abs(time[inside] - taken[beside[inside]]))
-    parts = [samples.loc[near > 1e-12 * period, ["t", *names]].assign(
-        mode=samples["mode"].astype(str), order=-1)]  # fmt: skip
+    names, taken = list(names), corners["t"].to_numpy()
     jumps = np.zeros(len(corners), dtype=bool)
     for name in names:
         jumps |= moves(corners, name, samples).to_numpy()
-    order = 3 * np.arange(len(corners))
-    for step, side in enumerate(("before", "after")):
+    kept, order = interleaved(samples["t"].to_numpy(), taken, jumps)
+    sides = []
+    for side in ("before", "after"):
         rows = {name: corners[f"{name} {side}"].to_numpy() for name in names}
         modes = corners[f"mode {side}"].astype(str).to_numpy()
-        parts.append(pd.DataFrame({"t": taken, **rows, "mode": modes, "order": order + 2 * step}))
-    gaps = parts[-1][jumps].assign(order=order[jumps] + 1)
+        sides.append(pd.DataFrame({"t": taken, **rows, "mode": modes}))
+    gaps = sides[1][jumps].copy()
     gaps[names] = np.nan
-    parts.append(gaps)
-    whole = pd.concat([part for part in parts if len(part)], ignore_index=True)
-    whole = whole.iloc[np.lexsort((whole["order"], whole["t"]))].drop(columns="order")
-    return whole.reset_index(drop=True)
+    shown = samples.loc[kept, ["t", *names]].assign(mode=samples["mode"].astype(str))
+    parts = [part for part in (shown, sides[0], gaps, sides[1]) if len(part)]
+    return pd.concat(parts, ignore_index=True).iloc[order].reset_index(drop=True)
+
+
+def interleaved(
+    time: np.ndarray, instants: np.ndarray, jumps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which samples stay, and how a line goes through them and the transitions.
+
+    Parameters
+    ----------
+    time : ndarray
+        Of the samples.
+    instants : ndarray
+        Of the transitions.
+    jumps : ndarray of bool
+        At which of these the line is broken.
+
+    Returns
+    -------
+    tuple of ndarray
+        A mask of the samples that are at no transition, and the order in time of these samples,
+        the sides before transitions, one gap for each jump and the sides after, one behind another.
+    """
+    # A sample at the instant of a transition may stand on either side of it.
+    place, near = np.searchsorted(instants, time), np.full(time.size, np.inf)
+    for beside in (place - 1, place):
+        inside = (beside >= 0) & (beside < instants.size)
+        near[inside] = np.minimum(near[inside], np.abs(time[inside] - instants[beside[inside]]))
+    kept = near > SAME * (time[-1] - time[0])
+    turn = 3 * np.arange(instants.size)
+    ranks = [np.full(int(kept.sum()), -1), turn, turn[jumps] + 1, turn + 2]
+    times = [time[kept], instants, instants[jumps], instants]
+    return kept, np.lexsort((np.concatenate(ranks), np.concatenate(times)))
 
 
 def jump() -> dict[str, Any]:

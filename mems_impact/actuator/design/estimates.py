@@ -1,4 +1,4 @@
-"""Answers to a designer's usual questions: step length, resolution and speed, voltages.
+"""Estimates before a run: the voltages of pull-in and of rest, the length of a step.
 
 Formulas are in the units of the actuator; what they leave out stands with each of them, and
 `step_lengths` sets the formula beside the simulation.
@@ -7,7 +7,6 @@ Formulas are in the units of the actuator; what they leave out stands with each 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,15 +16,9 @@ from mems_impact.actuator import tables
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.at_rest import AtRest, coasting
 from mems_impact.actuator.design.impacts import frame_steps
-from mems_impact.actuator.drive import Drive
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.analysis.state import State
-from mems_impact.analysis.values import Summarized
-from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Events, Floats
-from mems_impact.tables.common import bare
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,12 +27,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorRun
 
 __all__ = [
-    "Window",
-    "period_one_window",
     "pull_in_voltage",
-    "resolution",
     "resting_voltage",
-    "speed_over_voltage",
     "step_length",
     "step_lengths",
 ]
@@ -249,238 +238,3 @@ def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
     ]
     rows = zip(hits.after, *volts, strict=True)
     return np.array([coasting(model, y, v, w, numbers.parameters) for y, v, w in rows])
-
-
-def speed_over_voltage(
-    actuator: Actuator,
-    drive: Drive,
-    amplitudes: ArrayLike,
-    *,
-    parameter: str = "amplitude",
-    transient: int = 300,
-    periods: int = 60,
-    initial: State | None = None,
-    options: Options = Options(),  # noqa: B008 - immutable
-    workers: int | None = None,
-) -> pd.DataFrame:
-    """Return steps and speed over the voltage, from the highest down: what is on stays on.
-
-    Parameters
-    ----------
-    actuator : Actuator
-    drive : Drive
-    amplitudes : array_like
-        Values of the voltage.
-    parameter : str
-        Which voltage of the drive is varied, such as ``"right.amplitude"`` of a two-sided one.
-    transient, periods, initial, options, workers
-        As for `mems_impact.sweep`.
-
-    Returns
-    -------
-    DataFrame
-        One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
-        displacement per period, per impact and per blow, mean speed. A period is that of the
-        drive, of v^2, also where a term makes the sign of the voltage matter.
-
-    See Also
-    --------
-    resolution, load_curve, sweep
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> speeds = mi.speed_over_voltage(
-    ...     actuator, drive, [0.2, 0.24], transient=100, periods=10, initial=mi.kicked(actuator)
-    ... )
-    >>> bool(speeds["mean speed"].is_monotonic_increasing)
-    True
-    """
-    from mems_impact.actuator.system import ActuatorSystem
-    from mems_impact.studies.sweep import sweep
-    from mems_impact.tables.sweep import sweep_summary
-
-    system = ActuatorSystem(actuator, drive)
-    table = sweep(
-        system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
-        initial=initial, options=options, workers=workers,
-    )  # fmt: skip
-    summary = sweep_summary(table).iloc[::-1]
-    share = drive.period / system.forcing_period  # below 1 where a term makes the sign matter
-    return tables.speed(
-        parameter,
-        summary[parameter].to_numpy(),
-        share * summary["impacts per period"].to_numpy(),
-        share * summary["blows per period"].to_numpy(),
-        share * summary["displacement per period"].to_numpy(),
-        drive.period,
-        system,
-    )
-
-
-def resolution(speeds: pd.DataFrame) -> float:
-    """Return the smallest forward step in a table of `speed_over_voltage`.
-
-    Of the voltages with one blow in a forcing period: there, each step is the same.
-
-    Parameters
-    ----------
-    speeds : DataFrame
-
-    Returns
-    -------
-    float
-        Displacement per blow [m].
-
-    Raises
-    ------
-    InvalidParameter
-        If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
-        period that moves the frame forward.
-
-    See Also
-    --------
-    speed_over_voltage, period_one_window
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> speeds = mi.speed_over_voltage(
-    ...     actuator, drive, [0.2, 0.24], transient=300, periods=10, initial=mi.kicked(actuator)
-    ... )
-    >>> f"{mi.resolution(speeds):.2e}"
-    '1.45e-04'
-    """
-    table = bare(speeds)
-    if "displacement per blow" not in table:
-        raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
-    blows, moved = table["blows per period"], table["displacement per blow"]
-    one = np.isclose(blows, 1.0)
-    forward = moved[one & (moved > 0.0)]
-    if forward.empty:
-        problem = _no_step(blows, one)
-        raise InvalidParameter("speeds", None, "", problem=problem)
-    return float(forward.min())
-
-
-def _no_step(blows: pd.Series, one: pd.Series) -> str:
-    """Return why no row of a table tells the resolution."""
-    if one.any():
-        return (
-            f"the frame moves forward at none of the {int(one.sum())} voltages with one blow in a "
-            "period; take a drive that pulls the block to the right"
-        )
-    seen = f", but {blows.min():g} to {blows.max():g}" if blows.notna().any() else ""
-    return (
-        f"no voltage in the table makes one blow in a period{seen}; add voltages at which the "
-        "device walks (see period_one_window), or a longer transient"
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Window(Summarized):
-    """The voltages between which an orbit lasts.
-
-    Attributes
-    ----------
-    low, high : float
-        Amplitudes [V] at the ends.
-    low_kind, high_kind : str
-        What happens there: "grazing", "fold", "period-doubling", …, or "bound" where the search
-        ended.
-    margin : float
-        Half the width over the middle: how far off, relatively, a voltage in the middle may be.
-
-    See Also
-    --------
-    period_one_window
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
-    >>> window.low < drive.amplitude < window.high
-    True
-    """
-
-    low: float
-    high: float
-    low_kind: str
-    high_kind: str
-
-    @property
-    def margin(self) -> float:  # noqa: D102 - above
-        return (self.high - self.low) / (self.high + self.low)
-
-
-def period_one_window(
-    actuator: Actuator,
-    drive: Drive,
-    *,
-    low: float,
-    high: float,
-    guess: State | None = None,
-    transient: int = 300,
-) -> Window:
-    """Return between which amplitudes the stable orbit of one forcing period at `drive` lasts.
-
-    The orbit is continued both ways until it grazes, folds or loses its stability.
-
-    Parameters
-    ----------
-    actuator : Actuator
-    drive : Drive
-        With an ``amplitude`` at which the orbit is stable.
-    low, high : float
-        Where the search ends.
-    guess : State, optional
-        A state that leads to the orbit; a kick by default.
-    transient : int, optional
-        Forcing periods to run before the orbit is read.
-
-    Returns
-    -------
-    Window
-
-    Raises
-    ------
-    OrbitError
-        If the run from the guess does not lead to a stable orbit with impacts.
-
-    See Also
-    --------
-    Window, continue_orbit, operating_chart
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> actuator = mi.load_actuator("zhao2004")
-    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
-    >>> window.low_kind, f"{window.low:.6f}"
-    ('fold', '0.176515')
-    """
-    from mems_impact.actuator.system import kicked
-    from mems_impact.analysis.branch import continue_orbit
-    from mems_impact.analysis.finding import find_orbit
-
-    amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
-    if not low < amplitude < high:
-        raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
-    start = kicked(actuator) if guess is None else guess
-    orbit = find_orbit(actuator, drive, guess=start, periods=1, transient=transient)
-    if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
-        reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
-        raise OrbitError(reason, "take an amplitude inside the window", orbit)
-    ends = []
-    for stop in (low, high):
-        branch = continue_orbit(orbit, "amplitude", stop=stop)
-        first = branch.special_points[0] if branch.special_points else None
-        ends.append((first.value, first.kind) if first is not None else (stop, "bound"))
-    return Window(low=ends[0][0], low_kind=ends[0][1], high=ends[1][0], high_kind=ends[1][1])

@@ -1,0 +1,26 @@
+"""How an orbit violates the rules of its system, in words."""
+
+from __future__ import annotations
+
+from mems_impact.analysis.system import System
+from mems_impact.orbits.orbit import Defect, PeriodicOrbit
+
+__all__ = ["sentence"]
+
+
+def sentence(system: System, found: PeriodicOrbit, defect: Defect) -> str:
+    """Return a defect of an orbit of the system as a sentence, in the units of the user."""
+    segment, modes = found.segments[defect.segment], system.modes
+    where = f"segment {defect.segment} ({modes[segment.mode]})"
+    unit, time = system.margin_factor(defect.guard), system.factor("time")
+    value = f"{defect.value * (unit / time if defect.kind == 'reversed' else unit):.3g}"
+    match defect.kind:
+        case "missed":
+            return f"{where} passes the {defect.guard} without it, by {value}"
+        case "reversed":
+            return f"{where} ends with a {defect.guard} from the wrong side, at speed {value}"
+        case "mode":
+            return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
+        case "order":
+            return f"{where} ends before it starts, by {-defect.value * time:.3g}"
+    return f"{where}: {defect.guard}, {defect.kind}, {value}"
