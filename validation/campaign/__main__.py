@@ -24,6 +24,13 @@ def main() -> int:
         choices=METHODS,
         help="in all runs, in place of Adams and BDF as they are drawn",
     )
+    parser.add_argument(
+        "--interpreted",
+        type=int,
+        default=1,
+        metavar="N",
+        help="one random run in N on the interpreted engine too (two thirds of the time)",
+    )
     parser.add_argument("--small", action="store_true", help="the aimed attacks thinned out, as CI")
     parser.add_argument("--no-aimed", action="store_true", help="the random runs alone")
     parser.add_argument(
@@ -39,7 +46,14 @@ def main() -> int:
             parser.error(f"--only takes a number or one of {', '.join(families.FAMILIES)}")
         return _only(options)
     numbers = range(options.first, options.first + options.runs)
-    outcomes = random_runs(options.seed, numbers, options.workers, show=True, method=options.method)
+    outcomes = random_runs(
+        options.seed,
+        numbers,
+        options.workers,
+        show=True,
+        method=options.method,
+        interpreted=options.interpreted,
+    )
     results, verdicts = [], []
     if not options.no_aimed:
         results = aimed(options.seed, small=options.small, show=True)

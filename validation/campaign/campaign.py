@@ -14,11 +14,16 @@ from validation.campaign.result import Result
 
 
 def random_run(
-    number: int, seed: int, balance: str = "compiled", method: str | None = None
+    number: int,
+    seed: int,
+    balance: str = "compiled",
+    method: str | None = None,
+    interpreted: int = 1,
 ) -> Outcome:
     """Run one random case before the judge; an error of the campaign itself is a finding too."""
     case = random_case(seed, number).by(method)
-    steps = SHORT if number % 40 == 0 else FEW
+    steps = SHORT if number % (40 * interpreted) == 0 else FEW
+    steps = 0 if number % interpreted else steps
     try:
         return check(case, interpreted=steps, energy=balance if number % 10 == 5 else "")
     except Exception as error:
@@ -39,13 +44,15 @@ def random_runs(
     show: bool = False,
     balance: str = "compiled",
     method: str | None = None,
+    interpreted: int = 1,
 ) -> list[Outcome]:
     """Run cases of these numbers of the campaign `seed`.
 
-    `balance`: the engine for energies; `method`: in place of those that the cases draw.
+    `balance`: the engine for energies; `method`: in place of those that the cases draw;
+    `interpreted`: one case in so many is put before the interpreted engine too.
     """
     count = len(numbers)
-    work = partial(random_run, seed=seed, balance=balance, method=method)
+    work = partial(random_run, seed=seed, balance=balance, method=method, interpreted=interpreted)
     lost = partial(_lost, seed=seed)
     outcomes = []
     began = time.monotonic()
