@@ -1,0 +1,70 @@
+"""What a notebook shows of a result: its table, and beneath it its picture.
+
+Results lie below the rooms that draw them, so that it is not they who know their figures: IPython
+is told by name what to show of which class, when the package is imported in a session of it.
+"""
+
+from __future__ import annotations
+
+import base64
+import sys
+from functools import partial
+from importlib import import_module
+from io import BytesIO
+from typing import Any
+
+from mems_impact.errors import MemsImpactError
+
+__all__ = ["PICTURES", "register", "with_picture"]
+
+PICTURES = {
+    ("analysis.run", "Run"): "plot_run",
+    ("analysis.orbit", "Orbit"): "plot_orbit",
+    ("analysis.branch", "Branch"): "plot_branch",
+    ("analysis.equilibria", "EquilibriumBranch"): "plot_branch",
+    ("analysis.curve", "Curve"): "plot_curve",
+    ("actuator.design.chart", "Chart"): "plot_chart",
+    ("actuator.design.energy", "Energy"): "plot_energy",
+    ("actuator.design.load", "LoadCurve"): "plot_load",
+    ("studies.basins", "Basins"): "plot_basins",
+    ("studies.operating_map", "OperatingMap"): "plot_map",
+    ("studies.pareto", "ParetoFront"): "plot_pareto",
+    ("studies.scatter", "Scatter"): "plot_scatter",
+}
+"""The public function that draws a result of each class, by module and name."""
+
+DPI = 120
+
+
+def register() -> None:
+    """Tell IPython, if this is a session of it, how results are shown."""
+    ipython = sys.modules.get("IPython")
+    session = ipython.get_ipython() if ipython is not None else None
+    if session is None:
+        return
+    formatter = session.display_formatter.formatters["text/html"]
+    for (module, name), drawn_by in PICTURES.items():
+        show = partial(with_picture, drawn_by=drawn_by)
+        formatter.for_type_by_name(f"mems_impact.{module}", name, show)
+
+
+def with_picture(result: Any, drawn_by: str) -> str:
+    """Return the table of a result and its picture as HTML; the table alone if it has none.
+
+    Parameters
+    ----------
+    result : object
+    drawn_by : str
+        Name of a public function.
+    """
+    table: str = result._repr_html_()
+    draw = getattr(import_module("mems_impact"), drawn_by)
+    try:
+        drawn = draw(result)
+    except MemsImpactError:  # a run that kept no events, a branch of nothing
+        return table
+    axes = drawn if hasattr(drawn, "figure") else next(iter(drawn))
+    file = BytesIO()
+    axes.figure.savefig(file, format="png", dpi=DPI)
+    data = base64.b64encode(file.getvalue()).decode("ascii")
+    return f'{table}\n<img alt="{drawn_by}" src="data:image/png;base64,{data}">'
