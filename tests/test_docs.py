@@ -31,9 +31,17 @@ SLOW = ("coco.md", "designer.md", "device.md", "hybrid.md", "orbits.md", "parts.
 SLOW += ("basins.md", "lyapunov.md", "maps.md", "scatter.md", "sensitivity.md", "terms.md")
 SLOW += ("figures.md", "index.md", "symbols.md")
 SLOW += tuple(page.name for room in ("terms", "howto") for page in (DOCS / room).glob("*.md"))
-EXAMPLES = [
-    pytest.param(page, marks=pytest.mark.slow) if page.name in SLOW else page for page in PAGES
-]
+
+
+def marks(page):
+    """Return how the examples of a page are marked: slow, and whether the site's build runs it."""
+    if page.name not in SLOW:
+        return ()
+    built = page.is_relative_to(DOCS) and "savefig(" in page.read_text(encoding="utf-8")
+    return (pytest.mark.slow, pytest.mark.built) if built else pytest.mark.slow
+
+
+EXAMPLES = [pytest.param(page, marks=marks(page)) for page in PAGES]
 
 
 @pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)

@@ -21,6 +21,7 @@ def test_there_are_pages():
     assert len(LESSONS) >= 15
 
 
+@pytest.mark.built
 @pytest.mark.slow
 @pytest.mark.parametrize("page", GALLERY, ids=lambda page: page.stem)
 def test_page_runs(page, tmp_path, monkeypatch):
@@ -33,6 +34,7 @@ def test_page_runs(page, tmp_path, monkeypatch):
     assert pictures == {f"{page.stem}_{kind}" for kind in kinds}
 
 
+@pytest.mark.built
 @pytest.mark.slow
 @pytest.mark.parametrize("page", LESSONS, ids=lambda page: page.stem)
 def test_lesson_runs(page, tmp_path, monkeypatch):
