@@ -132,6 +132,7 @@ class Stretching:
             m=m,
             k=count,
             parameters=p.size,
+            directions=0,
             max_steps=options.max_steps,
             period=problem.period,
             scale=scale,
@@ -141,10 +142,10 @@ class Stretching:
             cyclic=np.array([int(i in automaton.cyclic) for i in range(n)]),
             records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
             switches=np.array(problem.switches, dtype=float),
-            minima=np.zeros((3, 2 * m)),
-            touches=np.zeros((m, size)),
-            margin=np.zeros((2 * m, n + 2)),
-            jump=np.zeros((n, n + 2)),
+            minima=np.zeros((1, 3, 2 * m)),
+            touches=np.zeros((1, m, size)),
+            margin=np.zeros((1, 2 * m, n + 2)),
+            jump=np.zeros((1, n, n + 2)),
             work=np.zeros((SCRATCH + 3, max(size, 2 * m, p.size))),
         )
         y = np.zeros(size)

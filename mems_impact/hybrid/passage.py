@@ -6,7 +6,7 @@ One call takes all arcs and events of an orbit, with what they do to perturbatio
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from mems_impact.engines import contract
 from mems_impact.hybrid.columns import weight_of
@@ -16,37 +16,14 @@ NO_EVENT = -1  # as the code of what ends a segment
 SCRATCH = 8  # rows of `work`
 
 
-def traverse(
-    engine: Any,
-    parameters: Any,
-    n: int,
-    m: int,
-    directions: int,
-    max_steps: int,
-    width: float,
-    segments: Any,
-    times: Any,
-    motions: Any,
-    states: Any,
-    slopes: Any,
-    minima: Any,
-    touches: Any,
-    margins: Any,
-    by_margin: Any,
-    by_jump: Any,
-    after: Any,
-    work: Any,
-) -> int:
-    """Go through N segments, each from a state of its own, whatever the guards say.
+class Passage(NamedTuple):
+    """N segments, and what is written of them. Arrays have a row for each segment.
 
-    Parameters
+    Attributes
     ----------
-    engine
-        Of the extended flow (see `mems_impact.hybrid.columns`).
-    parameters : float array, shape (count * (1 + directions),)
-        p and the directions in its space.
-    n, m, directions, max_steps : int
-        Components of the state, guards, directions, steps that an arc may take.
+    n, m, parameters, directions, max_steps : int
+        Components of the state, guards, parameters, directions in their space, steps that an arc
+        may take.
     width : float
         Step of the differences.
     segments : int array, shape (N, 3)
@@ -67,85 +44,96 @@ def traverse(
         Gets state and columns there.
     margins : float array, shape (N, 2, 2 m)
         Gets margins and rates at start and end.
-    by_margin, by_jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
+    margin, jump : float array, shapes (N, 2 m, 2 + n + directions), (N, n, ...)
         Get margins and rates before the event, and the state after it, with their derivatives: the
         value, then by each component of the state, by time, by each direction.
     after : float array, shape (N, n)
         Gets the state after the event.
     work : float array, shape (SCRATCH, ...)
+    """
+
+    n: int
+    m: int
+    parameters: int
+    directions: int
+    max_steps: int
+    width: float
+    segments: Any
+    times: Any
+    motions: Any
+    states: Any
+    slopes: Any
+    minima: Any
+    touches: Any
+    margins: Any
+    margin: Any
+    jump: Any
+    after: Any
+    work: Any
+
+
+def traverse(engine: Any, block: Any, way: Any) -> int:
+    """Go through the segments of `way`, each from a state of its own, whatever the guards say.
+
+    Parameters
+    ----------
+    engine
+        Of the extended flow (see `mems_impact.hybrid.columns`).
+    block : float array, shape (parameters * (1 + directions),)
+        p and the directions in its space.
+    way : Passage
 
     Returns
     -------
     int
         Number of the segment that cannot be integrated, or -1.
     """
-    count = parameters.size // (1 + directions)
-    place = parameters.size
-    free = states.shape[1] // n - 1 - directions
-    slope = work[5]
-    for i in range(place):
-        contract.set_parameter(engine, i, parameters[i])
-    for i in range(segments.shape[0]):
-        mode, code = segments[i, 0], segments[i, 1]
-        start, end = times[i, 0], times[i, 1]
-        y = states[i]
+    n, directions = way.n, way.directions
+    free = way.states.shape[1] // n - 1 - directions
+    slope = way.work[5]
+    for i in range(block.size):
+        contract.set_parameter(engine, i, block[i])
+    for i in range(way.segments.shape[0]):
+        mode, code = way.segments[i, 0], way.segments[i, 1]
+        start, end = way.times[i, 0], way.times[i, 1]
+        y, motions = way.states[i], way.motions[i]
         for j in range(2 * directions):
-            contract.set_parameter(engine, place + j, motions[i, j])
-        contract.margins(engine, mode, start, y, margins[i, 0])
+            contract.set_parameter(engine, block.size + j, motions[j])
+        contract.margins(engine, mode, start, y, way.margins[i, 0])
         contract.flow(engine, mode, start, y, slope)
         for c in range(n):
-            slopes[i, 0, c] = slope[c]
+            way.slopes[i, 0, c] = slope[c]
         for j in range(directions):
-            moved = motions[i, 2 * j] + motions[i, 2 * j + 1] * start
+            moved = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
                 y[n * (1 + free + j) + c] = slope[c] * moved
-        if not integrate(engine, mode, y, start, end, m, max_steps, minima[i], touches[i], work):
+        if not integrate(engine, mode, y, start, end, way, i):
             return i
         # From the left, where a drive that switches at the end has not done so yet.
         contract.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
         for c in range(n):
-            slopes[i, 1, c] = slope[c]
+            way.slopes[i, 1, c] = slope[c]
         for j in range(directions):
-            moved = motions[i, 2 * j] + motions[i, 2 * j + 1] * end
+            moved = motions[2 * j] + motions[2 * j + 1] * end
             for c in range(n):
                 y[n * (1 + free + j) + c] -= slope[c] * moved
-        contract.margins(engine, mode, times[i, 3], y, margins[i, 1])
+        contract.margins(engine, mode, way.times[i, 3], y, way.margins[i, 1])
         if code != NO_EVENT:
-            differentiate_event(
-                engine,
-                mode,
-                code,
-                end,
-                y,
-                n,
-                m,
-                count,
-                directions,
-                width,
-                times[i, 2],
-                by_margin[i],
-                by_jump[i],
-                work,
-            )
+            differentiate_event(engine, mode, code, end, y, way.times[i, 2], way, i)
             for c in range(n):
-                after[i, c] = y[c]
-            segments[i, 2] = contract.transition(engine, mode, code, end, after[i])
+                way.after[i, c] = y[c]
+            way.segments[i, 2] = contract.transition(engine, mode, code, end, way.after[i])
     return -1
 
 
 def integrate(
-    engine: Any,
-    mode: int,
-    y: Any,
-    start: float,
-    end: float,
-    m: int,
-    max_steps: int,
-    minima: Any,
-    touches: Any,
-    work: Any,
+    engine: Any, mode: int, y: Any, start: float, end: float, into: Any, place: int
 ) -> bool:
-    """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well."""
+    """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well.
+
+    Closest approaches are written into the row `place` of the arrays of `into`, as of a `Passage`.
+    """
+    m, minima, touches = into.m, into.minima[place], into.touches[place]
     for i in range(m):
         minima[0, i] = math.inf
         minima[1, i] = math.nan
@@ -155,10 +143,10 @@ def integrate(
     if start - end > FARTHEST_BACK:
         return False
     if end <= start:
-        go_back(engine, mode, y, start, end, work)
+        go_back(engine, mode, y, start, end, into.work)
         return True
     contract.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
-    for _ in range(max_steps):
+    for _ in range(into.max_steps):
         status = contract.step(engine)
         if status < 0:
             return False
@@ -217,28 +205,15 @@ def move_parameters(engine: Any, p: Any, count: int, direction: int, h: float) -
 
 
 def differentiate_event(
-    engine: Any,
-    mode: int,
-    code: int,
-    t: float,
-    y: Any,
-    n: int,
-    m: int,
-    count: int,
-    directions: int,
-    width: float,
-    room: float,
-    margin: Any,
-    jump: Any,
-    work: Any,
+    engine: Any, mode: int, code: int, t: float, y: Any, room: float, into: Any, place: int
 ) -> None:
     """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
 
-    `margin` (2 m, 1 + n + 1 + directions) and `jump` (n, ...) get value and derivatives: column 0
-    the value, then one for each component of the state, for time, for each direction of the
-    parameters. Differences are `width` wide, and in time stay within `room` of `t`. The engine's
-    parameters are moved and put back.
+    Into the row `place` of margin and jump of `into`, as of a `Passage`. Differences in time stay
+    within `room` of `t`. The engine's parameters are moved and put back.
     """
+    n, m, count, directions = into.n, into.m, into.parameters, into.directions
+    margin, jump, width, work = into.margin[place], into.jump[place], into.width, into.work
     shifted, g, p = work[0], work[6], work[7]
     for i in range(count):
         p[i] = contract.parameter(engine, i)

@@ -75,8 +75,9 @@ class Setup(NamedTuple):
 
     Attributes
     ----------
-    n, m, k, parameters, max_steps : int
-        States, guards, columns, parameters; steps that an arc may take.
+    n, m, k, parameters, directions, max_steps : int
+        States, guards, columns, parameters; directions in their space, none; steps that an arc may
+        take.
     period, scale, width, rtol, atol : float
         `scale` is the problem's time scale, `width` the step of differences.
     cyclic : int array, shape (n,)
@@ -85,13 +86,14 @@ class Setup(NamedTuple):
         1 for a guard that only records.
     switches : float array, shape (s,)
     minima, touches, margin, jump, work
-        See `passage`.
+        As of a `Passage` of one segment.
     """
 
     n: int
     m: int
     k: int
     parameters: int
+    directions: int
     max_steps: int
     period: float
     scale: float
@@ -171,18 +173,7 @@ def go(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
         if parts <= 1:
             end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
-        went = end <= at.t[0] or integrate(
-            engine,
-            mode,
-            at.y,
-            at.t[0],
-            end,
-            setup.m,
-            setup.max_steps,
-            setup.minima,
-            setup.touches,
-            setup.work,
-        )
+        went = end <= at.t[0] or integrate(engine, mode, at.y, at.t[0], end, setup, 0)
         if not went:
             return False
         at.t[0] = end
@@ -214,15 +205,15 @@ def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
     rate, beyond = 0.0, True
     if not switch:
         size = gain = 0.0
-        rate = setup.margin[guard, n + 1]
+        rate = setup.margin[0, guard, n + 1]
         for j in range(n):
-            slope = setup.margin[guard, 1 + j]
+            slope = setup.margin[0, guard, 1 + j]
             rate += slope * before[j]
             gain += abs(slope)
             size += abs(slope * at.y[j])
         error = setup.rtol * size + setup.atol * gain
         far = TOLERANCES * error + 1e-6 * abs(rate) * setup.scale
-        beyond = setup.margin[guard, 0] < -far
+        beyond = setup.margin[0, guard, 0] < -far
         rate = math.copysign(max(abs(rate), SLOWEST), rate)
     state = setup.work[10]
     for j in range(n):
@@ -235,7 +226,7 @@ def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
         if not beyond:
             at.shifts[c] = 0.0
             for j in range(n):
-                at.shifts[c] += setup.margin[guard, 1 + j] * at.y[n * (1 + c) + j] / rate
+                at.shifts[c] += setup.margin[0, guard, 1 + j] * at.y[n * (1 + c) + j] / rate
         apply(c, before, after, at, setup)
 
 
@@ -252,15 +243,17 @@ def rest(engine: Any, guard: int, at: Any, setup: Any) -> None:
     differentiate(engine, mode, setup.m + guard, at, setup)
     square = 0.0
     for j in range(n):
-        square += setup.margin[guard, 1 + j] * setup.margin[guard, 1 + j]
+        square += setup.margin[0, guard, 1 + j] * setup.margin[0, guard, 1 + j]
     for c in range(setup.k):
         at.shifts[c] = 0.0
         column = n * (1 + c)
         gap = 0.0
         for j in range(n):
-            gap += setup.margin[guard, 1 + j] * at.y[column + j]
+            gap += setup.margin[0, guard, 1 + j] * at.y[column + j]
         for j in range(n):
-            at.y[column + j] -= gap * setup.margin[guard, 1 + j] / square if square > 0.0 else 0.0
+            at.y[column + j] -= (
+                gap * setup.margin[0, guard, 1 + j] / square if square > 0.0 else 0.0
+            )
         apply(c, none, after, at, setup)
     at.place[1] = contract.transition(engine, mode, setup.m + guard, at.t[0], at.y)
 
@@ -271,22 +264,7 @@ def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> Non
     for i in range(setup.switches.size):
         since = abs(t - setup.switches[i]) % setup.period
         room = max(min(room, since, setup.period - since), NEAREST)
-    differentiate_event(
-        engine,
-        mode,
-        code,
-        t,
-        at.y,
-        setup.n,
-        setup.m,
-        setup.parameters,
-        0,
-        setup.width,
-        room,
-        setup.margin,
-        setup.jump,
-        setup.work,
-    )
+    differentiate_event(engine, mode, code, t, at.y, room, setup, 0)
 
 
 def apply(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
@@ -300,15 +278,15 @@ def apply(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
     length = most = 0.0
     for i in range(n):
         most = max(most, abs(at.y[column + i]) if setup.cyclic[i] == 0 else 0.0)
-        kick = after[i] - setup.jump[i, n + 1]
-        parts = abs(after[i]) + abs(setup.jump[i, n + 1])
+        kick = after[i] - setup.jump[0, i, n + 1]
+        parts = abs(after[i]) + abs(setup.jump[0, i, n + 1])
         for j in range(n):
-            kick -= setup.jump[i, 1 + j] * before[j]
-            parts += abs(setup.jump[i, 1 + j] * before[j])
+            kick -= setup.jump[0, i, 1 + j] * before[j]
+            parts += abs(setup.jump[0, i, 1 + j] * before[j])
         result[i] = kick * shift if shift != 0.0 else 0.0
         parts = parts * abs(shift) if shift != 0.0 else 0.0
         for j in range(n):
-            moved = setup.jump[i, 1 + j] * at.y[column + j]
+            moved = setup.jump[0, i, 1 + j] * at.y[column + j]
             result[i] += moved
             parts += abs(moved)
         if setup.cyclic[i] == 0:

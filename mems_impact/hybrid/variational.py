@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mems_impact.errors import FunctionError, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import extended_flow
-from mems_impact.hybrid.passage import NO_EVENT, SCRATCH, traverse
+from mems_impact.hybrid.passage import NO_EVENT, SCRATCH, Passage, traverse
 from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.trajectory import Floats
 
@@ -171,33 +171,28 @@ class Variational:
         moving = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
         y = np.tile(self._begin, (count, 1))
         y[:, :n] = states
-        slopes, minima = np.zeros((count, 2, n)), np.zeros((count, 3, 2 * m))
-        touches, margins = np.zeros((count, m, size)), np.zeros((count, 2, 2 * m))
-        by_margin = np.zeros((count, 2 * m, n + 2 + k))
-        by_jump = np.zeros((count, n, n + 2 + k))
-        after = np.zeros((count, n))
+        way = Passage(
+            n=n,
+            m=m,
+            parameters=self._block.size // (1 + k),
+            directions=k,
+            max_steps=self._problem.options.max_steps,
+            width=self._problem.automaton.step,
+            segments=codes,
+            times=times,
+            motions=moving,
+            states=y,
+            slopes=np.zeros((count, 2, n)),
+            minima=np.zeros((count, 3, 2 * m)),
+            touches=np.zeros((count, m, size)),
+            margins=np.zeros((count, 2, 2 * m)),
+            margin=np.zeros((count, 2 * m, n + 2 + k)),
+            jump=np.zeros((count, n, n + 2 + k)),
+            after=np.zeros((count, n)),
+            work=self._work,
+        )
         try:
-            failed = self._bound.call(
-                traverse,
-                self._block,
-                n,
-                m,
-                k,
-                self._problem.options.max_steps,
-                self._problem.automaton.step,
-                codes,
-                times,
-                moving,
-                y,
-                slopes,
-                minima,
-                touches,
-                margins,
-                by_margin,
-                by_jump,
-                after,
-                self._work,
-            )
+            failed = self._bound.call(traverse, self._block, way)
         except FunctionError as error:
             here = RunError(
                 reason=error.reason,
@@ -219,30 +214,30 @@ class Variational:
             )
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT
-        after[none] = y[none, :n]
-        by_jump[none, :, 1 : n + 1] = np.eye(n)
+        way.after[none] = y[none, :n]
+        way.jump[none, :, 1 : n + 1] = np.eye(n)
         arcs = Arc(
             end=columns[:, 0],
             by_state=columns[:, 1:free].transpose(0, 2, 1),
             by_parameter=columns[:, free:].transpose(0, 2, 1),
-            slope_start=slopes[:, 0],
-            slope_end=slopes[:, 1],
-            minima=minima[:, 0, :m],
-            minima_time=minima[:, 1, :m],
-            touches=touches.reshape(count, m, -1, n),
-            margins=margins[:, :, :m],
-            rates=margins[:, :, m:],
+            slope_start=way.slopes[:, 0],
+            slope_end=way.slopes[:, 1],
+            minima=way.minima[:, 0, :m],
+            minima_time=way.minima[:, 1, :m],
+            touches=way.touches.reshape(count, m, -1, n),
+            margins=way.margins[:, :, :m],
+            rates=way.margins[:, :, m:],
         )
         events = Event(
-            after=after,
-            margins=by_margin[:, :m, 0],
-            rates=by_margin[:, m:, 0],
-            margin_by_state=by_margin[:, :, 1 : n + 1],
-            margin_by_time=by_margin[:, :, n + 1],
-            margin_by_parameter=by_margin[:, :, n + 2 :],
-            jump_by_state=by_jump[:, :, 1 : n + 1],
-            jump_by_time=by_jump[:, :, n + 1],
-            jump_by_parameter=by_jump[:, :, n + 2 :],
+            after=way.after,
+            margins=way.margin[:, :m, 0],
+            rates=way.margin[:, m:, 0],
+            margin_by_state=way.margin[:, :, 1 : n + 1],
+            margin_by_time=way.margin[:, :, n + 1],
+            margin_by_parameter=way.margin[:, :, n + 2 :],
+            jump_by_state=way.jump[:, :, 1 : n + 1],
+            jump_by_time=way.jump[:, :, n + 1],
+            jump_by_parameter=way.jump[:, :, n + 2 :],
             mode=codes[:, 2].tolist(),
         )
         return arcs, events
