@@ -11,10 +11,10 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis import finding
-from mems_impact.analysis import simulate as running
+from mems_impact.analysis.finding import find_orbit as find_orbit_of_system
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
+from mems_impact.analysis.simulate import simulate as simulate_system
 from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import Verb
 
@@ -60,5 +60,5 @@ def _told(verb: Verb[P, R], _special: type[S]) -> ActuatorVerb[P, R, S]:
     return cast("ActuatorVerb[P, R, S]", verb)
 
 
-simulate = _told(running.simulate, ActuatorRun)
-find_orbit = _told(finding.find_orbit, ActuatorOrbit)
+simulate = _told(simulate_system, ActuatorRun)
+find_orbit = _told(find_orbit_of_system, ActuatorOrbit)

@@ -15,12 +15,11 @@ from mems_impact.analysis.special import SpecialPoint, check_kind
 from mems_impact.analysis.state import is_number
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
-from mems_impact.continuation import branch as branches
-from mems_impact.continuation.branch import Steps
+from mems_impact.continuation.branch import OrbitBranch, Steps, follow
 from mems_impact.continuation.hopf import born
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import InvalidParameter
-from mems_impact.tables import orbits as tables
+from mems_impact.tables import orbits as orbit_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,7 +130,7 @@ class Branch(OneParameter, Followed):
     bounds: tuple[float, float]
     special_points: tuple[SpecialPoint, ...]
     ended: str
-    found: branches.OrbitBranch = field(repr=False)
+    found: OrbitBranch = field(repr=False)
 
     of: ClassVar[str] = "orbits"
 
@@ -153,7 +152,7 @@ class Branch(OneParameter, Followed):
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
-        return tables.branch(self.parameter, rows, self.system)
+        return orbit_tables.branch(self.parameter, rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -162,7 +161,7 @@ class Branch(OneParameter, Followed):
             {"label": s.label, "kind": s.kind, "value": s.value, **measures(s.orbit)}
             for s in self.special_points
         ]
-        return tables.special_points(self.parameter, rows, self.system)
+        return orbit_tables.special_points(self.parameter, rows, self.system)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
         """Follow the branch of twice the period that leaves a period doubling of this one.
@@ -240,7 +239,7 @@ def continue_orbit(
     with values_of(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = branches.follow(
+        found = follow(
             orbit.found,
             parameter,
             low=min(low, begin),
@@ -316,7 +315,7 @@ def switch_branch(
     with values_of(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = branches.follow(
+        found = follow(
             first,
             parameter,
             low=system.into(parameter, low),
@@ -329,7 +328,7 @@ def switch_branch(
     return _branch(system, found, (low, high))
 
 
-def _branch(system: System, found: branches.OrbitBranch, bounds: tuple[float, float]) -> Branch:
+def _branch(system: System, found: OrbitBranch, bounds: tuple[float, float]) -> Branch:
     parameter = found.parameter
     after = {
         id(here.orbit): there.orbit

@@ -13,11 +13,11 @@ from mems_impact.analysis.orbit import orbit_of
 from mems_impact.analysis.progress import values_of
 from mems_impact.analysis.special import CodimensionTwo, SpecialPoint, check_kind
 from mems_impact.analysis.system import System
-from mems_impact.continuation import curve as curves
 from mems_impact.continuation.branch import Steps
+from mems_impact.continuation.curve import OrbitCurve, follow_curve
 from mems_impact.continuation.monitors import BRANCH_POINT, LABELS
 from mems_impact.errors import InvalidParameter
-from mems_impact.tables import orbits as tables
+from mems_impact.tables import orbits as orbit_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -62,7 +62,7 @@ class Curve(Followed):
     parameters: tuple[str, str]
     special_points: tuple[CodimensionTwo, ...]
     ended: str
-    found: curves.OrbitCurve = field(repr=False)
+    found: OrbitCurve = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
 
@@ -104,7 +104,7 @@ class Curve(Followed):
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
-        return tables.curve([second, first], rows, self.system)
+        return orbit_tables.curve([second, first], rows, self.system)
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -114,7 +114,7 @@ class Curve(Followed):
             {"kind": s.kind, "values": [s.values[second], s.values[first]], **measures(s.orbit)}
             for s in self.special_points
         ]
-        return tables.codimension_two([second, first], rows, self.system)
+        return orbit_tables.codimension_two([second, first], rows, self.system)
 
 
 def continue_curve(
@@ -181,7 +181,7 @@ def continue_curve(
     with values_of(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
-        found = curves.follow_curve(
+        found = follow_curve(
             special.without_impact,
             first,
             parameter,
@@ -194,7 +194,7 @@ def continue_curve(
     return curve_of(system, found)
 
 
-def curve_of(system: System, found: curves.OrbitCurve) -> Curve:
+def curve_of(system: System, found: OrbitCurve) -> Curve:
     """Return a curve of the continuation in the user's terms."""
     special = tuple(
         CodimensionTwo(

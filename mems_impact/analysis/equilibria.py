@@ -19,7 +19,7 @@ from mems_impact.continuation.corrector import Steps
 from mems_impact.continuation.equilibria import Equilibria, follow_equilibrium
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.equilibrium import StationaryState
-from mems_impact.tables import orbits as tables
+from mems_impact.tables import orbits as orbit_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,7 +85,7 @@ class EquilibriumBranch(OneParameter):
             {"value": self._value(state), **_measures(self.system, state)}
             for state in self.found.points
         ]
-        return self._captioned(tables.branch(self.parameter, rows, self.system))
+        return self._captioned(orbit_tables.branch(self.parameter, rows, self.system))
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
@@ -99,7 +99,7 @@ class EquilibriumBranch(OneParameter):
             }
             for s in self.special_points
         ]
-        return self._captioned(tables.special_points(self.parameter, rows, self.system))
+        return self._captioned(orbit_tables.special_points(self.parameter, rows, self.system))
 
     def _value(self, state: StationaryState) -> float:
         return self.system.out(self.parameter, state.family.values[self.parameter])

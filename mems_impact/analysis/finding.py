@@ -15,7 +15,7 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Instant, Trajectory
-from mems_impact.orbits import finding as orbits
+from mems_impact.orbits import finding
 from mems_impact.orbits.bounded import BOUNDED, DIVERGED, farthest
 from mems_impact.orbits.shooting import Point
 from mems_impact.orbits.timing import time_enters
@@ -116,14 +116,14 @@ def find_orbit(
     start = system.instant(guess, problem, field="guess")
     try:
         if system.forced:
-            found = orbits.find_orbit(
+            found = finding.find_orbit(
                 system.family(chosen),
                 start,
                 periods=periods,
                 transient=float(transient),
             )
         else:
-            found = orbits.find_cycle(
+            found = finding.find_cycle(
                 system.family(chosen),
                 start,
                 period=None if period is None else float(system.scales.into(period, "s")),

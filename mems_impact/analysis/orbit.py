@@ -27,7 +27,7 @@ from mems_impact.hybrid.trajectory import Events, Floats, Instant, Samples
 from mems_impact.hybrid.unguarded import unguarded
 from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.signature import BOUNDARY
-from mems_impact.tables import run as tables
+from mems_impact.tables import run as run_tables
 from mems_impact.tables.common import CHATTER_ENDS, DRIVE_SWITCHES
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ class Orbit(Value):
     @cached_property
     def events(self) -> pd.DataFrame:
         """One row a transition, with the columns of `Run.events`."""
-        return tables.events(
+        return run_tables.events(
             self._log, self.found.point.period, self.system, self._observed(self._log)
         )
 
@@ -189,12 +189,12 @@ class Orbit(Value):
     def impacts(self) -> pd.DataFrame:
         """One row an impact, with the columns of `Run.impacts`."""
         hits = self._hits
-        return tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
+        return run_tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
 
     @cached_property
     def corners(self) -> pd.DataFrame:
         """One row a transition, with the columns of `Run.corners`."""
-        return tables.corners(self._log, self._problem.period, self.system)
+        return run_tables.corners(self._log, self._problem.period, self.system)
 
     @cached_property
     def segments(self) -> pd.DataFrame:
@@ -204,7 +204,7 @@ class Orbit(Value):
         ends it.
         """
         shown = self.found.segments
-        return tables.segments(
+        return run_tables.segments(
             [s.cycle for s in shown],
             [s.mode for s in shown],
             self.found.point.starts,
@@ -225,7 +225,7 @@ class Orbit(Value):
         if self.system.section is None:
             return self.samples(1).iloc[: self.periods]
         log = self.crossings.crossings(direction)
-        return tables.section(log, self.found.point.period, self.system)
+        return run_tables.section(log, self.found.point.period, self.system)
 
     def samples(self, per_period: int = 200) -> pd.DataFrame:
         """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
@@ -233,7 +233,7 @@ class Orbit(Value):
         An inadmissible orbit is sampled as it was solved, through what is in its way.
         """
         grid = self.grid(whole("per_period", per_period, 1))
-        return tables.samples(grid, self.found.point.period, self.system)
+        return run_tables.samples(grid, self.found.point.period, self.system)
 
     def grid(self, per_period: int) -> Samples:
         """Return the samples in the units of the numerics."""

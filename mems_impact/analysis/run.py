@@ -16,9 +16,9 @@ from mems_impact.analysis.values import Value
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid import run as hybrid
+from mems_impact.hybrid.run import run as integrate
 from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
-from mems_impact.tables import run as tables
+from mems_impact.tables import run as run_tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,7 +117,7 @@ class Run(Value):
         An arc begins with the method with which the last one in its mode has ended.
         """
         log = self._log("handovers").handovers
-        return tables.handovers(log, self.trajectory.period, self.system)
+        return run_tables.handovers(log, self.trajectory.period, self.system)
 
     @property
     def _told_arcs(self) -> str:
@@ -145,14 +145,14 @@ class Run(Value):
     def events(self) -> pd.DataFrame:
         """One row a transition: when, event, modes before and after, state after, observables."""
         log = self._log("events")
-        return tables.events(log, self.trajectory.period, self.system, self._observed(log))
+        return run_tables.events(log, self.trajectory.period, self.system, self._observed(log))
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
         """One row an impact: when, which, the states before and after it, observables."""
         log = self._log("impacts")
         hits = log[log.impacts(self.system.automaton)]
-        return tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
+        return run_tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
 
     @cached_property
     def corners(self) -> pd.DataFrame:
@@ -160,7 +160,7 @@ class Run(Value):
 
         Where a curve of the motion has its corners and jumps.
         """
-        return tables.corners(self._log("corners"), self.trajectory.period, self.system)
+        return run_tables.corners(self._log("corners"), self.trajectory.period, self.system)
 
     def section(self, direction: int = 0) -> pd.DataFrame:
         """Return the crossings of the Poincaré section.
@@ -180,7 +180,7 @@ class Run(Value):
         log = self._log("section")
         if self.system.section is None and self.system.forced:
             return self.samples(per_period=1)
-        return tables.section(log.crossings(direction), self.trajectory.period, self.system)
+        return run_tables.section(log.crossings(direction), self.trajectory.period, self.system)
 
     def samples(
         self, per_period: int = 200, first: float | None = None, last: float | None = None
@@ -216,7 +216,7 @@ class Run(Value):
             None if first is None else first / unit,
             None if last is None else last / unit,
         )
-        return tables.samples(grid, self.trajectory.period, self.system)
+        return run_tables.samples(grid, self.trajectory.period, self.system)
 
     def verify(self) -> Verification:
         """Run the same again by an unrelated method, more precisely, and compare event by event.
@@ -251,13 +251,13 @@ class Run(Value):
         """
         self._log("verification")
         problem = self.system.problem(other_family(self.options))
-        again = hybrid.run(problem, self.trajectory.start, self.periods)
+        again = integrate(problem, self.trajectory.start, self.periods)
         return compare(self.trajectory, again, self.options.rtol, self.system)
 
     @cached_property
     def statistics(self) -> pd.Series:
         """What happened in the window, number by number."""
-        return tables.statistics(self.gathered, self.system)
+        return run_tables.statistics(self.gathered, self.system)
 
     @cached_property
     def gathered(self) -> Mapping[str, float]:
@@ -291,7 +291,7 @@ class Run(Value):
             return anchor.y
         # Integrate the arc that reaches across the border again, up to there.
         problem = self.system.problem(self.options)
-        return hybrid.run(problem, anchor, wait, consume=lambda _: None).final.y
+        return integrate(problem, anchor, wait, consume=lambda _: None).final.y
 
     def _observed(self, log: Events) -> dict[str, Floats]:
         return observed(self.system, self.trajectory.problem, log)

@@ -17,7 +17,8 @@ from mems_impact.analysis.system import System
 from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
-from mems_impact.hybrid import run as hybrid
+from mems_impact.hybrid.run import MAX_CYCLE
+from mems_impact.hybrid.run import run as integrate
 from mems_impact.hybrid.trajectory import Events, Trajectory
 from mems_impact.interruptions import RunInterrupted
 
@@ -165,7 +166,7 @@ def simulate(
 
     with progress_bar(progress, "periods", periods) as report:
         try:
-            trajectory = hybrid.run(problem, start, periods, consume=consume, progress=report)
+            trajectory = integrate(problem, start, periods, consume=consume, progress=report)
         except (RunError, RunInterrupted) as error:
             if isinstance(error.trajectory, Trajectory):
                 error.trajectory = finished(error.trajectory)
@@ -203,7 +204,7 @@ def _length(
     if until is None:
         problem = "the system has no forcing period: say how long to run, or until="
         raise InvalidParameter("duration", None, "", problem=problem)
-    return float(hybrid.MAX_CYCLE) / 2.0
+    return float(MAX_CYCLE) / 2.0
 
 
 def _window(

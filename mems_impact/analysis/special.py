@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
-from mems_impact.continuation import branch as branches
 from mems_impact.continuation import grazing
+from mems_impact.continuation.branch import BranchEvent, follow
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit import PeriodicOrbit
 
@@ -98,7 +98,7 @@ class SpecialPoint(Value):
     value: float
     orbit: Orbit
     bounds: tuple[float, float] = field(repr=False)
-    found: branches.BranchEvent = field(repr=False)
+    found: BranchEvent = field(repr=False)
     beyond: PeriodicOrbit | None = field(repr=False, default=None)
 
     def __repr__(self) -> str:
@@ -123,7 +123,7 @@ class SpecialPoint(Value):
         return self.orbit.multipliers
 
     @cached_property
-    def without_impact(self) -> branches.BranchEvent:
+    def without_impact(self) -> BranchEvent:
         """The same grazing, as the end of the branch that does not have the impact.
 
         There everything is smooth, while on the side of the impact multipliers are infinite.
@@ -133,7 +133,7 @@ class SpecialPoint(Value):
             return found
         away = found.value - self.beyond.family.values[self.parameter]
         width = NEAR * abs(found.value)
-        other = branches.follow(
+        other = follow(
             self.beyond,
             self.parameter,
             low=found.value - width,

@@ -23,8 +23,8 @@ from mems_impact.analysis.detached import DetachedSystem, check_same, descriptio
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.storing.coding import Reader, register
 from mems_impact.analysis.system import System
-from mems_impact.continuation import branch as branches
-from mems_impact.continuation import curve as curves
+from mems_impact.continuation.branch import BranchEvent, BranchPoint, OrbitBranch
+from mems_impact.continuation.curve import CurveEvent, CurvePoint, OrbitCurve
 from mems_impact.continuation.equilibria import Equilibria, EquilibriumEvent
 from mems_impact.continuation.monitors import Monitor
 from mems_impact.engines.options import Options
@@ -113,7 +113,7 @@ register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Setting, Segment,
     Phase, Monitor,
-    branches.BranchPoint, branches.OrbitBranch, curves.CurvePoint, curves.OrbitCurve,
+    BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
     statistics.Span, orbit.Orbit, branch.Branch, special.SpecialPoint, special.CodimensionTwo,
     curve.Curve, verification.Verification, Balance, StationaryState, Equilibria, EquilibriumEvent,
     equilibrium.Equilibrium, equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch,
@@ -121,8 +121,8 @@ KINDS: tuple[type, ...] = (
 )  # fmt: skip
 for kind in KINDS:
     register(kind)
-register(branches.BranchEvent)
-register(curves.CurveEvent)
+register(BranchEvent)
+register(CurveEvent)
 register_object(Moments)
 register_object(statistics.Anchors)
 register(

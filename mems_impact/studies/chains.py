@@ -27,12 +27,12 @@ from mems_impact.errors import FunctionError, InvalidParameter, MemsImpactError,
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.studies.study import STATUS, Columns, Study
-from mems_impact.tables import sweep as tables
+from mems_impact.tables import sweep as sweep_tables
 
 __all__ = ["SweepStudy"]
 
 Point = dict[str, Any]  # what `tables.sweep` takes for one value
-TEXT = (tables.DIRECTION, STATUS)
+TEXT = (sweep_tables.DIRECTION, STATUS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,13 +103,15 @@ class SweepStudy(Study):
     @property
     def schema(self) -> Mapping[str, str]:
         """The columns of the table."""
-        names = tables.columns_of(self.parameter, [], *self._told)
+        names = sweep_tables.columns_of(self.parameter, [], *self._told)
         return {name: "str" if name in TEXT else "float" for name in names}
 
     @property
     def attrs(self) -> Mapping[str, Any]:
         """Units and captions of the table."""
-        empty = tables.sweep(self.parameter, [], *self._told, quantities=self.system.quantities)
+        empty = sweep_tables.sweep(
+            self.parameter, [], *self._told, quantities=self.system.quantities
+        )
         return empty.attrs
 
     def prepare(self) -> None:
@@ -151,12 +153,12 @@ class SweepStudy(Study):
             state = self._run(case, point, state, _told_by(watch, number - first))
             points.append(point)
         told = {"state": state.as_dict(), "time": state.time, "mode": state.mode, "period": period}
-        return tables.columns_of(self.parameter, points, *self._told), told
+        return sweep_tables.columns_of(self.parameter, points, *self._told), told
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return rows of values that could not be computed."""
         points = [{**self._empty(number), "status": reason} for number in range(first, last)]
-        return tables.columns_of(self.parameter, points, *self._told)
+        return sweep_tables.columns_of(self.parameter, points, *self._told)
 
     @property
     def _told(self) -> tuple[tuple[str, ...], tuple[str, ...], System]:
@@ -202,7 +204,7 @@ class SweepStudy(Study):
             return start
         numbers, y = self._forced(system, run) if system.forced else self._unforced(system, run)
         point["section"] = {
-            tables.counted(system): numbers,
+            sweep_tables.counted(system): numbers,
             **{name: system.out(name, y[:, system.states.index(name)]) for name in self._states},
         }
         point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}

@@ -14,15 +14,13 @@ from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.special import CodimensionTwo, GrazingType
 from mems_impact.analysis.state import State
 from mems_impact.analysis.threads import Watch, stoppable_threads
-from mems_impact.continuation import branch as branches
-from mems_impact.continuation import curve as curves
 from mems_impact.continuation import grazing
-from mems_impact.continuation.branch import BranchPoint, OrbitBranch, Steps, points_of
-from mems_impact.continuation.curve import CurvePoint, OrbitCurve
+from mems_impact.continuation.branch import BranchEvent, BranchPoint, OrbitBranch, Steps, points_of
+from mems_impact.continuation.curve import CurvePoint, OrbitCurve, follow_curve
 from mems_impact.engines.options import Options
 from mems_impact.errors import OrbitError
-from mems_impact.orbits import finding as orbits
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.finding import find_orbit
 
 if TYPE_CHECKING:
     pass
@@ -130,9 +128,9 @@ class Boundaries:
     def _special(
         self,
         omega: float,
-        wanted: Callable[[branches.BranchEvent], bool],
+        wanted: Callable[[BranchEvent], bool],
         watch: Watch | None = None,
-    ) -> list[branches.BranchEvent]:
+    ) -> list[BranchEvent]:
         """Return what the orbit without impacts meets on the way up, at one frequency.
 
         The branch is followed no further than to the first point that is wanted.
@@ -156,7 +154,7 @@ class Boundaries:
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
         rest = here.instant(State(), family.problem())
-        orbit = orbits.find_orbit(family, rest, active=(AMPLITUDE,))
+        orbit = find_orbit(family, rest, active=(AMPLITUDE,))
         branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
         return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
 
@@ -176,7 +174,7 @@ class Boundaries:
             "take another range of omega",
         )
 
-    def _grazing(self, omega: float) -> branches.BranchEvent:
+    def _grazing(self, omega: float) -> BranchEvent:
         """Return where the orbit without impacts grazes; OrbitError if it does not."""
         for special in self._special(omega, _grazes):
             if _grazes(special):
@@ -201,10 +199,8 @@ class Boundaries:
         """Return a frequency in words, in the user's units."""
         return f"{self.system.label(OMEGA)} = {self._number(omega)}"
 
-    def _curve(
-        self, special: branches.BranchEvent, low: float, high: float, direction: float
-    ) -> OrbitCurve:
-        return curves.follow_curve(
+    def _curve(self, special: BranchEvent, low: float, high: float, direction: float) -> OrbitCurve:
+        return follow_curve(
             special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
         )
 
@@ -241,7 +237,7 @@ class Boundaries:
         what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
         self.tell(what)
 
-        def wanted(special: branches.BranchEvent) -> bool:
+        def wanted(special: BranchEvent) -> bool:
             return special.kind == "fold" and (not special.orbit.impacts) == without_impact
 
         folds = [special for special in self._special(middle, wanted) if wanted(special)]
@@ -319,7 +315,7 @@ class Boundaries:
                     found.append(result)
 
 
-def _grazes(special: branches.BranchEvent) -> bool:
+def _grazes(special: BranchEvent) -> bool:
     return special.label == "G" and special.monitor.role == "approach"
 
 
