@@ -17,6 +17,7 @@ from mems_impact.explorer.latest import Watch
 from mems_impact.explorer.motion import Motion, counts_of, motion_of, times_of
 from mems_impact.explorer.setting import TIME, PageSetting, unit_of_time
 from mems_impact.explorer.subject import Subject
+from mems_impact.explorer.warned import gathered
 from mems_impact.hybrid.trajectory import Floats
 
 __all__ = ["Cycles", "Picture", "picture_of"]
@@ -79,6 +80,8 @@ class Picture:
         What the axis of time counts in.
     seconds : float
         How long it took to compute.
+    warnings : tuple of str
+        What the run warned of.
     """
 
     setting: PageSetting
@@ -89,6 +92,7 @@ class Picture:
     cycles: Cycles = field(repr=False)
     unit: float
     seconds: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def system(self) -> System:
@@ -124,13 +128,14 @@ def picture_of(subject: Subject, setting: PageSetting, watch: Watch | None = Non
     begin = time.perf_counter()
     system = setting.system(subject)
     unit = unit_of_time(system)
-    run = mi.simulate(
-        system,
-        **run_length(system, setting, unit),
-        initial=setting.initial(subject, system),
-        options=subject.options,
-        progress=watch or False,
-    )
+    with gathered() as warned:
+        run = mi.simulate(
+            system,
+            **run_length(system, setting, unit),
+            initial=setting.initial(subject, system),
+            options=subject.options,
+            progress=watch or False,
+        )
     begin_of, end_of = run.extent
     shown, samples = (SHOWN, PER_PERIOD) if system.forced else (SHOWN * UNFORCED, PER_UNIT)
     motion = motion_of(run, states_shown(system, setting), samples, max(begin_of, end_of - shown))
@@ -143,6 +148,7 @@ def picture_of(subject: Subject, setting: PageSetting, watch: Watch | None = Non
         cycles=_cycles(run, unit),
         unit=unit if system.forced else 1.0,
         seconds=time.perf_counter() - begin,
+        warnings=tuple(dict.fromkeys(warned)),
     )
 
 

@@ -19,6 +19,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.explorer.dials import dials_of
 from mems_impact.explorer.subject import Subject
 from mems_impact.explorer.view.page import Page
+from mems_impact.explorer.warned import heard
 
 __all__ = ["LOOPBACK", "serve"]
 
@@ -79,7 +80,8 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     server.start()
     ready(f"http://{LOOPBACK}:{number}/")
     try:
-        loop.start()
+        with heard():
+            loop.start()
     except KeyboardInterrupt:
         pass
     finally:

@@ -1,3 +1,7 @@
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -6,6 +10,7 @@ from mems_impact.explorer.diagram import Asked, diagram_of
 from mems_impact.explorer.floquet import floquet_of
 from mems_impact.explorer.picture import picture_of
 from mems_impact.explorer.setting import first_setting
+from mems_impact.explorer.warned import heard
 from mems_impact.plotting.motion import between, line, spans
 from tests.explorer.subjects import dial, mita, own, zhao
 
@@ -38,6 +43,21 @@ def test_frames_and_section_are_those_of_the_run(picture):
     peak = np.abs(picture.voltages[0]).max()
     assert peak == pytest.approx(0.24, rel=1e-3)
     assert picture.slips
+
+
+def test_warnings_belong_to_the_picture_whose_run_gave_them():
+    def warned(system):
+        warnings.warn("the model does not hold", mi.ValidityWarning, stacklevel=1)
+
+    setting = replace(first_setting(own()), length=3.0)
+    subject = replace(own(), starts={setting.start: warned})
+    with heard(), ThreadPoolExecutor(2) as pool:
+        loud = [pool.submit(picture_of, subject, setting) for _ in range(2)]
+        quiet = pool.submit(picture_of, own(), setting)
+    assert {each.result().warnings for each in loud} == {("the model does not hold",)}
+    assert quiet.result().warnings == ()
+    with pytest.warns(mi.ValidityWarning), heard():
+        warned(None)
 
 
 def test_steps_and_impacts_come_cycle_by_cycle(picture):

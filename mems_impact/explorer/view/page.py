@@ -42,6 +42,7 @@ from mems_impact.explorer.view.series import Series
 
 __all__ = ["Page"]
 
+FIRST = "computing; a system that is new here is compiled first, for some seconds"
 PATIENCE = 0.5  # s that a run may take though the slider has moved on
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
 
@@ -121,7 +122,7 @@ class Page:
         self.bifurcation = Bifurcation() if self.dials else None
         self.device = Device() if actuator else None
         self.title = _text(subject.title, **{"font-size": "20px", "font-weight": "600"})
-        self.status = _text("", color="#555")
+        self.status = _text(FIRST, color="#555")
         self.message = _text("", color="#a33b00")
         self.address, self.parcel = Div(visible=False), Div(visible=False)
         told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
@@ -205,7 +206,7 @@ class Page:
             f"{length}, {len(picture.run.events)} events, {1e3 * picture.seconds:.0f} ms"
         )
         if not self._refused:
-            self.message.text = ""
+            self.message.text = "; ".join(picture.warnings)
         self.address.text = address_of(self.subject, setting)
         self.document.unhold()
         self.orbits.ask(picture)
