@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.design.speeds import resolution, speed_over_voltage
     from mems_impact.actuator.design.targets import Target
     from mems_impact.actuator.design.window import Window, period_one_window
-    from mems_impact.actuator.drive import *  # noqa: F403
-    from mems_impact.actuator.drive import Drive, load_drive
+    from mems_impact.actuator.drives import *  # noqa: F403
+    from mems_impact.actuator.drives import Drive, load_drive
     from mems_impact.actuator.figures.chart import plot_chart
     from mems_impact.actuator.figures.drive import plot_drive
     from mems_impact.actuator.figures.energy import plot_energy
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator, load_actuator
     from mems_impact.actuator.study_file import load_study
     from mems_impact.actuator.system import kicked
-    from mems_impact.actuator.term import *  # noqa: F403
-    from mems_impact.actuator.term import Term
+    from mems_impact.actuator.terms import *  # noqa: F403
+    from mems_impact.actuator.terms import Term
     from mems_impact.actuator.verbs import find_orbit, simulate
     from mems_impact.analysis.attractor import Settling
     from mems_impact.analysis.branch import Branch, Steps, continue_orbit, switch_branch
@@ -264,7 +264,7 @@ __all__ = [
 # Where each name lives. Names are imported when they are first used (PEP 562): pandas, numba and
 # matplotlib take over a second, which `mems-impact --help` need not wait for.
 _HOMES = {
-    "actuator.drive": ("Drive", "load_drive", *WAVEFORMS.values()),
+    "actuator.drives": ("Drive", "load_drive", *WAVEFORMS.values()),
     "actuator.terms.base": ("Term",),
     **{f"actuator.terms.{name}": (term,) for name, term in TERMS.items()},
     "actuator.figures.drive": ("plot_drive",),

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from mems_impact.actuator.composing import SCRATCH
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.tables import COLUMN_UNITS
 from mems_impact.actuator.terms.base import Term, TermKind

@@ -24,7 +24,7 @@ from mems_impact.warnings import UnitsWarning
 from mems_impact.wording import html_table, shown
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.drives import Drive
     from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]

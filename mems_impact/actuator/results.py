@@ -21,7 +21,7 @@ from mems_impact.hybrid.trajectory import Events
 if TYPE_CHECKING:
     import pandas as pd
 
-    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.drives import Drive
     from mems_impact.actuator.parameters import Actuator
 
 __all__ = ["ActuatorOrbit", "ActuatorRun"]

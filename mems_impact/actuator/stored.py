@@ -17,7 +17,7 @@ from mems_impact.actuator.design.rests import Rests
 from mems_impact.actuator.design.ring_down import RingDown
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.summing import Sums
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.ending import EndedSystem
 from mems_impact.actuator.ledger import LedgerSystem

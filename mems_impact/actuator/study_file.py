@@ -10,7 +10,7 @@ from typing import Any
 
 from mems_impact.actuator.checked import unknown
 from mems_impact.actuator.code import Wanted, code_path, run_code
-from mems_impact.actuator.drive import Drive, load_drive
+from mems_impact.actuator.drives import Drive, load_drive
 from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind
 from mems_impact.actuator.own_system import load_system, made_system, system_names
 from mems_impact.actuator.parameters import Actuator, load_actuator, preset_names

@@ -15,8 +15,7 @@ from mems_impact.actuator.design.impacts import yields
 from mems_impact.actuator.design.measures import REDUCED, measure_names, measures
 from mems_impact.actuator.design.statistics import Accumulator
 from mems_impact.actuator.design.still import still_after
-from mems_impact.actuator.drive import Drive
-from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.actuator.drives import WAVEFORMS, Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.modes import (
     GUARDS,

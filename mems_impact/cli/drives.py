@@ -15,7 +15,7 @@ from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.cli.options import Decorator, combined
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.drives import Drive
 
 KEY = "mems_impact.drive"
 PREFIX = "drive_"  # lest an option of the command has the same name
@@ -181,7 +181,7 @@ def _of_file(
 ) -> Drive:
     from pathlib import Path
 
-    from mems_impact.actuator.drive import Sampled, load_drive
+    from mems_impact.actuator.drives import Sampled, load_drive
     from mems_impact.actuator.drives.files import TABLES, drive_kinds
 
     if path in drive_kinds() and not Path(path).exists():

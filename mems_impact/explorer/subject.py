@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.own_system import load_system
 from mems_impact.actuator.parameters import Actuator, load_actuator

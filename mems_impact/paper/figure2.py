@@ -13,7 +13,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mems_impact.actuator.design.impacts import is_impact
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.modes import (
     GUARDS,
     MODES,

@@ -8,7 +8,7 @@ import numpy as np
 
 from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.verbs import simulate

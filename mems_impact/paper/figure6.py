@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mems_impact.actuator.design.crisis import crisis
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Devices, Effort, Outcome

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.equations import attraction
 from mems_impact.actuator.modes import FREE, STUCK, actuator_automaton, mode_of, mode_under
 from mems_impact.actuator.parameters import load_actuator

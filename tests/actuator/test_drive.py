@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drive import Drive, Sine
+from mems_impact.actuator.drives import Drive, Sine
 from mems_impact.errors import InvalidParameter
 
 SINE = Sine(amplitude=0.24, omega=0.5)

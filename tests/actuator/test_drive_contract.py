@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drive import Burst, Pulse, Square, Trapezoid, TwoSided
+from mems_impact.actuator.drives import Burst, Pulse, Square, Trapezoid, TwoSided
 from tests.actuator.waveforms import DRIVES, channels
 
 every = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)

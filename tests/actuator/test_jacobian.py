@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.modes import MODES, actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.engines.options import Options

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.modes import (
     BACKWARD,
     BREAK_AWAY,

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mems_impact.actuator.drive import (
+from mems_impact.actuator.drives import (
     Burst,
     Custom,
     Pulse,

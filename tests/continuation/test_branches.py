@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.drive import Square
+from mems_impact.actuator.drives import Square
 from mems_impact.continuation.branch import OrbitBranch, Steps, _Walker, follow
 from mems_impact.continuation.corrector import correct
 from mems_impact.continuation.locating import BranchEvent

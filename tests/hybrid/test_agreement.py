@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.problem import is_compiled

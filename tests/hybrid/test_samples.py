@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.run import _Run
 from tests.actuator import machine

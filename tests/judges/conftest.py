@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.equations import attraction
 from mems_impact.actuator.modes import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.parameters import load_actuator

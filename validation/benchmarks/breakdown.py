@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.engines.compiling import pointer

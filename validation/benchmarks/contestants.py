@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from sksundae.cvode import CVODE
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
 from mems_impact.engines.options import Options

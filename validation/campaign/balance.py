@@ -9,7 +9,7 @@ import numpy as np
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import modes
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, side_of
 from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 import mems_impact as mi
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from validation.campaign.ladder import Ladder
 from validation.judges.heyoka_full import Piece, Source
 

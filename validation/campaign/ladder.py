@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.actuator.checked import Positive
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 
 
 def _rung(phase: float, q: Any) -> int:

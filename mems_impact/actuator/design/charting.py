@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from mems_impact.actuator.drive import Drive, Sine
+from mems_impact.actuator.drives import Drive, Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.base import Term

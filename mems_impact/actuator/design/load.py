@@ -11,7 +11,7 @@ import numpy as np
 from mems_impact.actuator import tables
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.summing import accounted_problem
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.modes import BREAK_AWAY, direction_of
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit

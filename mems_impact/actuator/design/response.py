@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.engines.options import Options

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mems_impact.actuator import tables
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import State
 from mems_impact.engines.options import Options

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidParameter

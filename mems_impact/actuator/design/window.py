@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from mems_impact.actuator.drive import Drive
+from mems_impact.actuator.drives import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.state import State
 from mems_impact.analysis.values import Summarized

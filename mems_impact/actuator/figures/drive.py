@@ -13,7 +13,7 @@ from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.style import LINES, color, new_figure, styled
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.drive import Drive
+    from mems_impact.actuator.drives import Drive
     from mems_impact.actuator.parameters import Actuator
 
 __all__ = ["Excerpt", "plot_drive", "seen"]

@@ -4,7 +4,7 @@ import pickle
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.term import Adhesion, CompliantStopper
+from mems_impact.actuator.terms import Adhesion, CompliantStopper
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)

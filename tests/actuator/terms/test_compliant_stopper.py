@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 import mems_impact as mi
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.rests import contact_time
-from mems_impact.actuator.term import CompliantStopper
+from mems_impact.actuator.terms import CompliantStopper
 from mems_impact.continuation.corrector import Steps
 
 ZHAO = mi.load_actuator("zhao2004")

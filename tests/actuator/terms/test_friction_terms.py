@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 
 import mems_impact as mi
-from mems_impact.actuator.term import RegularizedFriction, StribeckFriction
+from mems_impact.actuator.terms import RegularizedFriction, StribeckFriction
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 
 import mems_impact as mi
 from mems_impact.actuator.system import kicked
-from mems_impact.actuator.term import PowerLawRestitution, TabulatedRestitution
+from mems_impact.actuator.terms import PowerLawRestitution, TabulatedRestitution
 
 ZHAO = mi.load_actuator("zhao2004")
 SPEEDS, VALUES = (0.05, 0.2, 0.5, 1.0, 2.0), (0.9, 0.85, 0.6, 0.55, 0.3)

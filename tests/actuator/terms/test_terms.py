@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator import term as listed
+from mems_impact.actuator import terms
 from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.terms import TERMS
@@ -26,7 +26,7 @@ def test_a_file_a_class_and_a_name(name):
     assert issubclass(term, mi.Term)
     assert term.name() == name
     assert getattr(mi, TERMS[name]) is term
-    assert f"{TERMS[name]} as {TERMS[name]}" in inspect.getsource(listed), "for editors"
+    assert f"{TERMS[name]} as {TERMS[name]}" in inspect.getsource(terms), "for editors"
     for section in ("Parameters", "Raises", "Notes", "Examples"):
         assert f"{section}\n---" in inspect.cleandoc(term.__doc__ or ""), section
     for unit in term.units.values():

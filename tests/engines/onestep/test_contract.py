@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
-from mems_impact.actuator.drive import Sine
+from mems_impact.actuator.drives import Sine
 from mems_impact.engines import contract
 from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
