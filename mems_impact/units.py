@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["DIMENSIONLESS", "Scales"]
+__all__ = ["DIMENSIONLESS", "PREFIXED", "PREFIXES", "Scales"]
+
+PREFIXES = {
+    -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
+    6: "M", 9: "G",
+}  # fmt: skip
+"""SI prefixes by their powers of ten."""
+PREFIXED = ("m", "s", "V", "Hz", "J", "N", "F", "W", "C", "A", "Pa", "ohm")
+"""The units that take a prefix, alone or as the first factor; the kilogram has one."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["told_in"]
+from mems_impact.units import PREFIXED, PREFIXES
 
-PREFIXES = {
-    -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
-    6: "M", 9: "G",
-}  # fmt: skip
-TAKE = ("m", "s", "V", "Hz", "J", "N", "F", "W", "C", "A", "Pa", "ohm")
-"""The units that take a prefix; the kilogram has one."""
+__all__ = ["told_in"]
 
 
 def told_in(unit: str, size: float) -> tuple[float, str]:
@@ -40,7 +35,7 @@ def told_in(unit: str, size: float) -> tuple[float, str]:
             first, rest = unit[:place], unit[place:]
             break
     gram = first == "kg"
-    known = gram or first in TAKE
+    known = gram or first in PREFIXED
     if not known or not (abs(size) > 0.0 and math.isfinite(size)):
         return 1.0, unit
     power = math.log10(abs(size))

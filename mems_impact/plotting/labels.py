@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mems_impact.plotting.placing import text_size
+from mems_impact.units import PREFIXED, PREFIXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,10 +26,6 @@ GREEK = [
     "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi",
     "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi", "Omega",
 ]  # fmt: skip
-
-PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 3: "k", 6: "M", 9: "G"}
-BASES = ("m", "s", "V", "N", "J", "W", "A", "F", "Hz", "Pa")
-"""Units that take a prefix, alone or over others."""
 
 
 class Label(NamedTuple):
@@ -120,7 +117,7 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
     if -2 <= power <= 3:
         return 0, unit
     thousands = 3 * (power // 3)
-    if unit.split("/")[0] in BASES and thousands in PREFIXES:
+    if unit.split("/")[0] in PREFIXED and thousands in PREFIXES:
         return thousands, PREFIXES[thousands] + unit
     return power, " ".join(filter(None, (f"$10^{{{power}}}$", unit)))
 
