@@ -20,7 +20,7 @@ from mems_impact.actuator.terms.base import Function, TermKind
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.unguarded import unguarded
 
-__all__ = ["SUMMED", "Accounts", "accounted_automaton", "accounts"]
+__all__ = ["SUMMED", "Accounts", "accounted_automaton", "accounts", "sum_of", "summing_automaton"]
 
 SUMMED = ("electrodes", "slip", "friction", "damping")
 """What is summed up of every device: work of the electrodes on the block, the path on which the

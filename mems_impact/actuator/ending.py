@@ -21,7 +21,7 @@ from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Numbers
 from mems_impact.hybrid.record import ENDS
 from mems_impact.hybrid.scaling import Typical
-from mems_impact.hybrid.written import RATE_STEP, function, named
+from mems_impact.hybrid.written import GENERATED, RATE_STEP, function, named
 from mems_impact.units import Scales
 
 __all__ = ["EndedSystem", "ended"]
@@ -178,6 +178,6 @@ def _in_units_of_the_user(
         "Parameters": named("Parameters", PARAMETER_NAMES),
     }
     line = f"return until(mode, t * {units[n]!r}, State({y}), Parameters({p}))"
-    exec(compile(function("margin(mode, t, y, p)", [line]), "<until>", "exec"), space)
+    exec(compile(function("margin(mode, t, y, p)", [line]), GENERATED, "exec"), space)
     margin: Function = space["margin"]
     return margin

@@ -37,6 +37,14 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # mu_d, restitution, no_adhesion, no_slopes   of the paper: constants, and none
 
 
+def impact_loss(m1: float, m2: float, before: Any, after: Any) -> Any:
+    """Return the energy that an impact takes, by the velocities v2 of the block in the frame.
+
+    Equations (5) and (6) conserve momentum: what is lost is of the relative motion alone.
+    """
+    return 0.5 * m1 * m2 / (m1 + m2) * (before - after) * (before + after)
+
+
 def electrode_gap(x2: float, p: Any) -> float:
     # A trial step may look beyond the stopper; halfway to the electrode the force is frozen, so
     # that nothing near the singularity is ever evaluated.

@@ -41,6 +41,11 @@ def mode_of(friction: int, contact: int) -> int:
     return 3 * contact + friction
 
 
+def slips(mode: str) -> bool:
+    """Return whether the frame slips in a mode, by its name."""
+    return not mode.startswith(FRICTION[STUCK])
+
+
 def direction_of(mode: int) -> int:
     """Return the sign of the slip velocity in `mode`, 0 where the frame is stuck."""
     friction = mode % 3

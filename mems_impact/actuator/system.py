@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator.composed import composed_automaton
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import yields
@@ -58,9 +59,7 @@ def _frame_position(y: Any, p: Any) -> float:
 
 
 def _energy_lost(mode: int, t: float, before: Any, after: Any, p: Any) -> float:
-    # Equations (5) and (6) conserve momentum; what is lost is of the relative motion alone.
-    m1, m2 = p[0], p[1]
-    return float(0.5 * m1 * m2 / (m1 + m2) * (before.v2 - after.v2) * (before.v2 + after.v2))
+    return float(eq.impact_loss(p[eq.M1], p[eq.M2], before.v2, after.v2))
 
 
 def _contact_loss(y: Any, p: Any) -> float:

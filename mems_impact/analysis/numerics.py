@@ -11,7 +11,9 @@ import numpy as np
 from mems_impact.analysis import given
 from mems_impact.analysis.observable import Observable
 from mems_impact.analysis.shown import Shown
+from mems_impact.errors import FunctionError
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.blaming import line_of
 from mems_impact.hybrid.observed import Observed, observed
 from mems_impact.hybrid.problem import Numbers, Problem, Section
 from mems_impact.hybrid.scaling import Typical, scaled
@@ -113,7 +115,14 @@ class Numerics(Shown):
         """Return the mode of a state whose mode is not given; `y` may be put right."""
         if self._begin is None:
             return 0
-        return int(self._begin(self.out("time", time), self._state(y), self._outer(problem)))
+        try:
+            return int(self._begin(self.out("time", time), self._state(y), self._outer(problem)))
+        except ArithmeticError as error:
+            raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
+            place = line_of(error.__traceback__, self._begin)
+            if place[0]:  # in a function of the user's
+                remedy = "let it have a value wherever a run starts"
+            raise FunctionError("the flow with its parts", raised, remedy, *place) from error
 
     def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
         """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""

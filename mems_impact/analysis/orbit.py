@@ -214,7 +214,7 @@ class Orbit(Value):
         )
 
     def section(self, direction: int = 0) -> pd.DataFrame:
-        """Return the crossings of the Poincaré section, with the columns of `Run.section`.
+        """Return the crossings of the Poincaré section: without one, where periods begin.
 
         Parameters
         ----------

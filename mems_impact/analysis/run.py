@@ -45,7 +45,7 @@ class Run(Value):
         What the event loop returned: the events as arrays, the first and last instant; always in
         the units of the numerics.
     ended : str
-        What ended the run: "time", or "until".
+        What ended the run: "time", "until", or "still".
 
     See Also
     --------

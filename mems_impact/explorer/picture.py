@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import mems_impact as mi
+from mems_impact.actuator.modes import slips
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.system import System
@@ -105,7 +106,7 @@ class Picture:
         if not isinstance(self.system, ActuatorSystem):
             return ()
         stretches = self.motion.stretches
-        return tuple((t0, t1) for mode, t0, t1 in stretches if not mode.startswith("stuck"))
+        return tuple((t0, t1) for mode, t0, t1 in stretches if slips(mode))
 
 
 def picture_of(subject: Subject, setting: PageSetting, watch: Watch | None = None) -> Picture:

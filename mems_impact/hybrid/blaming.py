@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 
 from mems_impact.errors import FunctionError
 from mems_impact.hybrid.guarded import Misuse
+from mems_impact.hybrid.written import GENERATED
 from mems_impact.wording import shown
 
-__all__ = ["Function", "place_of", "told"]
+__all__ = ["Function", "line_of", "place_of", "told"]
 
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 _LIBRARIES = tuple(str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib"))
@@ -49,12 +50,14 @@ class Function(NamedTuple):
 def place_of(function: Callable[..., Any]) -> tuple[str, int]:
     """Return the file and the line in which a function begins."""
     code = getattr(getattr(function, "py_func", function), "__code__", None)
-    return (code.co_filename, code.co_firstlineno) if code is not None else ("", 0)
+    if code is None or code.co_filename == GENERATED:
+        return "", 0
+    return code.co_filename, code.co_firstlineno
 
 
 def is_users(file: str) -> bool:
     """Return whether a file is neither of the package nor of a library."""
-    return file != "<automaton>" and not file.startswith((_PACKAGE, *_LIBRARIES))
+    return file != GENERATED and not file.startswith((_PACKAGE, *_LIBRARIES))
 
 
 def line_of(trace: TracebackType | None, function: Callable[..., Any]) -> tuple[str, int]:

@@ -9,7 +9,7 @@ from functools import cache
 from typing import Any
 
 from mems_impact.hybrid.scaling import Typical
-from mems_impact.hybrid.written import function, indented, named
+from mems_impact.hybrid.written import GENERATED, function, indented, named
 
 __all__ = ["Observed", "observed"]
 
@@ -93,7 +93,7 @@ def observed(
     lines += ["if code < 0:", *indented(of_state or ["pass"])]
     lines += ["else:", *indented(at_events or ["pass"])]
     text = function("observe(mode, code, t, y, p, out)", lines)
-    exec(compile(text, "<observables>", "exec"), space)
+    exec(compile(text, GENERATED, "exec"), space)
     names = (tuple(each[0] for each in some) for some in (gains, marks))
     return Observed(space["observe"], *names)
 

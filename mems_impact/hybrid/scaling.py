@@ -15,6 +15,7 @@ from typing import Any
 
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.written import (
+    GENERATED,
     Definition,
     function,
     indented,
@@ -94,7 +95,7 @@ class _Text:
 
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
         """Return a function of these lines."""
-        exec(compile(function(f"{name}({arguments})", lines), "<scaled>", "exec"), self.space)
+        exec(compile(function(f"{name}({arguments})", lines), GENERATED, "exec"), self.space)
         made: Callable[..., Any] = self.space[name]
         return made
 

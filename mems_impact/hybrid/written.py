@@ -40,11 +40,16 @@ from typing import Any
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.portable import portable
 from mems_impact.hybrid.record import ENDS, NO_REST
 
-__all__ = ["RATE_STEP", "Definition", "ending", "hidden_parameters", "named", "written"]
+__all__ = [
+    "GENERATED", "RATE_STEP", "Definition", "ending", "function", "hidden_parameters", "named",
+    "written",
+]  # fmt: skip
 
+GENERATED = "<automaton>"  # the file of all text that is written here, lest it be blamed
 RATE_STEP = 1e-3  # of the differences that give a rate, in periods
 NO_GUARD = "never"  # the guard of a system that has none
 NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
@@ -179,7 +184,7 @@ class _Text:
         if self.definition.jacobian is not None:
             names.append("jacobian")
             text.append(self.jacobian())
-        exec(compile("\n\n".join(text), "<automaton>", "exec"), self.space)
+        exec(compile("\n\n".join(text), GENERATED, "exec"), self.space)
         return {name: self.space[name] for name in names}
 
     def flow(self) -> str:
@@ -245,7 +250,7 @@ class _Text:
         else:
             move = []
             state = f"State({', '.join(f'y[{k}] + moved * d[{k}]' for k in range(self.n))})"
-        first, second, third = 45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0
+        first, second, third = (weight_of(place) for place in (1, 2, 3))
         point = [
             "size = 1 + point // 2",
             "sign = 1.0 - 2.0 * (point % 2)",

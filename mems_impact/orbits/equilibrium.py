@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import structural_rank
 
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.hybrid.variational import free_components
 from mems_impact.orbits.family import Family
@@ -234,10 +235,10 @@ def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
 
 def _central(function: Callable[[Floats], Floats], x: Floats, j: int, h: float) -> Floats:
     total: Floats = np.zeros(0)
-    for s, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+    for s in (1, 2, 3):
         up, down = x.copy(), x.copy()
         up[j] += s * h
         down[j] -= s * h
-        term = weight / (60.0 * h) * (function(up) - function(down))
+        term = weight_of(s) / h * (function(up) - function(down))
         total = total + term if total.size else term
     return total

@@ -11,6 +11,7 @@ import numpy as np
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.problem import Numbers, Problem
 from mems_impact.hybrid.trajectory import Floats
 
@@ -114,10 +115,10 @@ class Family:
         p: Floats | float = 0.0
         period = 0.0
         switches: Floats | float = 0.0
-        for s, weight in ((1, 45.0), (2, -9.0), (3, 1.0)):
+        for s in (1, 2, 3):
             up = self.numbers(**{name: value + s * h})
             down = self.numbers(**{name: value - s * h})
-            w = weight / (60.0 * h)
+            w = weight_of(s) / h
             p = p + w * (np.asarray(up.parameters) - np.asarray(down.parameters))
             period += w * (up.period - down.period)
             switches = switches + w * (np.array(up.switches) - np.array(down.switches))

@@ -26,6 +26,7 @@ __all__ = [
     "FAILED",
     "bounds_of",
     "followed",
+    "lettered",
     "recognised",
     "representatives",
     "returns",
@@ -133,7 +134,7 @@ def taken(
         _told_later(one, longest) if motion == attractor.UNSETTLED else (motion, period)
         for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
     ]
-    names = _names([_kind(*each) for each in kinds])
+    names = lettered([_kind(*each) for each in kinds])
     members = [labels == label for label in own]
     bounds = [bounds_of(each, starts) for each in members]
     told = {
@@ -210,7 +211,7 @@ def _kind(motion: str, period: int) -> str:
     return f"{motion}, period {period}" if motion == attractor.OFF and period > 1 else motion
 
 
-def _names(kinds: list[str]) -> list[str]:
+def lettered(kinds: list[str]) -> list[str]:
     """Return a name for each of some attractors: its kind, and a letter where there are several."""
     names, seen = [], dict.fromkeys(kinds, 0)
     for kind in kinds:

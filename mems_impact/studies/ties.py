@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mems_impact.studies.census import ATTRACTOR, bounds_of
+from mems_impact.studies.census import ATTRACTOR, bounds_of, lettered
 from mems_impact.studies.motions import motions
 from mems_impact.studies.recognition import Recognition
 from mems_impact.studies.starts import Starts
@@ -125,7 +125,7 @@ def _names(
         i = int(np.flatnonzero(branch == number)[0])
         seen = f"{kinds.iloc[i]} at {parameter} = {rows.iloc[i, 0]:g}"
         names[number] = origins.get(number, seen)
-    return names
+    return dict(zip(names, lettered(list(names.values())), strict=True))
 
 
 def _order(column: pd.Series, names: list[str]) -> pd.Series:

@@ -1,6 +1,7 @@
 """Attractors over a parameter: where they begin and end, against continuation."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import mems_impact as mi
@@ -9,6 +10,7 @@ from mems_impact.studies.following import FollowingStudy
 from mems_impact.studies.measuring import Measuring
 from mems_impact.studies.recognition import Recognition
 from mems_impact.studies.running import run_study
+from mems_impact.studies.ties import _names
 from tests.studies.toys import bits
 
 ACTUATOR = mi.load_actuator("zhao2004")
@@ -52,6 +54,12 @@ def test_shares_are_of_the_starts(over, both):
     here = both.attractors.set_index("attractor")["share"]
     at = over.table[np.isclose(over.table["amplitude"], 0.2)].set_index("attractor")
     assert at["share"].to_dict() == here.to_dict()
+
+
+def test_two_that_are_seen_first_at_one_value_have_two_names():
+    rows = pd.DataFrame({"A": [1.0, 2.0] * 2, "motion": "periodic", "period": 1})
+    names = _names(rows, np.array([0, 2, 1, 3]), {0: "low", 1: "high"}, "A")
+    assert names == {0: "low", 2: "period 1 at A = 2 a", 1: "high", 3: "period 1 at A = 2 b"}
 
 
 def test_what_was_unknown_is_named_by_where_it_was_seen():

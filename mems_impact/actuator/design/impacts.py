@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator.composing import layout
 from mems_impact.actuator.modes import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
 from mems_impact.actuator.parameters import Actuator
@@ -51,13 +52,12 @@ def contact_loss(actuator: Actuator) -> int:
 def energy_lost(events: Events, actuator: Actuator) -> Floats:
     """Return the energy that each row loses: impacts, and the rest of chatter sequences.
 
-    Equations (5) and (6) conserve momentum; what is lost is of the relative motion alone. A contact
-    with a stopper that yields has lost it when the block leaves; NaN if it has not left yet.
+    A contact with a stopper that yields has lost it when the block leaves; NaN if it has not left
+    yet.
     """
     if not yields(actuator):
-        reduced = actuator.m1 * actuator.m2 / (actuator.m1 + actuator.m2)
-        before, after = events.before[:, V2], events.after[:, V2]
-        lost: Floats = 0.5 * reduced * (before - after) * (before + after)
+        speeds = events.before[:, V2], events.after[:, V2]
+        lost: Floats = eq.impact_loss(actuator.m1, actuator.m2, *speeds)
         return np.where(is_impact(events) | (events.kind == loop.ACCUMULATION), lost, 0.0)
     rows = np.flatnonzero(is_impact(events))
     ends = np.flatnonzero(is_release(events) | (events.kind == loop.ACCUMULATION))

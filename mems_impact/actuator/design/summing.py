@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from mems_impact.actuator import equations as eq
 from mems_impact.actuator.accounting import SUMMED, Accounts, accounted_automaton, accounts
 from mems_impact.actuator.composed import voltages
 from mems_impact.actuator.composing import SCRATCH
@@ -145,7 +146,6 @@ def summed(
     problem = accounted_problem(system, options)
     rows, period = Rows(system, problem), problem.period
     device = system.inner_actuator
-    reduced = device.m1 * device.m2 / (device.m1 + device.m2)
     marks: dict[str, list[int]] = {"period": [], "blow": []}
     for arc in arcs:
         y, inside = arc.begin.y, False
@@ -167,8 +167,7 @@ def summed(
                 rows.note(replace(now, time=now.time + (end - begin) * period, y=y))
         ended = arc.begin.cycle + (arc.begin.time + arc.length) / period
         if inside and arc.row >= 0 and ended < high - HAIR:
-            before, after = arc.v2
-            rows.summed[-1] += 0.5 * reduced * (before - after) * (before + after)
+            rows.summed[-1] += eq.impact_loss(device.m1, device.m2, *arc.v2)
             if arc.row in blows:
                 marks["blow"].append(len(rows.place) - 1)
     end = len(rows.place) - 1

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from mems_impact.actuator.modes import slips
 from mems_impact.plotting.labels import Label, label_axis, label_of
 from mems_impact.plotting.scene import Frames, Scene, caption, clock, frames_of, glow
 from mems_impact.plotting.style import color, new_figure, thickness
@@ -66,7 +67,7 @@ def device_scene(
     words = caption(above)
     seconds = frames.samples["t"].to_numpy()
     sides = _sides(run, frames)
-    slips = ~shown["mode"].astype(str).str.startswith("stuck").to_numpy()
+    slipping = shown["mode"].astype(str).map(slips).to_numpy()
     period = run.system.forcing_period
     sliding = color("frame")
     told = f"steps × {scale:g}" if scale != 1.0 else ""
@@ -74,7 +75,7 @@ def device_scene(
     def draw(number: int) -> None:
         here, place = shown.iloc[number], path[number * frames.every]
         _move(shapes, scale * place / device.d, here["x2"] / device.d)
-        shapes.ground.set_color(sliding if slips[number] else "black")
+        shapes.ground.set_color(sliding if slipping[number] else "black")
         for side, values in volts.items():
             shapes.plates[side].set_alpha(0.12 + 0.88 * abs(values[number]) / most)
         lit = glow(here["t"], frames.step, sides)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.actuator.modes import slips
 from mems_impact.plotting.labels import label_axis, label_of, symbol
 from mems_impact.plotting.motion import jump
 from mems_impact.plotting.orbit import PER_PERIOD
@@ -35,14 +36,14 @@ def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
         ax = new_figure(1.2).subplots()
     table = orbit.samples(PER_PERIOD)
     x, v = "x2", "v2"
-    stuck = table["mode"].astype(str).str.startswith("stuck")
-    free, slips = table[v].where(stuck), table[v].where(~stuck)
+    stuck = ~table["mode"].astype(str).map(slips)
+    free, slipping = table[v].where(stuck), table[v].where(~stuck)
     # At an impact the velocity jumps: the line is broken there.
     jumps = (table[x].diff().abs() < 1e-9) | (table[v].diff().abs() > 0.2 * table[v].abs().max())
     ax.plot(table[x], free.mask(jumps), color=color("motion"), label="frame stuck")
     if (~stuck).any():
         ax.plot(
-            table[x], slips, color=color("frame"), linewidth=thickness(2.0), label="frame slips"
+            table[x], slipping, color=color("frame"), linewidth=thickness(2.0), label="frame slips"
         )
     delta = orbit.actuator.delta
     for stopper in (-delta, delta):

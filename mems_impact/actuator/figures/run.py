@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from mems_impact.actuator.modes import slips
 from mems_impact.plotting.labels import Label, label_axis, label_of
 from mems_impact.plotting.motion import IMPACT
 from mems_impact.plotting.placing import legend_above
@@ -106,14 +107,14 @@ def _slips(
     """Return the intervals between `left` and `right`, in forcing periods, of a sliding frame."""
     times = events["period"] + events["time"] / period
     within = (times >= left) & (times <= right)
-    slips, begin = [], None if mode.startswith("stuck") else left
+    found, begin = [], left if slips(mode) else None
     for time, after in zip(times[within], events["mode after"][within], strict=True):
-        slides = not after.startswith("stuck")
+        slides = slips(after)
         if slides and begin is None:
             begin = time
         elif not slides and begin is not None:
-            slips.append((begin, time))
+            found.append((begin, time))
             begin = None
     if begin is not None:
-        slips.append((begin, right))
-    return slips
+        found.append((begin, right))
+    return found

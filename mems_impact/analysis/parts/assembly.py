@@ -11,7 +11,7 @@ from mems_impact.analysis.parts.part import Part, Quantity
 from mems_impact.analysis.parts.text import Text
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard, Impact
-from mems_impact.hybrid.written import function, writes_into_arrays
+from mems_impact.hybrid.written import GENERATED, function, writes_into_arrays
 
 __all__ = ["Assembly", "assembled"]
 
@@ -117,7 +117,7 @@ def assembled(
     sources += [text.watch(i, words, watch) for i, (words, watch) in enumerate(watches)]
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
-    exec(compile("\n\n".join(sources), "<parts>", "exec"), space)
+    exec(compile("\n\n".join(sources), GENERATED, "exec"), space)
     # Where it is told what a system is made of, that is the user's own.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     made = []

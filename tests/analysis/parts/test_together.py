@@ -260,6 +260,19 @@ def test_mistakes_are_one_sentence(changes, message):
         block(**changes)
 
 
+def test_a_mass_of_zero_and_a_line_of_the_users_that_fails_where_a_run_starts():
+    with pytest.raises(mi.FunctionError, match=r"parts raises ZeroDivisionError.*masses above 0$"):
+        block([GROUND], masses={"v": 0.0})
+
+    def failing(mode, t, y, p):
+        return y.v, y.load / (y.x - 1.0), p.rate
+
+    changes = {"time_scale": 1.0, "parameters": {"rate": 0.0, "mu_s": 0.3, "mu_d": 0.2}}
+    system = mi.System(states=("x", "v", "load"), flow=failing, parts=[GROUND], **changes)
+    with pytest.raises(mi.FunctionError, match=r"test_together\.py, line \d+.*float division"):
+        mi.simulate(system, duration=1.0, initial=mi.State(x=1.0), options=PLAIN)
+
+
 def test_mistakes_of_one_part():
     with pytest.raises(mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be one of them"):
         mi.Stopper("s", "x", "v", restitution=1.0)
