@@ -261,7 +261,9 @@ def test_mistakes_are_one_sentence(changes, message):
 
 
 def test_mistakes_of_one_part():
-    with pytest.raises(mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be one of them"):
+    with pytest.raises(
+        mi.InvalidParameter, match=r"upper, lower of 's' = .*: must be exactly one of the two"
+    ):
         mi.Stopper("s", "x", "v", restitution=1.0)
     with pytest.raises(mi.InvalidParameter, match="rate of 's' = None: must be a function rate"):
         mi.Surface("s", lambda t, y, p: y.x)
