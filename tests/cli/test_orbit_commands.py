@@ -35,6 +35,9 @@ def test_chart(cli, tmp_path):
     done = cli(*CHART, "--start", "0.486", "--stop", "0.49", "--no-figure")
     assert done.status == 0
     assert "degenerate grazing" in done.out
+    first = done.out.splitlines()[1].split()
+    edge = pd.read_csv(tmp_path / "out" / "chart-boundaries.csv").query("omega == 0.486")
+    assert [float(word) for word in first] == pytest.approx([0.486, *edge["amplitude"]], rel=1e-5)
     types = pd.read_csv(tmp_path / "out" / "chart-types.csv")
     assert list(types["type"]) == ["II", "I"]
 
