@@ -8,6 +8,8 @@ from matplotlib.figure import Figure
 
 __all__ = ["ShownFigure"]
 
+DPI = 120  # in a notebook
+
 
 class ShownFigure(Figure):
     """A figure that a notebook shows, be pyplot in use there or not.
@@ -17,5 +19,5 @@ class ShownFigure(Figure):
 
     def _repr_png_(self) -> bytes:
         picture = BytesIO()
-        self.savefig(picture, format="png")
+        self.savefig(picture, format="png", dpi=DPI)
         return picture.getvalue()
