@@ -314,7 +314,8 @@ class Boundaries:
             except OrbitError as error:
                 return f"crisis at {self._at(omega)}: {error}"
 
-        self.tell(f"the crisis, simulated at {crises} frequencies")
+        at = "1 frequency" if crises == 1 else f"{crises} frequencies"
+        self.tell(f"the crisis, simulated at {at}")
         with stoppable_threads(workers) as (threads, watch):
             for result in threads.map(one, omegas.tolist()):
                 if isinstance(result, str):
