@@ -125,4 +125,4 @@ def test_incomplete_waveform_cannot_be_made():
 
 
 def test_print_tells_what_it_is():
-    assert str(mi.Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")
+    assert str(Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")
