@@ -10,7 +10,6 @@ import base64
 import sys
 from functools import partial
 from importlib import import_module
-from io import BytesIO
 from typing import Any
 
 from mems_impact.errors import MemsImpactError
@@ -32,8 +31,6 @@ PICTURES = {
     ("studies.scatter", "Scatter"): "plot_scatter",
 }
 """The public function that draws a result of each class, by module and name."""
-
-DPI = 120
 
 
 def register() -> None:
@@ -64,7 +61,5 @@ def with_picture(result: Any, drawn_by: str) -> str:
     except MemsImpactError:  # a run that kept no events, a branch of nothing
         return table
     axes = drawn if hasattr(drawn, "figure") else next(iter(drawn))
-    file = BytesIO()
-    axes.figure.savefig(file, format="png", dpi=DPI)
-    data = base64.b64encode(file.getvalue()).decode("ascii")
+    data = base64.b64encode(axes.figure._repr_png_()).decode("ascii")
     return f'{table}\n<img alt="{drawn_by}" src="data:image/png;base64,{data}">'

@@ -115,6 +115,9 @@ class Checked(BaseModel, metaclass=_Kind):
     def __dir__(self) -> list[str]:
         return _own(super().__dir__())
 
+    def __str__(self) -> str:
+        return repr(self)  # pydantic's leaves out what it is
+
     def _repr_html_(self) -> str:
         return html_table(type(self).__name__, dict(self))
 

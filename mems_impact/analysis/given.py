@@ -258,7 +258,10 @@ def _modes_of(guard: Guard) -> tuple[Any, ...]:
     """Return the modes in which a guard watches, none for all."""
     if guard.modes is None:
         return ()
-    field, allowed = f"modes of {guard.name!r}", "a tuple of modes, or None for all of them"
+    field, allowed = (
+        f"modes of {guard.name!r}",
+        "a tuple of modes as mems_impact.modes gives them, or None for all of them",
+    )
     found = _several(field, guard.modes, allowed)
     if not found or not all(map(_is_whole, found)) or len(set(found)) != len(found):
         raise InvalidParameter(field, guard.modes, allowed)

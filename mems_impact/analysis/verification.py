@@ -15,7 +15,7 @@ from mems_impact.engines.options import Options
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
-from mems_impact.tables.common import Labels, event_codes, event_words, is_shown
+from mems_impact.tables.common import Labels, event_codes, event_words, is_shown, with_units
 from mems_impact.tables.run import verification
 
 if TYPE_CHECKING:
@@ -84,7 +84,8 @@ class Verification(Value):
         return {"agrees": self.agrees, "until": self.until, "verdict": self.verdict}
 
     def __str__(self) -> str:
-        table = self.table.to_string(index=False, na_rep="", float_format="{:.1e}".format)
+        table = with_units(self.table)
+        table = table.to_string(index=False, na_rep="", float_format="{:.1e}".format)
         return f"{table}\n{self.verdict}"
 
 

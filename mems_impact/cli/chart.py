@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import click
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     import mems_impact as mi
+
+SHOWN = 9  # frequencies at which voltages are shown
 
 
 @click.command(short_help="Chart where a device switches on and off.")
@@ -69,8 +72,8 @@ def command(
     """Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
 
     Boundaries are followed as curves of grazings and folds; where the device switches off in a
-    crisis (type III), it is simulated. Writes boundaries, types and points as CSV tables and the
-    chart as a figure.
+    crisis (type III), it is simulated. Shows both voltages at some frequencies, and writes
+    boundaries, types and points as CSV tables and the chart as a figure.
 
     \b
     Example:
@@ -102,6 +105,7 @@ def command(
         files.draw(lambda: mi.plot_chart(chart).figure)
         for note in chart.notes:
             warn(note)
+        show_table("voltages", _voltages(chart), 6)
         show_table("types", chart.types, 9)
         show_table("points", chart.special_table, 12)
         files.tell()
@@ -109,3 +113,28 @@ def command(
 
 def _tables(chart: mi.Chart) -> dict[str, pd.DataFrame]:
     return {"boundaries": chart.table, "types": chart.types, "points": chart.special_table}
+
+
+def _voltages(chart: mi.Chart) -> pd.DataFrame:
+    """Return the voltages of both boundaries at a few frequencies, between points of the curves."""
+    import numpy as np
+    import pandas as pd
+
+    system = chart.system
+    omega = np.linspace(*chart.omega, SHOWN)
+    columns = {"omega": omega}
+    units = {"omega": "rad/s", "on": "V", "off": "V"} if system.scales.named else {}
+    if units:
+        columns["frequency"] = omega / (2.0 * math.pi)
+        units["frequency"] = "Hz"
+    for boundary in ("on", "off"):
+        columns[boundary] = np.full(SHOWN, math.nan)
+        for of, _, _, points in chart.pieces:
+            if of == boundary and points:
+                where, voltage = np.array(points).T
+                where, voltage = system.out("omega", where), system.out("amplitude", voltage)
+                here = (where.min() <= omega) & (omega <= where.max())
+                columns[boundary][here] = np.interp(omega[here], where, voltage)
+    table = pd.DataFrame(columns)
+    table.attrs["units"] = units
+    return table

@@ -18,6 +18,7 @@ from mems_impact.cli.options import (
     parameter_option,
     progress_option,
     range_options,
+    refuse_system,
     state_from,
 )
 from mems_impact.cli.showing import show, tell_tables, unit_of
@@ -87,6 +88,7 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
+    refuse_system(device)
     drive = drive_from({parameter: start})
     if parameter not in drive.names:
         changes = {**changes, parameter: start}

@@ -104,7 +104,10 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     given = dict(click.get_current_context().meta.get(KEY, {}))
     choice = given.pop("choice", "sine")
     allow_code = given.pop("allow_code", False)
-    for name in varied or {}:
+    for name, value in (varied or {}).items():
+        if name == "frequency":
+            problem = "vary omega [rad/s], which is 2 pi times the frequency"
+            raise click.UsageError(f"{name}: {problem}: {2.0 * math.pi * value:.6g} for {value:g}")
         if name in given:
             raise click.UsageError(f"{option_of(name)} is what is varied; leave it out")
         if name == "omega" and "frequency" in given:

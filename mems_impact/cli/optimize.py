@@ -18,7 +18,14 @@ from mems_impact.cli.options import (
     tolerance_option,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import Told, show, show_table, show_values, with_units_in
+from mems_impact.cli.showing import (
+    Told,
+    show,
+    show_table,
+    show_values,
+    with_unit_column,
+    with_units_in,
+)
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -137,7 +144,8 @@ def command(
             show_table("front", found.table, 6)
         else:
             margins = found.margins
-            files.tables({**_found(found), "margins": margins})
+            told = with_unit_column(margins, "parameter", _units(found))
+            files.tables({**_found(found), "margins": told})
             files.draw(lambda: mi.plot_orbit(found.orbit).figure)
             _show(found, margins)
         files.tell()
@@ -163,5 +171,10 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
         named=system.scales.named,
     )
     show("\nTo the next bifurcation:")
-    units = {name: system.unit(name) if system.scales.named else "" for name in best.values}
-    show_table("margins", with_units_in(margins, "parameter", units), 6)
+    show_table("margins", with_units_in(margins, "parameter", _units(best)), 6)
+
+
+def _units(best: mi.Optimum) -> dict[str, str]:
+    """Return the units of what was varied, if they have any."""
+    system = best.system
+    return {name: system.unit(name) for name in best.values} if system.scales.named else {}

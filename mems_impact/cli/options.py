@@ -319,8 +319,25 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
     """Load the device and apply what ``--set`` changes."""
     from mems_impact.actuator.parameters import load_actuator
 
+    refuse_system(device)
     actuator = load_actuator(device)
     return actuator.setting(changes)
+
+
+def refuse_system(device: str) -> None:
+    """Refuse the name of a system where a device is wanted, and Python code without a name."""
+    from pathlib import Path
+
+    from mems_impact.actuator.own_system import is_system_name
+
+    if device.endswith(".py"):
+        problem = "Python code; name the system in it, such as"
+        raise click.UsageError(f"{device}: {problem} {device}:oscillator")
+    if is_system_name(device) and not Path(device).exists():
+        raise click.UsageError(
+            f"{device}: a system, where this command takes a device; simulate and explore take "
+            "systems, map, basins and scatter those of a study file, and Python's verbs any"
+        )
 
 
 def state_from(initial: Initial, actuator: Actuator) -> State:

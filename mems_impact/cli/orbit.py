@@ -16,10 +16,12 @@ from mems_impact.cli.options import (
     output_options,
     state_from,
 )
-from mems_impact.cli.showing import Told, show, show_table, show_values, tell_values
+from mems_impact.cli.showing import Told, show, show_table, show_values, tell_tables, tell_values
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
+
+MOST_ROWS = 20  # of each table that are shown: a sequence that ends in rest has dozens of impacts
 
 
 @click.command(short_help="Find a periodic orbit and its stability.")
@@ -91,6 +93,11 @@ def _show(orbit: ActuatorOrbit) -> None:
     show_values(lines, named=orbit.system.scales.named)
     tell_values({"periods": Told(orbit.periods)})
     show("")
-    show_table("segments", orbit.segments, 9)
-    shown = orbit.impacts.drop(columns=["phase"])
-    show_table("impacts", shown, 6, empty="No impact.")
+    tell_tables({"segments": orbit.segments, "impacts": orbit.impacts})
+    for name, table, digits in (
+        ("segments", orbit.segments, 9),
+        ("impacts", orbit.impacts.drop(columns=["phase"]), 6),
+    ):
+        if len(table) > MOST_ROWS:
+            show(f"The first of {len(table)} {name}:")
+        show_table(name, table.head(MOST_ROWS), digits, empty=f"No {name[:-1]}.")

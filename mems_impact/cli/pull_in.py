@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import click
 
 from mems_impact.cli.options import actuator_from, device_options
@@ -24,5 +26,10 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     from mems_impact.actuator.design.targets import of_device
 
     actuator = actuator_from(device, changes)
+    named = actuator.scales.named
     told = {name: Told(*quantity) for name, quantity in of_device(actuator).items()}
-    show_values(told, named=actuator.scales.named)
+    omega = told["resonance"].value
+    if named:
+        hertz = f"{omega:.9g} ({omega / (2.0 * math.pi):.6g} Hz)"
+        told["resonance"] = told["resonance"]._replace(text=hertz)
+    show_values(told, named=named)

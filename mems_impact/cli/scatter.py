@@ -19,7 +19,7 @@ from mems_impact.cli.options import (
     study_options,
 )
 from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import show_table, with_units_in
+from mems_impact.cli.showing import show_table, with_unit_column, with_units_in
 from mems_impact.cli.studied import run_kept, study_of
 
 KIND = "scatter"
@@ -96,14 +96,18 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         )
         spread = found.quantiles(SPREAD)
         spread = spread.reset_index(names="quantity")
-        tables = {"table": found.table, "quantiles": spread, "yields": found.yields}
+        units = found.table.attrs.get("units", {})
+        tables = {
+            "table": found.table,
+            "quantiles": with_unit_column(spread, "quantity", units),
+            "yields": with_unit_column(found.yields, "quantity", units),
+        }
         if found.indices is not None:
             tables["indices"] = found.indices
         files.tables(tables)
         files.draw(lambda: mi.plot_scatter(found).figure)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
-        units = found.table.attrs.get("units", {})
         show_table("quantiles", with_units_in(seen, "quantity", units), 5)
         show_table("yields", with_units_in(found.yields, "quantity", units), 5)
         if found.indices is not None:

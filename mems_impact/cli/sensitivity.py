@@ -16,7 +16,14 @@ from mems_impact.cli.options import (
     state_from,
     tolerance_option,
 )
-from mems_impact.cli.showing import Told, show, show_table, show_values, with_units_in
+from mems_impact.cli.showing import (
+    Told,
+    show,
+    show_table,
+    show_values,
+    with_unit_column,
+    with_units_in,
+)
 from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
@@ -94,7 +101,9 @@ def command(
         found = sensitivity_from(system, quantities=tuple(told.values()), **given)
         tables = {"table": found.table}
         if tolerances:
-            tables["scatter"] = found.scatter(tolerances)
+            tables["scatter"] = with_unit_column(
+                found.scatter(tolerances), "quantity", _units(found)
+            )
         files.tables(tables)
         chosen = tolerances or None
         files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)

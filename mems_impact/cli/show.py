@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.showing import Told, show, show_table, tell_values
+from mems_impact.cli.showing import (
+    Told,
+    show,
+    show_table,
+    tell_tables,
+    tell_values,
+    with_unit_column,
+    with_units_in,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +81,9 @@ def _show(study: mi.StoredStudy) -> None:
         show(f"  {rows} failed: {_cut(str(reason))}")
     if study.done > 0:
         show("")
-        show_table("ranges", _ranges(study.table), 6)
+        ranges, units = _ranges(study.table), study.table.attrs.get("units", {})
+        tell_tables({"ranges": with_unit_column(ranges, "column", units)})
+        show_table("ranges", with_units_in(ranges, "column", units), 6)
 
 
 def _cut(reason: str) -> str:
@@ -84,12 +94,10 @@ def _ranges(table: pd.DataFrame) -> pd.DataFrame:
     """Return one row a column of numbers: smallest, middle and largest, and how many there are."""
     import pandas as pd
 
-    from mems_impact.tables.common import heading
-
     numbers = table.select_dtypes("number")
     return pd.DataFrame(
         {
-            "column": [heading(table, name) for name in numbers],
+            "column": list(numbers),
             "min": numbers.min().to_numpy(dtype=float),
             "median": numbers.median().to_numpy(dtype=float),
             "max": numbers.max().to_numpy(dtype=float),

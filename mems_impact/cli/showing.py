@@ -71,6 +71,18 @@ def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) ->
     return result
 
 
+def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
+    """Return a table for files and programs, with the unit of what a row's column names.
+
+    Where nothing has a unit, it is returned as it is.
+    """
+    if not units:
+        return table
+    result = table.assign(unit=[units.get(name, "") for name in table[column]])
+    result.attrs = table.attrs
+    return result
+
+
 def show(text: str) -> None:
     """Show a text, which tells nothing that values and tables do not."""
     if not as_json() and not quiet():

@@ -234,7 +234,7 @@ class _Run:
             ),
             loop.INADMISSIBLE: (
                 f"the start lies beyond the guard {name!r}",
-                "start where its margin is not negative",
+                "start where its margin is not negative, or turn the margin's sign",
             ),
             loop.WITHOUT_EFFECT: (
                 f"the transition of the guard {name!r} changes nothing, and its margin falls on",

@@ -25,7 +25,7 @@ from mems_impact.plotting.motion import (
     spans,
 )
 from mems_impact.plotting.placing import legend_above
-from mems_impact.plotting.style import color, new_figure, styled
+from mems_impact.plotting.style import color, given_axes, new_figure, styled
 
 __all__ = ["PER_PERIOD", "SHOWN", "plot_run"]
 
@@ -96,9 +96,7 @@ def plot_run(
         figure = new_figure(0.55 * len(chosen), 2.5)
         axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
     else:
-        axes = [ax] if hasattr(ax, "plot") else list(ax)
-        if len(axes) != len(chosen):
-            raise InvalidParameter("ax", len(axes), f"{len(chosen)} axes, one a state")
+        axes = given_axes(ax, len(chosen), "one a state")
 
     samples = _samples(run, first, last)
     corners = between(run.corners, samples)

@@ -140,6 +140,7 @@ def _histogram(ax: Any, scatter: Spread, name: str) -> None:
     unit = points.attrs.get("units", {}).get(name, "")
     label_axis(ax.xaxis, Label(name, unit))
     label_axis(ax.yaxis, Label("points"))
+    ax.yaxis.get_major_locator().set_params(integer=True)
 
 
 def _ends(values: Any, low: float, high: float) -> tuple[float, float]:

@@ -14,8 +14,8 @@ from typing import Any, TypeVar
 from mems_impact.errors import InvalidParameter
 
 __all__ = [
-    "DASHES", "LINES", "MODE_COLORS", "cased", "color", "graded", "inches", "new_figure", "style",
-    "styled", "thickness", "wearing",
+    "DASHES", "LINES", "MODE_COLORS", "cased", "color", "given_axes", "graded", "inches",
+    "new_figure", "style", "styled", "thickness", "wearing",
 ]  # fmt: skip
 
 SHEET = Path(__file__).with_name("mems_impact.mplstyle")
@@ -190,7 +190,30 @@ def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
         Its height, in panels of the style's height and rows of text.
     """
     from matplotlib import rcParams
-    from matplotlib.figure import Figure
+
+    from mems_impact.plotting.canvas import ShownFigure
 
     size = (rcParams["figure.figsize"][0], inches(panels, rows))
-    return Figure(figsize=size, layout="constrained")
+    return ShownFigure(figsize=size, layout="constrained")
+
+
+def given_axes(ax: Any, count: int, each: str) -> list[Any]:
+    """Return the axes that were given to be drawn on, as many as there are panels.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes or sequence of these
+    count : int
+        How many it takes.
+    each : str
+        What each is for, in words: "one a state".
+
+    Raises
+    ------
+    InvalidParameter
+        If there are more or fewer.
+    """
+    axes = [ax] if hasattr(ax, "plot") else list(ax)
+    if len(axes) != count:
+        raise InvalidParameter("ax", len(axes), f"{count} axes, {each}")
+    return axes

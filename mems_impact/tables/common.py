@@ -33,7 +33,6 @@ __all__ = [
     "captions",
     "event_codes",
     "event_words",
-    "heading",
     "is_shown",
     "name_of",
     "states",
@@ -168,12 +167,6 @@ def bare(shown: pd.DataFrame) -> pd.DataFrame:
     result = shown.rename(columns={name: plain for name, (plain, _) in found.items()})
     result.attrs = {**shown.attrs, "units": dict(found.values())}
     return result
-
-
-def heading(shown: pd.DataFrame, name: str) -> str:
-    """Return the name of a column with its unit, if it has one: a label for an axis."""
-    unit = shown.attrs.get("units", {}).get(name, "")
-    return f"{name} [{unit}]" if unit else name
 
 
 def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) -> dict[str, Any]:

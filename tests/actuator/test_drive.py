@@ -122,3 +122,7 @@ def test_incomplete_waveform_cannot_be_made():
 
     with pytest.raises(TypeError, match=r"abstract.*\bvoltage\b"):
         Incomplete()
+
+
+def test_print_tells_what_it_is():
+    assert str(Sine(amplitude=1.0, omega=2.0)).startswith("Sine(amplitude=1.0, omega=2.0, ")

@@ -10,6 +10,7 @@ import mems_impact as mi
 
 FILES = {
     "sine": ('kind = "sine"\namplitude = 0.2\nomega = 0.5\nphase = 1', mi.Sine),
+    "in hertz": (f'kind = "sine"\namplitude = 0.2\nfrequency = {0.5 / (2 * math.pi)!r}', mi.Sine),
     "square": ('kind = "square"\namplitude = 0.2\nomega = 0.5\nduty = 0.3', mi.Square),
     "pulse": ('kind = "pulse"\namplitude = 0.2\nperiod = 10\nwidth = 3', mi.Pulse),
     "trapezoid": ('kind = "trapezoid"\namplitude = 0.2\nomega = 0.5', mi.Trapezoid),
@@ -43,6 +44,24 @@ def folder(tmp_path, monkeypatch):
 def written(folder, text, name="drive.toml"):
     (folder / name).write_text(text)
     return folder / name
+
+
+@pytest.mark.parametrize(
+    ("lines", "complaint"),
+    [
+        ('kind = "sine"\namplitude = 1\nomega = 1\nfrequency = 1', "left out beside omega"),
+        ('kind = "sine"\namplitude = 1\nfrequency = 0', "a finite number > 0"),
+        ('kind = "pulse"\namplitude = 1\nfrequency = 1\nwidth = 1', "one of amplitude, period"),
+    ],
+)
+def test_a_wrong_frequency(folder, lines, complaint):
+    with pytest.raises(mi.InvalidParameter, match=f"^frequency = .*{complaint}"):
+        mi.load_drive(written(folder, f"[drive]\n{lines}\n"))
+
+
+def test_a_frequency_is_omega_over_two_pi(folder):
+    drive = mi.load_drive(written(folder, "[drive]\n" + FILES["in hertz"][0]))
+    assert drive.omega == pytest.approx(0.5, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -1,3 +1,5 @@
+import json
+
 import pandas as pd
 import pytest
 
@@ -33,6 +35,9 @@ def test_chart(cli, tmp_path):
     done = cli(*CHART, "--start", "0.486", "--stop", "0.49", "--no-figure")
     assert done.status == 0
     assert "degenerate grazing" in done.out
+    first = done.out.splitlines()[1].split()
+    edge = pd.read_csv(tmp_path / "out" / "chart-boundaries.csv").query("omega == 0.486")
+    assert [float(word) for word in first] == pytest.approx([0.486, *edge["amplitude"]], rel=1e-5)
     types = pd.read_csv(tmp_path / "out" / "chart-types.csv")
     assert list(types["type"]) == ["II", "I"]
 
@@ -57,6 +62,18 @@ def test_bad_input_is_one_line(cli, arguments, named):
     said = cli(*arguments).complaint()
     for word in named:
         assert word in said
+
+
+@pytest.mark.slow
+def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path):
+    done = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6")
+    impacts = pd.read_csv(tmp_path / "out" / "orbit-impacts.csv")
+    segments = pd.read_csv(tmp_path / "out" / "orbit-segments.csv")
+    assert f"The first of {len(segments)} segments:" in done.out
+    assert len(segments) > 40 > len(done.out.splitlines()) - len(impacts)
+    told = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6",
+               "--no-figure", "--json")  # fmt: skip
+    assert len(json.loads(told.out)["tables"]["segments"]["rows"]) == len(segments)
 
 
 def test_no_orbit_is_one_line(cli):

@@ -1,3 +1,5 @@
+import json
+
 import pandas as pd
 import pytest
 
@@ -31,6 +33,11 @@ def test_what_is_done(cli, store, tmp_path):
     assert lines[4].split() == ["point", "0", f"{(count - 1) / 2:g}", f"{count - 1}", f"{count}"]
     assert lines[5].split()[:2] == ["number", "[m]"]
     assert [path.name for path in tmp_path.iterdir()] == ["store"]
+
+
+def test_what_is_done_for_programs(cli, store):
+    rows = json.loads(cli("show", store, "--json").out)["tables"]["ranges"]["rows"]
+    assert {row["column"]: row["unit"] for row in rows} == {"point": "", "number": "m", "edge": ""}
 
 
 def test_what_is_done_as_a_table(cli, store, tmp_path):

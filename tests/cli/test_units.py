@@ -1,6 +1,12 @@
 """Every line that shows a number of a device in SI shows its unit."""
 
+import json
+import math
+
+import pandas as pd
+
 import mems_impact as mi
+from mems_impact.cli.showing import with_unit_column
 
 VOLTAGE = ["--frequency", "200", "--no-figure"]  # below pull-in nothing strikes
 
@@ -45,3 +51,35 @@ def test_a_dimensionless_device_has_none(cli):
     out = cli("orbit", "zhao2004", "--amplitude", "0.1", "--omega", "0.5", "--no-figure").out
     assert "  forcing period " in out
     assert "[" not in out
+
+
+def test_resonance_in_hertz(cli):
+    mita = mi.load_actuator("mita2003")
+    hertz = math.sqrt(mita.k / mita.m2) / (2.0 * math.pi)
+    assert f"({hertz:.6g} Hz)" in cli("pull-in", "mita2003").out
+    assert "Hz" not in cli("pull-in", "zhao2004").out
+
+
+def test_what_scatters(cli, tmp_path):
+    brief = ["--samples", "2", "--transient", "1", "--periods", "1", "--exponents", "none"]
+    over = ["--over", "e=norm:0.8:0.01", "--specification", "mean speed=-1:1"]
+    told = cli("scatter", "mita2003", "--amplitude", "20", *VOLTAGE, *brief, *over, "--json")
+    rows = json.loads(told.out)["tables"]["quantiles"]["rows"]
+    assert {row["quantity"]: row["unit"] for row in rows}["mean speed"] == "m/s"
+    yields = pd.read_csv(tmp_path / "out" / "scatter-yields.csv").set_index("quantity")
+    assert yields.loc["mean speed", "unit"] == "m/s"
+
+
+def test_what_a_column_names():
+    table = pd.DataFrame({"parameter": ["k", "e"], "value": [1.0, 0.8]})
+    told = with_unit_column(table, "parameter", {"k": "N/m"})
+    assert told["unit"].tolist() == ["N/m", ""]
+    assert with_unit_column(table, "parameter", {}) is table
+
+
+def test_two_runs_beside_each_other(cli):
+    out = cli(
+        "simulate", "mita2003", "--amplitude", "20", *VOLTAGE, "--periods", "1", "--verify"
+    ).out
+    assert "time apart [s]" in out
+    assert "v2 apart [m/s]" in out

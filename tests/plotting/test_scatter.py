@@ -51,6 +51,12 @@ def made(indices=True):
     )
 
 
+def test_points_are_counted_in_whole_numbers():
+    table = made(indices=False).table.iloc[:3]
+    few = Scatter(system=oscillator(), drawn=("A",), table=table)
+    assert all(tick == int(tick) for tick in mi.plot_scatter(few, quantity="step").get_yticks())
+
+
 def test_what_is_specified_is_drawn_with_its_indices(tmp_path):
     ax = mi.plot_scatter(made())
     spread, bars = ax.figure.axes

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mems_impact.actuator.design.estimates import pull_in_voltage
+from mems_impact.actuator.modes import BREAK_AWAY, GUARDS
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.special import CodimensionTwo, GrazingType
@@ -170,9 +171,16 @@ class Boundaries:
                     self.notes.append(f"the grazing curve: {curve.ended}")
                 return curve
         raise OrbitError(
-            f"{self._not_grazing(low)}, and {self._not_grazing(high)}",
-            "take another range of omega",
+            f"{self._not_grazing(low)}, and {self._not_grazing(high)}", self._remedy(low, high)
         )
+
+    def _remedy(self, *omegas: float) -> str:
+        """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
+        met = {s.kind for omega in omegas for s in self._special(omega, lambda special: False)}
+        if GUARDS[BREAK_AWAY].name in met:
+            slides = "the frame slides before the block strikes"
+            return f"{slides}: raise mu_s, soften k, or take another range of omega"
+        return "lower the damping c, or take another range of omega"
 
     def _grazing(self, omega: float) -> BranchEvent:
         """Return where the orbit without impacts grazes; OrbitError if it does not."""
@@ -306,7 +314,8 @@ class Boundaries:
             except OrbitError as error:
                 return f"crisis at {self._at(omega)}: {error}"
 
-        self.tell(f"the crisis, simulated at {crises} frequencies")
+        at = "1 frequency" if crises == 1 else f"{crises} frequencies"
+        self.tell(f"the crisis, simulated at {at}")
         with stoppable_threads(workers) as (threads, watch):
             for result in threads.map(one, omegas.tolist()):
                 if isinstance(result, str):

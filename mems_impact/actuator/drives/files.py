@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from importlib import import_module
 from os import PathLike, fspath
 from pathlib import Path
@@ -16,6 +17,7 @@ from mems_impact.actuator.drives.custom import Custom
 from mems_impact.actuator.drives.sampled import Sampled
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms.files import term_names
+from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidFile, InvalidParameter
 
 __all__ = ["TABLES", "drive_in_table", "drive_kinds", "drive_of_kind", "load_drive"]
@@ -40,10 +42,11 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     Parameters
     ----------
     path : str or os.PathLike
-        A TOML file with a table ``[drive]``: its ``kind`` and the parameters of that waveform,
-        those of a waveform within as a table in it (``[drive.wave]`` of a burst, ``[drive.right]``
-        and ``[drive.left]``). A sampled one takes ``file``, a custom one ``source``, relative to
-        the TOML file. The file may be that of a device. Or a CSV file for `Sampled.from_csv`.
+        A TOML file with a table ``[drive]``: its ``kind`` and the parameters of that waveform
+        (``frequency`` [Hz] may stand for ``omega``), those of a waveform within as a table in it
+        (``[drive.wave]`` of a burst, ``[drive.right]`` and ``[drive.left]``). A sampled one takes
+        ``file``, a custom one ``source``, relative to the TOML file. The file may be that of a
+        device. Or a CSV file for `Sampled.from_csv`.
     allow_code : bool, optional
         Whether a custom drive may be loaded: its ``source`` is Python code, which is run and can do
         all that you can. Allow it for files whose code you have read. It must lie in the folder of
@@ -137,6 +140,8 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
         allowed = f"one of {', '.join(drive_kinds())}"
         raise InvalidParameter("kind", None, allowed, problem=f"missing, must be {allowed}")
     kind = drive_of_kind(values.pop("kind"))
+    if "frequency" in values and "frequency" not in kind.model_fields:
+        values = _in_hertz(values, kind)
     if kind is Sampled and "file" in values:
         return _measured(values, file.parent)
     if kind is Custom:
@@ -152,6 +157,20 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
                     field_name, error.value, error.allowed, error.source, problem=error.problem
                 ) from None
     return kind(**values)
+
+
+def _in_hertz(values: dict[str, Any], kind: type[Drive]) -> dict[str, Any]:
+    """Return the parameters of a waveform, of which a file tells frequency in place of omega."""
+    frequency = values["frequency"]
+    if "omega" not in kind.model_fields:
+        allowed = f"one of {', '.join(kind.model_fields)}"
+        raise InvalidParameter("frequency", frequency, allowed, problem=f"must be {allowed}")
+    if "omega" in values:
+        raise InvalidParameter("frequency", frequency, "left out beside omega")
+    if not is_number(frequency) or frequency <= 0.0:
+        raise InvalidParameter("frequency", frequency, "a finite number > 0")
+    others = {name: value for name, value in values.items() if name != "frequency"}
+    return {**others, "omega": 2.0 * math.pi * frequency}
 
 
 def _measured(values: dict[str, Any], folder: Path) -> Sampled:

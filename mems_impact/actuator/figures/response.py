@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from mems_impact.plotting.labels import label_axis, label_of, parameter_label
 from mems_impact.plotting.placing import legend_above
-from mems_impact.plotting.style import graded, new_figure, styled, thickness
+from mems_impact.plotting.style import given_axes, graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +46,8 @@ def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
     >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
     >>> mi.plot_response(table)[0].figure.savefig("response.png")
     """
-    axes = new_figure(1.6).subplots(2, sharex=True) if ax is None else ax
+    ax = new_figure(1.6).subplots(2, sharex=True) if ax is None else ax
+    axes = given_axes(ax, 2, "one for the deflection, one for the speed")
     looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
     volts = label_of(table, "amplitude", "$f$")
     for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):

@@ -9,7 +9,7 @@ from mems_impact.plotting.labels import Label, label_axis, label_of
 from mems_impact.plotting.motion import IMPACT
 from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.run import PER_PERIOD, SHOWN
-from mems_impact.plotting.style import DASHES, color, new_figure, styled
+from mems_impact.plotting.style import DASHES, color, given_axes, new_figure, styled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +57,7 @@ def plot_run(
     left, right = time.iloc[0], time.iloc[-1]
     if ax is None:
         ax = new_figure(1.3).subplots(2, sharex=True, height_ratios=(3, 2))
-    block, frame = ax
+    block, frame = given_axes(ax, 2, "one for the block, one for the frame")
 
     for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
         for panel in (block, frame):

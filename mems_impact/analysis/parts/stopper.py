@@ -73,7 +73,9 @@ class Stopper(Contact):
     def __post_init__(self) -> None:
         if (self.upper is None) == (self.lower is None):
             given = (self.upper, self.lower)
-            raise InvalidParameter(f"upper, lower of {self.name!r}", given, "one of them")
+            raise InvalidParameter(
+                f"upper, lower of {self.name!r}", given, "exactly one of the two, the other None"
+            )
 
     def sides(self, words: Words) -> Sides:
         """Return the body, and the other one."""
