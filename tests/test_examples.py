@@ -85,7 +85,7 @@ def drawn(path, width=1.2, marker="o", color="tab:blue", grid=False, words="spee
         ax.plot([1], [0.5], marker=marker, color="black")
         ax.set(xlabel="time", ylabel=words, ylim=(-0.1, 1.2))
         ax.grid(grid)
-        figure.savefig(path)
+        figure.savefig(path, dpi=150)
     return comparing.small(path)
 
 
