@@ -67,29 +67,32 @@ print(f"{safe.step / safe.period / best.value:.3f} of the speed at omega = {0.96
 
 # %%
 # Over the frequency, at the best voltage and at the paper's: lines are the orbit, solid where it is
-# stable; dots are runs, swept up, which know nothing of it.
+# stable; marks are runs, swept up, which know nothing of it. The large ones are the two orbits.
 
-axes = Figure(figsize=(6.0, 3.8), layout="constrained").subplots()
-for orbit, color in ((paper, "C0"), (best.orbit, "C1")):
-    amplitude = orbit.system.value("amplitude")
-    for stop in (0.46, 0.6):
-        table = mi.continue_orbit(orbit, "omega", stop).table
-        speed = table["step"] * table["omega"] / np.pi  # the force has half the period of v
-        for stable, line in ((True, "-"), (False, ":")):
-            part = speed.where((table["stable"] == stable) & (table["impacts"] == 1))
-            axes.plot(table["omega"], 1e4 * part, line, color=color)
-    values = np.arange(0.48, 0.59, 0.005)
-    drive = mi.Sine(amplitude=amplitude, omega=0.48)
-    swept = mi.sweep_summary(
-        mi.sweep(zhao, drive, "omega", values, direction="up", transient=200, periods=40)
-    )
-    label = f"f = {amplitude:g}"
-    axes.plot(swept["omega"], 1e4 * swept["mean speed"], ".", color=color, label=label)
-    speed = orbit.step / orbit.period
-    axes.plot(orbit.system.value("omega"), 1e4 * speed, "s", color=color, markersize=8)
-axes.set(xlabel="omega", ylabel="mean speed [$10^{-4}$]", xlim=(0.46, 0.59))
-axes.legend(frameon=False)
-axes.figure.savefig("optimal_drive_branch.png", dpi=150)
+with mi.style():
+    axes = Figure(layout="constrained").subplots()
+    for orbit, marker, color in ((paper, "o", "#00224e"), (best.orbit, "s", "#b3901f")):
+        amplitude = orbit.system.value("amplitude")
+        for stop in (0.46, 0.6):
+            table = mi.continue_orbit(orbit, "omega", stop).table
+            speed = table["step"] * table["omega"] / np.pi  # the force has half the period of v
+            for stable, line in ((True, "-"), (False, "--")):
+                part = speed.where((table["stable"] == stable) & (table["impacts"] == 1))
+                axes.plot(table["omega"], 1e4 * part, line, color=color)
+        values = np.arange(0.48, 0.59, 0.005)
+        drive = mi.Sine(amplitude=amplitude, omega=0.48)
+        swept = mi.sweep_summary(
+            mi.sweep(zhao, drive, "omega", values, direction="up", transient=200, periods=40)
+        )
+        axes.plot(
+            swept["omega"], 1e4 * swept["mean speed"], marker, color=color, markersize=3,
+            label=f"$f$ = {amplitude:g}",
+        )  # fmt: skip
+        here, speed = orbit.system.value("omega"), orbit.step / orbit.period
+        axes.plot(here, 1e4 * speed, marker, color="white", markeredgecolor=color, markersize=7)
+    axes.set(xlabel=r"$\omega$", ylabel="mean speed [$10^{-4}$]", xlim=(0.46, 0.59))
+    axes.legend()
+axes.figure.savefig("optimal_drive_branch.png")
 
 # %%
 # What speed costs

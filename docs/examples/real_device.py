@@ -112,17 +112,19 @@ print(pd.DataFrame(rows).round(3).to_string(index=False))
 # some 5 Hz.
 
 hertz = np.arange(1.0, 13.0)
-axes = Figure(figsize=(6.4, 3.6), layout="constrained").subplots()
-for name in ("air", "5 Pa"):
-    table = mi.sweep(
-        devices[name], slow, "omega", 2 * math.pi * hertz, transient=4, periods=4, options=bdf
-    )
-    found = mi.sweep_summary(table)
-    size = 1e9 * found["displacement per period"] / found["blows per period"]
-    axes.plot(hertz, size, marker="o", label=name)
-    print(name, size.round(1).to_list())
-axes.set(xlabel="frequency [Hz]", ylabel="step [nm]", ylim=0)
-axes.legend(frameon=False)
+colors = {"preset": "0.5", "air": "#b3901f", "5 Pa": "#00224e"}
+with mi.style():
+    axes = Figure(layout="constrained").subplots()
+    for name, look in (("air", "^-"), ("5 Pa", "o--")):
+        table = mi.sweep(
+            devices[name], slow, "omega", 2 * math.pi * hertz, transient=4, periods=4, options=bdf
+        )
+        found = mi.sweep_summary(table)
+        size = 1e9 * found["displacement per period"] / found["blows per period"]
+        axes.plot(hertz, size, look, color=colors[name], label=name)
+        print(name, size.round(1).to_list())
+    axes.set(xlabel="frequency [Hz]", ylabel="step [nm]", ylim=0)
+    axes.legend()
 axes.figure.savefig("real_device_step.png")
 
 # %%
@@ -159,26 +161,27 @@ for name, (volts, frequencies, transient, periods) in studies.items():
 swept = pd.DataFrame(rows)
 print(swept.to_string(index=False))
 
-axes = Figure(figsize=(6.4, 4.4), layout="constrained").subplots()
-for name, color in (("preset", "C0"), ("5 Pa", "C1")):
-    whose = "preset" if name == "preset" else "suspension alone"
-    for boundary, line in (("on", "-"), ("off", ":")):
-        part = charts[name].table.query("boundary == @boundary").sort_values("omega")
-        axes.plot(part["omega"], part["amplitude"], line, color=color, label=f"{whose}, {boundary}")
-for name, color in (("air", "C2"), ("5 Pa", "C1")):
-    part = swept.query("device == @name")
-    axes.plot(part["omega"], part["on"], "o", markersize=4, color=color, label=f"{name}, on")
-    axes.plot(
-        part["omega"],
-        part["off"],
-        "o",
-        markersize=9,
-        fillstyle="none",
-        color=color,
-        label=f"{name}, off",
-    )
-axes.set(xlabel="omega [rad/s]", ylabel="amplitude [V]", xlim=(640, 760), ylim=(0, 45))
-axes.legend(frameon=False, fontsize=8, ncols=2, loc="lower left")
+with mi.style():
+    axes = Figure(figsize=(3.4, 3.2), layout="constrained").subplots()
+    for whose in ("preset", "5 Pa"):
+        for boundary, line in (("on", "-"), ("off", ":")):
+            part = charts[whose].table.query("boundary == @boundary").sort_values("omega")
+            label = f"{'preset' if whose == 'preset' else 'suspension alone'}, {boundary}"
+            axes.plot(part["omega"], part["amplitude"], line, color=colors[whose], label=label)
+    for name, marker in (("air", "^"), ("5 Pa", "o")):
+        part = swept.query("device == @name")
+        look = {"color": colors[name], "linestyle": "none", "marker": marker}
+        axes.plot(part["omega"], part["on"], **look, label=f"{name}, on")
+        axes.plot(
+            part["omega"],
+            part["off"],
+            **look,
+            markersize=6.5,
+            fillstyle="none",
+            label=f"{name}, off",
+        )
+    axes.set(xlabel=r"$\omega$ [rad/s]", ylabel="amplitude $f$ [V]", xlim=(640, 760), ylim=(0, 45))
+    axes.figure.legend(ncols=2, loc="outside upper right")
 axes.figure.savefig("real_device_chart.png")
 
 # %%

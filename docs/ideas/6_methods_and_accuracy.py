@@ -8,8 +8,8 @@ modes that turn out stiff. Events are located to rounding, whatever the method, 
 a run is that of its arcs.
 """
 
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 import mems_impact as mi
 
@@ -24,14 +24,15 @@ def step(method, rtol):
 
 truth = step("dop853", 1e-13)
 tolerances = np.array([1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10])
-figure, axes = plt.subplots(figsize=(3.4, 2.6), layout="constrained")
-for method, style in (("adams", "o-"), ("bdf", "s--"), ("dop853", "^:")):
-    errors = np.array([abs(step(method, rtol) / truth - 1.0) for rtol in tolerances])
-    axes.loglog(tolerances, np.maximum(errors, 1e-16), style, label=method)
-    assert errors[-1] < 1e-6
-axes.set(xlabel="relative tolerance", ylabel="relative error of the step")
-axes.legend()
-figure.savefig("methods_and_accuracy.png", dpi=150)
+with mi.style():
+    axes = Figure(layout="constrained").subplots()
+    for method, look in (("adams", "o-"), ("bdf", "s--"), ("dop853", "^:")):
+        errors = np.array([abs(step(method, rtol) / truth - 1.0) for rtol in tolerances])
+        axes.loglog(tolerances, np.maximum(errors, 1e-16), look, label=method)
+        assert errors[-1] < 1e-6
+    axes.set(xlabel="relative tolerance", ylabel="relative error of the step")
+    axes.legend()
+axes.figure.savefig("methods_and_accuracy.png")
 
 # %%
 # The errors of Adams and BDF fall with the tolerance, and ``dop853`` stays far below it: nothing at

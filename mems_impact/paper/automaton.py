@@ -16,7 +16,7 @@ __all__ = ["plot_automaton"]
 KINDS: dict[str, dict[str, Any]] = {
     "impact": {"color": "impact", "linestyle": "-", "bend": 0.12, "long": 0.42},
     "chatter ends": {"color": "impact", "linestyle": (0, (1, 1.5)), "bend": 0.22, "long": 0.5},
-    "release": {"color": "motion", "linestyle": (0, (6, 1.5)), "bend": 0.14, "long": 0.5},
+    "release": {"color": "motion", "linestyle": (0, (6, 1.5, 1, 1.5)), "bend": 0.14, "long": 0.5},
     "slip end": {"color": "frame", "linestyle": "-", "bend": 0.12, "long": 0.6},
     "break-away": {"color": "frame", "linestyle": (0, (4, 2)), "bend": 0.24, "long": 0.5},
 }

@@ -16,9 +16,9 @@ from mems_impact.studies.stored_study import StoredStudy
 
 __all__ = ["plot_basins"]
 
-# Pale enough for black marks upon them, and of lightness that alternates: distinct in grey and to
-# the colour-blind (after Okabe and Ito). Further attractors, with small shares, have one grey.
-COLORS = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#0072b2", "#d55e00")
+# Each of a lightness of its own: distinct in grey and to the colour-blind (hues of Okabe and Ito).
+# Further attractors, with small shares, have one grey.
+COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
 OTHERS, LOST = "0.6", "white"
 MARKERS = "os^Dv<>"
 

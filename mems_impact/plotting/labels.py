@@ -136,6 +136,9 @@ def label_axis(axis: Any, label: Label) -> None:
     limits = getattr(axis.axes, f"get_{axis.axis_name}lim")()
     power, unit = prefixed(label.unit, float(np.max(np.abs(limits))))
     axis.set_major_formatter(_plain(power))
+    # How many ticks there are hangs on the size of their numbers: that of the style, wherever the
+    # figure is saved.
+    axis.set_tick_params(labelsize=axis.get_ticklabels()[0].get_fontsize())
     if axis.axis_name == "x":
         _thin(axis)
     told = f"[{unit}]" if unit else ""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, parameter_label
 from mems_impact.plotting.placing import legend_above
-from mems_impact.plotting.style import LINES, cased, new_figure, styled, thickness
+from mems_impact.plotting.style import DOTS, LINES, cased, new_figure, styled, thickness
 from mems_impact.studies.motions import MOTION, SILENT, in_order, motions, period_of
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.studies.stored_study import StoredStudy
@@ -261,7 +261,7 @@ def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
     """Draw boundaries, black on white; return what the legend shows."""
     styles = dict.fromkeys(line.kind for line in curves)
     for i, kind in enumerate(styles):
-        styles[kind] = LINES[i % len(LINES)]
+        styles[kind] = DOTS if kind == "switching off" else LINES[i % len(LINES)]
     drawn = {}
     for kind, points in curves:
         (drawn[kind],) = ax.plot(

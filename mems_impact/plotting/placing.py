@@ -139,8 +139,9 @@ def free_corner(
     """
     _root(ax).draw_without_rendering()
     lines = ax.transAxes.inverted().transform(_dense(ax))
-    for y, x in product(np.linspace(top - height, 0.04, 12), np.linspace(0.14, 0.98 - width, 12)):
-        low, high = np.array([x - 0.14, y - 0.16]), np.array([x + width, y + height])
+    left, below = 0.1, 0.1  # for the numbers at its axes
+    for y, x in product(np.linspace(top - height, below, 12), np.linspace(left, 0.98 - width, 12)):
+        low, high = np.array([x - left, y - below]), np.array([x + width, y + height])
         if not ((lines > low) & (lines < high)).all(axis=1).any():
             return float(x), float(y)
     return None

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from mems_impact.errors import InvalidParameter
 
 __all__ = [
-    "DASHES", "LINES", "MODE_COLORS", "cased", "color", "given_axes", "graded", "inches",
+    "DASHES", "DOTS", "LINES", "MODE_COLORS", "cased", "color", "given_axes", "graded", "inches",
     "new_figure", "style", "styled", "thickness", "wearing",
 ]  # fmt: skip
 
@@ -35,6 +35,9 @@ MODE_COLORS = ("#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#f0e442", "0.6")
 
 DASHES: dict[str, Any] = {"linestyle": (0, (4, 3)), "linewidth": 0.8}
 """How guides are drawn: stoppers, levels."""
+
+DOTS: Any = (0, (1, 1.3))
+"""How the line of what goes downwards is broken: switching off."""
 
 MARKERS = "os^Dv<>"
 LINES: tuple[Any, ...] = ("-", (0, (4, 1.5)), (0, (1, 1.1)), (0, (4, 1.2, 1, 1.2)))

@@ -18,7 +18,7 @@ from mems_impact.plotting.labels import (
     symbol,
 )
 from mems_impact.plotting.placing import legend_above
-from mems_impact.plotting.style import DASHES, color, new_figure, styled
+from mems_impact.plotting.style import DASHES, DOTS, color, new_figure, styled
 from mems_impact.studies.stored_study import StoredStudy
 from mems_impact.tables.common import bare
 from mems_impact.tables.sweep import NUMBER, PERIOD, sweep_summary, switches
@@ -178,4 +178,5 @@ def _draw_switches(ax: Any, table: pd.DataFrame) -> None:
     parameter = _symbol(table)
     for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):
         text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
-        ax.axvline(value, color=color(direction), zorder=1, label=text, **DASHES)
+        look = DASHES if impacting else {**DASHES, "linestyle": DOTS}
+        ax.axvline(value, color=color(direction), zorder=1, label=text, **look)

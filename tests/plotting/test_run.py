@@ -140,7 +140,7 @@ def test_panels_do_not_lie_over_each_other_without_impacts(tmp_path):
     axes[0].figure.savefig(tmp_path / "run.png")
     boxes = [ax.get_position() for ax in axes]
     assert all(above.y0 > below.y1 for above, below in pairwise(boxes))
-    assert min(box.width for box in boxes) > 0.75
+    assert min(box.width for box in boxes) > 0.8
     assert legend(axes[0]) == []
 
 

@@ -10,13 +10,14 @@ import pandas as pd
 from mems_impact.actuator.tables import SYMBOLS
 from mems_impact.plotting.labels import Label, label_axis, label_of, symbol
 from mems_impact.plotting.placing import Mark, free_corner, label_points, legend_above
-from mems_impact.plotting.style import color, new_figure, styled, thickness
+from mems_impact.plotting.style import DOTS, color, new_figure, styled, thickness
 
 __all__ = ["plot_chart"]
 
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
 NEAR = 0.03  # of the height of the axes: boundaries that the eye does not part
-INSET = (0.42, 0.3)  # width and height, of the axes
+INSET = (0.42, 0.28)  # width and height, of the axes
+TITLE = 0.07  # height of its title
 
 
 class Charted(Protocol):
@@ -115,8 +116,9 @@ def _line(boundary: str) -> dict[str, Any]:
     """Return how a boundary is drawn."""
     if boundary == "on":
         return {"color": color("up"), "linewidth": thickness(1.2), "zorder": 3}
-    dots = {"linestyle": (0, (1, 1.3)), "zorder": 4}
-    return {"color": color("down"), "linewidth": thickness(1.2), **dots}
+    return {
+        "color": color("down"), "linewidth": thickness(1.2), "linestyle": DOTS, "zorder": 4,
+    }  # fmt: skip
 
 
 def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
@@ -131,7 +133,7 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     own = on if len(on) < len(off) else off
     gap = np.interp(own[:, 0], *on.T) - np.interp(own[:, 0], *off.T)
     near = np.abs(gap) < NEAR * np.ptp(ax.get_ylim())
-    place = free_corner(ax, *INSET, top=0.87)
+    place = free_corner(ax, INSET[0], INSET[1] + TITLE, top=0.88)
     if near.sum() < 3 or place is None:
         return
     inset = ax.inset_axes((*place, *INSET))
@@ -140,6 +142,9 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     inset.tick_params(labelsize="small", pad=1.5)
     inset.margins(y=0.1)
     unit = label_of(boundaries["on"], "amplitude").unit
-    label_axis(inset.yaxis, Label("on \N{MINUS SIGN} off", unit))
+    label_axis(inset.yaxis, Label("", unit))
     label_axis(inset.xaxis, Label(""))
-    inset.yaxis.label.set_fontsize("small")
+    # Beside the inset the words might lie on an axis.
+    words = f"on \N{MINUS SIGN} off {inset.get_ylabel()}".strip()
+    inset.set_title(words, fontsize="small", pad=2.0)
+    inset.set_ylabel("")

@@ -37,3 +37,25 @@ def test_chart(tmp_path):
     assert list(lines["off, simulated (crisis)"].get_xdata()) == [0.1]
     assert ax.get_xlim() == pytest.approx((0.1, 0.3))
     ax.figure.savefig(tmp_path / "chart.png")
+
+
+def test_an_inset_tells_what_the_eye_does_not_part_and_lies_on_no_axis(tmp_path):
+    # As in the tutorial: on and off part at the right alone, and the line runs below.
+    found = chart()
+    omega = [0.475, 0.48, 0.485, 0.488, 0.491, 0.498, 0.505]
+    on = [0.186, 0.177, 0.172, 0.171, 0.174, 0.21, 0.283]
+    off = [0.1859, 0.1769, 0.172, 0.171, 0.1718, 0.176, 0.18]
+    found.table = pd.concat(
+        pd.DataFrame({"boundary": name, "omega": omega, "amplitude": values, "type": "I",
+                      "kind": "fold"}) for name, values in (("on", on), ("off", off))
+    )  # fmt: skip
+    found.types = found.types.assign(**{"omega from": [0.475, 0.488], "omega to": [0.488, 0.505]})
+    found.special_table = found.special_table.assign(omega=0.488, amplitude=0.171)
+    ax = mi.plot_chart(found)
+    ax.figure.savefig(tmp_path / "chart.png")
+    (inset,) = ax.child_axes
+    assert inset.get_title(loc="left") == r"on − off [$10^{-3}$]"
+    assert inset.lines[0].get_ydata().max() == pytest.approx(0.0022)
+    box = inset.get_tightbbox()
+    assert box.x0 > ax.bbox.x0
+    assert box.y1 < ax.bbox.y1
