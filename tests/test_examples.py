@@ -42,7 +42,6 @@ def test_there_are_pages():
     assert len(LESSONS) >= 15
 
 
-@pytest.mark.built
 def looked_at(folder):
     """Return the names of the pictures there; PictureError if one does not look as it did."""
     found = sorted(folder.glob("*.png"))
@@ -51,6 +50,7 @@ def looked_at(folder):
     return {path.stem for path in found}
 
 
+@pytest.mark.built
 @pytest.mark.slow
 @pytest.mark.parametrize("page", GALLERY, ids=lambda page: page.stem)
 def test_page_runs(page, tmp_path, monkeypatch):
