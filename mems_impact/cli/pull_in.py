@@ -28,8 +28,6 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     actuator = actuator_from(device, changes)
     named = actuator.scales.named
     told = {name: Told(*quantity) for name, quantity in of_device(actuator).items()}
-    omega = told["resonance"].value
     if named:
-        hertz = f"{omega:.9g} ({omega / (2.0 * math.pi):.6g} Hz)"
-        told["resonance"] = told["resonance"]._replace(text=hertz)
+        told["resonance frequency"] = Told(told["resonance"].value / (2.0 * math.pi), "Hz")
     show_values(told, named=named)

@@ -85,7 +85,7 @@ def test_keys_are_the_columns_of_tables_and_nan_is_null(cli):
 def test_units_are_told(cli):
     told = document(cli("pull-in", "mita2003", "--json"))
     units = {"pull-in voltage": "V", "resting voltage": "V", "resonance": "rad/s"}
-    assert told["units"] == units
+    assert told["units"] == {**units, "resonance frequency": "Hz"}
     assert document(cli("pull-in", "zhao2004", "--json"))["units"] == {}
     orbit = cli(
         "orbit", "mita2003", "--amplitude", "20", "--frequency", "200", "--no-figure", "--json"
