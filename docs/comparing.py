@@ -44,7 +44,8 @@ def check(path):
         return
     made, reference = small(path), REFERENCES / path.name
     if os.environ.get("PICTURES") == "renew":
-        made.quantize(64).save(reference, optimize=True)
+        # By this method a small marker keeps its colour among 64.
+        made.quantize(64, Image.Quantize.FASTOCTREE).save(reference, optimize=True)
         return
     if not reference.exists():
         raise PictureError(f"{path.name} has no reference; PICTURES=renew writes one")

@@ -97,7 +97,7 @@ CHANGES = (
 
 def test_what_looks_otherwise_is_found(tmp_path):
     path = tmp_path / "drawn.png"
-    before = drawn(path).quantize(64)
+    before = drawn(path)
     found = {str(change): comparing.difference(before, drawn(path, **change)) for change in CHANGES}
     assert {change: by for change, (by, _) in found.items() if by <= comparing.MOST} == {}
 
@@ -105,7 +105,6 @@ def test_what_looks_otherwise_is_found(tmp_path):
 def test_what_cannot_be_seen_is_none(tmp_path):
     path = tmp_path / "drawn.png"
     before = drawn(path)
-    assert comparing.difference(before, before.quantize(64))[0] < 0.3 * comparing.MOST
     moved = Image.new("RGB", before.size, "white")
     moved.paste(before, (1, 1))
     assert comparing.difference(before, moved)[0] < 0.3 * comparing.MOST

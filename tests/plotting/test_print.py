@@ -160,6 +160,16 @@ def test_it_can_be_read_in_a_column(name, request):
     assert flaws(QUICK[name](request.getfixturevalue).figure) == []
 
 
+def test_it_has_the_same_ticks_wherever_it_is_saved(tmp_path):
+    # matplotlib takes their number from the style that holds when a figure is saved.
+    ax = mi.plot_map(made_map())
+    ax.figure.savefig(tmp_path / "here.png")
+    here = list(ax.get_xticks()), list(ax.get_yticks())
+    with mi.style():
+        ax.figure.savefig(tmp_path / "there.png")
+        assert (list(ax.get_xticks()), list(ax.get_yticks())) == here
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*QUICK, *LONG])
 def test_it_can_be_read(name, request):
