@@ -41,6 +41,7 @@ def test_a_run_of_it_in_a_file(tmp_path):
         mi.load(place, system=run.system.unended)
 
 
+@pytest.mark.slow
 def test_other_values_and_other_functions():
     zhao = mi.load_actuator("zhao2004")
     start = mi.kicked(zhao)
