@@ -9,6 +9,15 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from mems_impact.analysis.kinds import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    RESTING,
+    UNSETTLED,
+)
 from mems_impact.analysis.lyapunov import LEAST, SURE, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, whole
@@ -24,11 +33,6 @@ from mems_impact.hybrid.trajectory import Floats, Instant
 __all__ = ["STUDY_OPTIONS", "Attractor", "Case", "Settling", "attractors"]
 
 STUDY_OPTIONS = Options(method="auto")
-
-# What becomes of a motion. One that has not repeated itself in its time is unsettled until its
-# Lyapunov exponent says more.
-OFF, RESTING, PERIODIC, UNSETTLED, FAILED = "off", "resting", "periodic", "unsettled", "failed"
-CHAOTIC, QUASI_PERIODIC = "chaotic", "quasi-periodic"
 
 Exponents = Literal["unsettled", "all", "none"]
 # Periods between two looks at an exponent, and after which there is none.

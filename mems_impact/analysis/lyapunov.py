@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mems_impact.analysis.finding import ORBIT_OPTIONS
+from mems_impact.analysis.kinds import CHAOTIC, PERIODIC, QUASI_PERIODIC
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, whole
@@ -71,10 +72,10 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
     """
     border = max(SURE * error, LEAST)
     if exponent > border:
-        return "chaotic"
+        return CHAOTIC
     if exponent < -border or (returns and abs(exponent) <= border):
-        return "periodic"
-    return "quasi-periodic" if border <= VAGUE and returns is not True else "undecided"
+        return PERIODIC
+    return QUASI_PERIODIC if border <= VAGUE and returns is not True else "undecided"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,7 +159,7 @@ class LyapunovSpectrum(Value):
             first = int(others[0])
             return classify(float(self.per_period[first]), float(self.errors[first] * self.period))
         free = len(free_components(self.system.automaton))
-        return "periodic" if self.exponents.size == free else "undecided"
+        return PERIODIC if self.exponents.size == free else "undecided"
 
     @property
     def along_flow(self) -> list[int]:

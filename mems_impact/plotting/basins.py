@@ -7,11 +7,12 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
+from mems_impact.analysis.kinds import FAILED
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, parameter_label
 from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.style import new_figure, styled
-from mems_impact.studies.census import ATTRACTOR, FAILED, seen
+from mems_impact.studies.census import ATTRACTOR, seen
 from mems_impact.studies.stored_study import StoredStudy
 
 __all__ = ["plot_basins"]

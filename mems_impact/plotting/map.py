@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from mems_impact.analysis.kinds import CHAOTIC, FAILED, OFF, QUASI_PERIODIC, RESTING, UNSETTLED
 from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, parameter_label
 from mems_impact.plotting.placing import legend_above
@@ -33,12 +34,12 @@ class Paint(NamedTuple):
 # in grey too, and by the colour-blind.
 PERIODS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
 MOTIONS = {
-    "off": Paint("0.93"),
-    "resting": Paint("0.93", "..."),
-    "quasi-periodic": Paint("#f0d24a", "////", "#8c6d00"),
-    "chaotic": Paint("#e8874a", "xxxx", "#7a2e00"),
-    "unsettled": Paint("#ecb0cc", "\\\\\\\\", "#94486d"),
-    "failed": Paint("black"),
+    OFF: Paint("0.93"),
+    RESTING: Paint("0.93", "..."),
+    QUASI_PERIODIC: Paint("#f0d24a", "////", "#8c6d00"),
+    CHAOTIC: Paint("#e8874a", "xxxx", "#7a2e00"),
+    UNSETTLED: Paint("#ecb0cc", "\\\\\\\\", "#94486d"),
+    FAILED: Paint("black"),
 }
 OTHERS = Paint("#009e73", "++", "#004d38")
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, Case, Settling
+from mems_impact.analysis.kinds import FAILED
 from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.storing.identity import identity_of_state
 from mems_impact.analysis.system import System
@@ -197,7 +198,7 @@ class Basins(Value):
             f"{name} {share:.1%}"
             for name, share in zip(found[ATTRACTOR], found["share"], strict=True)
         ]
-        lost = int((self.table[ATTRACTOR] == census.FAILED).sum())
+        lost = int((self.table[ATTRACTOR] == FAILED).sum())
         return ", ".join([*told, *([f"{lost} failed"] if lost else [])])
 
 

@@ -10,8 +10,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from mems_impact.analysis import attractor
 from mems_impact.analysis.attractor import Attractor, Case
+from mems_impact.analysis.kinds import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    UNSETTLED,
+    counted_periods,
+)
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.system import System
 from mems_impact.studies.measuring import ERROR, EXPONENT, MOTION, PERIOD, RETURNS, Measuring
@@ -23,7 +31,6 @@ from mems_impact.studies.study import STATUS
 
 __all__ = [
     "ATTRACTOR",
-    "FAILED",
     "bounds_of",
     "followed",
     "lettered",
@@ -36,7 +43,6 @@ __all__ = [
 ]
 
 ATTRACTOR = "attractor"
-FAILED = attractor.FAILED
 FEW = 0.01  # of all points: attractors of fewer are looked at again
 
 
@@ -78,7 +84,7 @@ def recognised(
     labels = rules.labels(columns, starts)
     rows = representatives(table, labels)
     few = np.array([(labels == labels[i]).sum() <= max(1.0, FEW * count) for i in rows.index])
-    rows = rows[few & rows[MOTION].isin([attractor.PERIODIC, attractor.OFF]).to_numpy()]
+    rows = rows[few & rows[MOTION].isin([PERIODIC, OFF]).to_numpy()]
     beside = [Case(system, rules.nudged(state_of(system, row))) for _, row in rows.iterrows()]
     if not beside:
         return labels
@@ -131,7 +137,7 @@ def taken(
     rows = representatives(table, labels)
     own = labels[rows.index]
     kinds = [
-        _told_later(one, longest) if motion == attractor.UNSETTLED else (motion, period)
+        _told_later(one, longest) if motion == UNSETTLED else (motion, period)
         for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
     ]
     names = lettered([_kind(*each) for each in kinds])
@@ -200,15 +206,15 @@ def _told_later(found: Attractor, longest: int) -> tuple[str, int]:
 
     One that repeats itself as soon as others was on its way to them.
     """
-    if found.motion in (attractor.CHAOTIC, attractor.QUASI_PERIODIC) or found.period > longest:
+    if found.motion in (CHAOTIC, QUASI_PERIODIC) or found.period > longest:
         return found.motion, found.period
-    return attractor.UNSETTLED, 0
+    return UNSETTLED, 0
 
 
 def _kind(motion: str, period: int) -> str:
-    if motion == attractor.PERIODIC:
-        return f"period {period}"
-    return f"{motion}, period {period}" if motion == attractor.OFF and period > 1 else motion
+    if motion == PERIODIC:
+        return counted_periods(period)
+    return f"{motion}, {counted_periods(period)}" if motion == OFF and period > 1 else motion
 
 
 def lettered(kinds: list[str]) -> list[str]:

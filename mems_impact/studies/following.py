@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mems_impact.analysis.attractor import FAILED, STUDY_OPTIONS, Attractor, Case, Settling
+from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, Case, Settling
+from mems_impact.analysis.kinds import FAILED
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.storing.identity import identity_of_state
 from mems_impact.analysis.system import System

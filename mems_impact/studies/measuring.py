@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from mems_impact.analysis.attractor import (
-    FAILED,
     STUDY_OPTIONS,
     Attractor,
     Case,
     Settling,
     attractors,
 )
+from mems_impact.analysis.kinds import FAILED
 from mems_impact.analysis.storing.identity import identity, identity_of_options
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options

@@ -6,6 +6,16 @@ import re
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from mems_impact.analysis.kinds import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    RESTING,
+    UNSETTLED,
+    counted_periods,
+)
 from mems_impact.studies.study import STATUS
 from mems_impact.tables.common import bare
 
@@ -15,15 +25,14 @@ if TYPE_CHECKING:
 __all__ = ["MOTION", "PERIOD", "SILENT", "in_order", "map_summary", "motions", "period_of"]
 
 MOTION, PERIOD = "motion", "period"  # columns
-PERIODIC = "periodic"
-SILENT = ("off", "resting")  # motions of which there is nothing to measure
-_IRREGULAR = ("quasi-periodic", "chaotic", "unsettled", "failed")
+SILENT = (OFF, RESTING)  # motions of which there is nothing to measure
+_IRREGULAR = (QUASI_PERIODIC, CHAOTIC, UNSETTLED, FAILED)
 
 
 def motions(table: pd.DataFrame) -> pd.Series:
     """Return the kind of motion in each row: a periodic one with its period, ``"period 2"``."""
     kinds = table[MOTION].astype(str)
-    counted = "period " + table[PERIOD].astype(int).astype(str)
+    counted = table[PERIOD].astype(int).map(counted_periods)
     return kinds.where((kinds != PERIODIC) | (table[PERIOD] <= 0), counted)
 
 

@@ -16,7 +16,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from mems_impact.analysis.attractor import FAILED, RESTING, UNSETTLED, Attractor
+from mems_impact.analysis.attractor import Attractor
+from mems_impact.analysis.kinds import FAILED, RESTING, UNSETTLED
 from mems_impact.analysis.state import State
 from mems_impact.analysis.system import System
 from mems_impact.engines.options import Options
