@@ -53,6 +53,7 @@ def test_the_words_are_those_of_python(folder):
     assert repr(study) == f"StudyFile(path='{folder / 'study.toml'}', kind='map')"
 
 
+@pytest.mark.slow
 def test_it_runs_as_python_does(folder):
     study = mi.load_study(
         written(folder, f'{DEVICE}{STUDY}initial = {{v2 = 1.0}}\nstore = "out"\n')

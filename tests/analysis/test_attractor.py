@@ -60,6 +60,7 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
         assert found.measures[name] == pytest.approx(run[name], rel=1e-6), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["dop853", "adams"])
 def test_a_point_is_the_same_whoever_goes_with_it(method):
     options = mi.Options(method=method)
@@ -81,6 +82,7 @@ def test_interpreted_and_compiled_tell_the_same():
     assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
 
 
+@pytest.mark.slow
 def test_a_slow_approach_is_no_orbit_yet():
     # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period
     # to period are below the tolerance when the way to go is still thirty times as far.

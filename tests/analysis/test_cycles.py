@@ -73,6 +73,7 @@ def test_the_period_along_a_branch_is_that_of_the_closed_form(stick_slip):
     assert {branch.orbits[i].state.mode for i in (0, -1)} == {"slip", "stick"}
 
 
+@pytest.mark.slow
 def test_a_thermostat_has_the_period_of_the_closed_form():
     orbit = find(thermostat())
     assert orbit.period == pytest.approx(2.0 * math.log(2.0), abs=1e-12)
@@ -101,6 +102,7 @@ def monodromy(flow, jacobian, guess, period):
     return solution[n], values[np.argsort(np.abs(values - 1.0))][1:]
 
 
+@pytest.mark.slow
 def test_van_der_pol_against_scipy():
     orbit = find(van_der_pol())
     assert orbit.period == pytest.approx(6.6632868593231301, abs=1e-9)
@@ -244,6 +246,7 @@ def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
     np.testing.assert_allclose(again.multipliers, last.multipliers, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_what_comes_to_rest_or_does_not_return_is_told():
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached") as caught:
         find(spiral(-0.5))

@@ -228,6 +228,7 @@ def normal_form(mode, t, y, p):
     return p.a * y.x - p.w * y.y - y.x * r, p.w * y.x + p.a * y.y - y.y * r
 
 
+@pytest.mark.slow
 def test_cycles_that_are_born_at_a_hopf_point():
     """Their radius is sqrt(a), their period 2 pi/w, their multiplier exp(-2 a period)."""
     system = mi.System(states=("x", "y"), flow=normal_form, parameters={"a": -0.5, "w": 2.0})

@@ -128,6 +128,7 @@ def test_a_margin_that_dips_within_a_step_and_ends_level(engine):
     assert times(run, loop.TRANSITION)[:1] == pytest.approx([first], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", ENGINES)
 def test_the_end_of_a_chatter_does_not_push_the_frame_back(engine):
     """Found by the balance of momentum, off by up to 2 % in one run of eight that rested.

@@ -149,6 +149,7 @@ def read_until(stream, words):
     return said
 
 
+@pytest.mark.slow
 def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
     arguments = ["3", "7", "--quick", "--progress"]
     command = started("validate", *arguments, "--output", str(tmp_path))
@@ -164,6 +165,7 @@ def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
     assert "leaked" not in errors
 
 
+@pytest.mark.slow
 def test_chart_stops_at_once_and_keeps_what_is_done(tmp_path):
     # From 0.46 to 0.47 all is of type III, whose crisis is simulated for minutes.
     arguments = ["--start", "0.46", "--stop", "0.47", "--periods", "1000000", "--progress"]
@@ -209,6 +211,7 @@ def test_an_interrupt_is_not_lost_in_a_call_from_c(number):
     assert set(heard[0]) == {number}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("heard_in_background")
 def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
     """Such modules drop what is raised while they are imported."""

@@ -1,6 +1,9 @@
 """`mems-impact validate`."""
 
+import pytest
 
+
+@pytest.mark.slow
 def test_one_figure(cli, tmp_path):
     done = cli("validate", "3", "--quick", "--output", str(tmp_path / "out"))
     assert done.status == 0

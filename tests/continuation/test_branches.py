@@ -62,6 +62,7 @@ def test_special_points_at_half_from_either_side(name):
     assert {point.piece for point in branch.points} == {0, 1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["from rest", "from impacts"])
 def test_special_points_at_nine_twentieths_from_either_side(name):
     if name == "from rest":

@@ -43,6 +43,7 @@ def test_gradients_of_guards_and_lengths(name):
         )
 
 
+@pytest.mark.slow
 def test_gradient_of_a_fold():
     """At any orbit: what is zero at a fold is smooth on the way there."""
     orbit = silent_orbit(0.15, 0.47)

@@ -88,6 +88,7 @@ def test_van_der_pol():
     check(branch, special)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("omega", "d", "impacts"), [(1.3, 0.0, 1), (1.7, 0.3, 1), (2.4, 0.0, 1), (0.8, 0.3, 2)]
 )

@@ -90,10 +90,12 @@ def folder(tmp_path_factory):
     return made
 
 
+@pytest.mark.slow
 def test_compiled_code_is_found_again(folder):
     assert folder.go() == (["1.0", "1.0", "1.0"], False)
 
 
+@pytest.mark.slow
 def test_a_number_in_another_file_or_from_the_environment(folder):
     folder.write("constants.py", "RATE = 5.0  # edited")
     assert folder.go(GAIN="7") == (["5.0", "5.0", "7.0"], True)
@@ -101,6 +103,7 @@ def test_a_number_in_another_file_or_from_the_environment(folder):
     assert folder.go() == (["1.0", "1.0", "1.0"], False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 0.0], ids=["cut short", "empty"])
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
 def test_a_broken_file_is_replaced(folder, kind, share):
