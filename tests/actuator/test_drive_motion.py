@@ -133,6 +133,7 @@ PAIRS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAIRS)
 def test_mirrored_voltages_give_mirrored_motion(name):
     right, left = PAIRS[name]
@@ -209,6 +210,7 @@ def test_a_burst_is_its_wave_while_it_lasts():
     np.testing.assert_allclose(swapped(plain), swapped(cut), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_no_burst_is_passed_over_after_a_long_pause():
     """100 periods of silence: the longest step would be longer than the burst."""
     wave = mi.Sine(amplitude=0.3, omega=1.0, phase=-math.pi / 2)

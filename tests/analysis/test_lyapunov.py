@@ -115,6 +115,7 @@ def test_impacts_against_floquet_multipliers(changes):
     check_orbit(orbit, mi.lyapunov(orbit, 2, transient=0, options=FAST))
 
 
+@pytest.mark.slow
 def test_rest_leaves_nothing_of_perturbations():
     spectrum = mi.lyapunov(oscillator(A=2.0, omega=0.2, e=0.5), transient=5, options=FAST)
     assert spectrum.exponents.tolist() == [-math.inf]

@@ -74,6 +74,7 @@ def switched():
     return mi.continue_orbit(orbit, "delta", 0.144, steps=mi.Steps(largest=0.02, most=60))
 
 
+@pytest.mark.slow
 def test_the_orbits_beyond_a_grazing_against_the_walk_are_found(switched):
     grazing = switched.special_points[0]
     assert (grazing.label, grazing.value) == ("G", pytest.approx(0.20026297191, abs=1e-9))

@@ -125,6 +125,7 @@ def test_a_graze_is_seen_without_a_rate(exponent):
     assert struck["v before"].iloc[0] == pytest.approx(speed, abs=3e-13 / speed)
 
 
+@pytest.mark.slow
 def test_orbit_branch_curve():
     system = oscillator(A=0.5)
     orbit = mi.find_orbit(mi.simulate(system, 300), periods=2)

@@ -141,6 +141,7 @@ def _propagated(drawn, mode, y, t, end):
     return (expm((end - t) * whole) @ first)[:n]
 
 
+@pytest.mark.slow
 def test_random_automata_against_the_exponential_of_a_matrix():
     """Where the flow is linear, DOP853's states between events have a closed form."""
     seen = 0

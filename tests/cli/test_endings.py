@@ -127,6 +127,7 @@ def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     assert seconds < 5.0
 
 
+@pytest.mark.slow
 def test_sigterm_is_heard_like_ctrl_c(tmp_path):
     directory = tmp_path / "out"
     command = started(*SIMULATE, "--periods", "1e8", "--output", str(directory), "--progress")

@@ -131,6 +131,7 @@ def test_without_reconnection_the_branch_goes_on_beyond_the_stopper():
         assert point.orbit.admissible == (point.value < GRAZING_5 + 1e-9)
 
 
+@pytest.mark.slow
 def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
     """The frame sticks until the wave switches; where it breaks away, its speed is zero."""
     family = sticking()
@@ -291,6 +292,7 @@ def test_a_bound_far_beyond_the_orbits_ends_by_name():
     assert len(branch.points) > 5
 
 
+@pytest.mark.slow
 def test_no_parameter_moves_the_orbit():
     """A still ball: the equations do not depend on the parameter."""
     orbit = find_orbit(table(), at((0.0, 0.0), mode=1))

@@ -36,6 +36,7 @@ CREEP = Automaton(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("engine", "periods"), [("compiled", 100_000), ("interpreted", 300)])
 def test_a_cyclic_component_keeps_its_digits(engine, periods):
     run_ = simulate(CREEP, (PER_PERIOD,), [5.0, 0.0], periods, engine=engine, rtol=1e-11)

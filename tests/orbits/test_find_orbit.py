@@ -59,6 +59,7 @@ def test_a_segment_that_no_switch_ends_names_none():
     assert Segment(0, 0, BOUNDARY) == Segment(0, 0, BOUNDARY, -1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periods", [1, 2, 3])
 def test_an_orbit_under_a_square_wave_is_cut_at_every_switch(periods):
     """Without impacts: half a period later it is its own negative."""

@@ -52,6 +52,7 @@ def test_section_is_marked(tmp_path):
     ax.figure.savefig(tmp_path / "orbit.png")
 
 
+@pytest.mark.slow
 def test_one_state_alone_is_drawn_over_time():
     def flow(mode, t, y, p):
         return (np.cos(t) - y.u,)
