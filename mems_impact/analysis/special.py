@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
-from mems_impact.continuation import grazing
+from mems_impact.continuation import first_impact
 from mems_impact.continuation.branch import BranchEvent, follow
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit import PeriodicOrbit
@@ -45,9 +45,9 @@ class GrazingType(StrEnum):
     'I'
     """
 
-    CONTINUOUS = grazing.CONTINUOUS
-    JUMP = grazing.JUMP
-    DIED_EARLIER = grazing.DEAD
+    CONTINUOUS = first_impact.CONTINUOUS
+    JUMP = first_impact.JUMP
+    DIED_EARLIER = first_impact.DEAD
 
     @property
     def paper(self) -> str:
@@ -221,7 +221,7 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     found = special.without_impact
     if special.label != "G" or found.monitor.role != "approach":
         raise InvalidParameter("special", special.kind, "a grazing of an orbit without impacts")
-    return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
+    return GrazingType(first_impact.grazing_type(found.orbit, found.monitor))
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:

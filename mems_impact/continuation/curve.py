@@ -14,7 +14,7 @@ from mems_impact.continuation.closing import Beginning
 from mems_impact.continuation.conditions import Singular, condition_of
 from mems_impact.continuation.corrector import NODES, Step
 from mems_impact.continuation.ending import LOSSES, reason_of, stuck
-from mems_impact.continuation.grazing import contact_coefficient
+from mems_impact.continuation.first_impact import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,

@@ -8,7 +8,7 @@ import numpy as np
 
 from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.corrector import tangent
-from mems_impact.continuation.grazing import weak_contact
+from mems_impact.continuation.first_impact import weak_contact
 from mems_impact.continuation.locating import IN_NO_TIME
 from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mems_impact.continuation.branch import follow
-from mems_impact.continuation.grazing import contact_sequence, grazing_type
+from mems_impact.continuation.first_impact import contact_sequence, grazing_type
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.finding import find_orbit
 from tests.continuation import free_block

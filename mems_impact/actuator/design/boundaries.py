@@ -15,7 +15,7 @@ from mems_impact.analysis.curve import curve_of
 from mems_impact.analysis.special import CodimensionTwo, GrazingType
 from mems_impact.analysis.state import State
 from mems_impact.analysis.threads import Watch, stoppable_threads
-from mems_impact.continuation import grazing
+from mems_impact.continuation import first_impact
 from mems_impact.continuation.branch import BranchEvent, BranchPoint, OrbitBranch, Steps, points_of
 from mems_impact.continuation.curve import CurvePoint, OrbitCurve, follow_curve
 from mems_impact.engines.options import Options
@@ -215,7 +215,7 @@ class Boundaries:
     def _type(self, left: float, right: float) -> GrazingType:
         """Return the type between two points of codimension two, where they are far."""
         touching = self._grazing(0.5 * (left + right))
-        return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
+        return GrazingType(first_impact.grazing_type(touching.orbit, touching.monitor))
 
     def _followed(
         self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
