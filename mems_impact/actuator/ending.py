@@ -20,7 +20,6 @@ from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.portable import reference
 from mems_impact.hybrid.problem import Numbers
 from mems_impact.hybrid.record import ENDS
-from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.written import GENERATED, RATE_STEP, function, named
 from mems_impact.units import Scales
 
@@ -37,21 +36,19 @@ class EndedSystem(ActuatorSystem):
     """
 
     until: Function
-    _unended: ActuatorSystem
 
     def _key(self) -> tuple[Any, ...]:
         return *super()._key(), self.until
 
     def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
         other = super()._with(actuator, drive, scales)
-        other.until, other._unended = self.until, self._unended._with(actuator, drive, scales)
+        other.until = self.until
         return other
 
-    def restored(
-        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
-    ) -> ActuatorSystem:
-        """Return the system at the values of a file, and in the scales in which it counted."""
-        return ended(self._unended.restored(values, scales, typical), self.until)
+    @property
+    def unended(self) -> ActuatorSystem:
+        """The actuator without what ends its runs."""
+        return self._as(ActuatorSystem)
 
     @property
     def told_by_numbers(self) -> bool:
@@ -65,7 +62,7 @@ class EndedSystem(ActuatorSystem):
 
     def ending(self, until: Function) -> EndedSystem:
         """Return the actuator whose runs end by another function."""
-        return ended(self._unended, until)
+        return ended(self, until)
 
     def with_energy(self) -> NoReturn:
         """Refuse: its studies run to no end of their own."""
@@ -104,10 +101,8 @@ def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
         If it is no function of four arguments.
     """
     given.function("until", until, *given.ARGUMENTS)
-    other = object.__new__(EndedSystem)
-    other._put(system.actuator, system.drive, system.scales)
+    other = system._as(EndedSystem)
     other.until = until
-    other._unended = system
     return other
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from mems_impact.hybrid.trajectory import Floats
 from mems_impact.units import DIMENSIONLESS, Scales
 
 __all__ = ["ActuatorNumerics"]
+
+Kind = TypeVar("Kind", bound="ActuatorNumerics")
 
 
 class ActuatorNumerics(System):
@@ -122,6 +124,12 @@ class ActuatorNumerics(System):
         """Return the system of another actuator and drive, which have been checked or need not."""
         other = object.__new__(type(self))
         other._put(actuator, drive, scales)
+        return other
+
+    def _as(self, kind: type[Kind]) -> Kind:
+        """Return the same actuator and drive as a system of another kind."""
+        other = object.__new__(kind)
+        other._put(self.actuator, self.drive, self._scales)
         return other
 
     def _sorted(

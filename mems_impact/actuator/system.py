@@ -229,9 +229,7 @@ class ActuatorSystem(ActuatorNumerics):
         """
         from mems_impact.actuator.ledger import LedgerSystem  # which is one of these
 
-        other = object.__new__(LedgerSystem)
-        other._put(self.actuator, self.drive, self._scales)
-        return other
+        return self._as(LedgerSystem)
 
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, Chart, Point
+from mems_impact.actuator.design.crisis import crisis
 from mems_impact.actuator.design.estimates import pull_in_voltage
 from mems_impact.actuator.modes import BREAK_AWAY, GUARDS
 from mems_impact.actuator.system import ActuatorSystem
@@ -22,12 +23,6 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.finding import find_orbit
-
-if TYPE_CHECKING:
-    pass
-
-from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, Chart, Point
-from mems_impact.actuator.design.crisis import crisis
 
 __all__ = ["Boundaries"]
 
