@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mems_impact.continuation.corrector import Step
 from mems_impact.hybrid.trajectory import Floats
@@ -45,13 +44,13 @@ class Beginning:
             If a point within the step cannot be corrected.
         """
 
-        def beyond(s: float) -> float:
-            return float(step.at(s).point.values[-1] - self.values[-1])
+        def beyond(point: Point) -> float:
+            return float(point.values[-1] - self.values[-1])
 
-        first, last = beyond(0.0), beyond(length)
+        first, last = (beyond(step.at(s).point) for s in (0.0, length))
         if first == 0.0 or first * last > 0.0 or (last > first) != self.forward:
             return None
-        place = float(brentq(beyond, 0.0, length, xtol=1e-13, rtol=1e-13))
+        place = step.zero(beyond, length)
         return place if self._lies_on(shooting, step.at(place).point) else None
 
     def _lies_on(self, shooting: Shooting, point: Point) -> bool:

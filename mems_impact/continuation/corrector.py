@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Generic
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
@@ -160,6 +161,22 @@ class Step(Generic[P]):
             self._found[s] = found
             self._learn(s, found.unknowns)
         return self._found[s]
+
+    def zero(self, test: Callable[[P], float], length: float) -> float:
+        """Return at which distance, up to `length`, a function of the points is zero.
+
+        Raises
+        ------
+        OrbitError
+            If a point within the step cannot be corrected.
+        ValueError
+            If the function has one sign at both ends.
+        """
+
+        def value(s: float) -> float:
+            return test(self.at(s).point)
+
+        return float(brentq(value, 0.0, length, xtol=1e-14, rtol=1e-14))
 
     def _learn(self, s: float, unknowns: Floats) -> None:
         """Take over how far the branch lies from the tangent."""

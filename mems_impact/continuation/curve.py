@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mems_impact.continuation.anew import oriented, renumbered
 from mems_impact.continuation.branch import BranchEvent, Steps
@@ -375,15 +374,15 @@ class _Curve:
     ) -> tuple[float, CurveEvent] | None:
         """Locate a zero of `test` within a step: where in it, and the point."""
 
-        def value(s: float) -> float:
-            found = self._test(test, step.at(s).point)
+        def value(point: Point) -> float:
+            found = self._test(test, point)
             if found is None:
                 raise KeyError(test)
             return found
 
         kind = self._kind(test)
         try:
-            position = brentq(value, 0.0, length, xtol=1e-13, rtol=1e-13)
+            position = step.zero(value, length)
             point = step.at(position).point
         except (KeyError, ValueError) as error:
             raise OrbitError(f"{kind} could not be located", "take a shorter step") from error

@@ -8,7 +8,6 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mems_impact.continuation.closing import CLOSED
 from mems_impact.continuation.corrector import (
@@ -252,12 +251,11 @@ class _Walker:
         return sorted(without_folds_at_crossings(found), key=lambda item: item[0])
 
     def _locate(self, step: Step[Balance], length: float, test: Test) -> float:
-        def value(s: float) -> float:
-            here = step.at(s).point
+        def value(here: Balance) -> float:
             return self._tests(here, tangent(here, step.along))[test]
 
         try:
-            return float(brentq(value, 0.0, length, xtol=1e-14, rtol=1e-14))
+            return step.zero(value, length)
         except ValueError as error:
             remedy = "take a shorter step"
             raise OrbitError(f"a {test[0]} could not be located", remedy) from error

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
 
 from mems_impact.continuation.corrector import Step, tangent
 from mems_impact.continuation.monitors import (
@@ -70,12 +69,11 @@ def locate(
         If the step is too long for the zero to be found within it.
     """
 
-    def test(s: float) -> float:
-        here = step.at(s).point
+    def test(here: Point) -> float:
         return monitors(shooting, here, tangent(here, step.along))[monitor]
 
     try:
-        position = brentq(test, 0.0, length, xtol=1e-14, rtol=1e-14)
+        position = step.zero(test, length)
         here = step.at(position).point
     except (KeyError, ValueError) as error:
         if monitor.kind == BRANCH_POINT:

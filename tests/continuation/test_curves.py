@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.branch import follow
+from mems_impact.continuation.corrector import Steps
 from mems_impact.continuation.curve import _Curve, follow_curve
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.family import Family
@@ -78,6 +79,18 @@ def test_grazing_curve_towards_larger_frequencies(at_half):
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, direction=1)
     assert curve.special_points == []
     assert curve.points[-1].values[1] == pytest.approx(HIGH, abs=1e-12)
+
+
+def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
+    """As often as it must be, and no more often."""
+    (start,) = special(at_half, "grazing")
+    steps = Steps(initial=0.8, largest=0.8)
+    curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
+    assert curve.ended == "omega reached its bound"
+    assert len(curve.points) < 12
+    first, second = (np.append(p.orbit.point.unknowns, p.values) for p in curve.points[:2])
+    halvings = np.log2(steps.initial / np.linalg.norm(second - first))
+    assert halvings == pytest.approx(round(halvings), abs=0.02)
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mems_impact.continuation import locating
-from mems_impact.continuation.corrector import Steps
+from mems_impact.continuation.corrector import Step, Steps
 from mems_impact.continuation.ending import spent
 from mems_impact.continuation.monitors import (
     BRANCH_POINT,
@@ -16,6 +16,7 @@ from mems_impact.continuation.monitors import (
     Monitor,
     without_folds_at_crossings,
 )
+from mems_impact.orbits.newton import Solution
 
 
 @pytest.mark.parametrize("unknown", [0.6, -0.6])
@@ -26,6 +27,21 @@ def test_a_step_beyond_a_bound_ends_a_little_beyond_it(unknown, rate, bound):
     length = steps.within(-1.0, 1.0, point, along, 5.0)
     assert point.values[0] + length * rate == pytest.approx(bound + 1e-3 * (bound - 0.2))
     assert steps.within(-1.0, 1.0, point, along, 0.5) == 0.5
+
+
+def test_a_zero_within_a_step_is_located_to_rounding():
+    """Of a function that jumps, which no interpolation sees coming; and the step's own length."""
+    straight = SimpleNamespace(unknowns=np.array([0.0]), values=np.array([0.0]))
+
+    def at(plane, along, guess):
+        return Solution(plane, SimpleNamespace(values=plane[1:]), 1)
+
+    step = Step(at, straight, np.array([0.0, 1.0]))
+    for place in (1.0 / 3.0, 1e-3, 1.9):
+        found = step.zero(lambda point, place=place: np.sign(point.values[0] - place), 2.0)
+        assert found == pytest.approx(place, rel=0.0, abs=1e-13)
+    with pytest.raises(ValueError, match="sign"):
+        step.zero(lambda point: 1.0, 2.0)
 
 
 def test_order_of_losses_in_one_point(monkeypatch):

@@ -112,6 +112,13 @@ def test_windows(window):
     )
 
 
+@pytest.mark.parametrize(("beyond", "first"), [(1e-10, 4), (0.0, 3), (-1e-10, 3)])
+def test_a_window_begins_with_the_sample_at_its_start(beyond, first):
+    """0.3 is a rounding above three tenths; what is more than rounding counts."""
+    samples = simulate(STOP, stop(d=2.0), [1.0, 0.0], 1.0).samples(10, first=0.3 + beyond)
+    assert samples.time / TAU == pytest.approx(np.arange(first, 11) / 10.0 % 1.0)
+
+
 @pytest.mark.parametrize("periods", [0.3, 0.7, 1.1, 2.9])
 def test_the_last_sample_of_a_broken_period(periods):
     run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], periods)

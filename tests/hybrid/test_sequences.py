@@ -39,6 +39,15 @@ def test_the_end_of_a_sequence_at_every_restitution():
         assert (done.final.mode, *done.final.y) == (RESTING, 0.0, 0.0), e
 
 
+@pytest.mark.parametrize("height", [1e-12, 1e-14])
+def test_three_impacts_make_a_sequence(height):
+    """However weak they are: a run that is taken up between two of them knows no less."""
+    done = simulate(BALL, ball(0.5), [height, 0.0], 1.0)
+    assert len(times(done, loop.TRANSITION)) == 3
+    ends = times(done, loop.ACCUMULATION)
+    assert ends == pytest.approx([math.sqrt(height) * accumulation(0.5)], rel=1e-3)
+
+
 def test_the_end_of_a_sequence_of_a_spring_pressed_to_a_stop():
     """From -1.5 at rest the stop at -1 is reached when cos t = 1/1.5, with the speed u.
 

@@ -11,6 +11,7 @@ from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant
 from mems_impact.orbits import cycles, finding, returning
 from mems_impact.orbits.returning import _section, first_return
+from tests.hybrid.systems import STOP, TAU, at, problem, stop
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,17 @@ def test_three_returns_are_seen_before_a_motion_counts_as_settled(count, period)
     states = np.zeros((count, 1)) if count in (3, 4, 5) else np.arange(count)[:, None] % 2.0
     modes = np.zeros(count, dtype=np.int64)
     assert first_return(states, modes, np.ones(1), from_last=True) == period
+
+
+@pytest.mark.parametrize(("periods", "seen"), [(1, 1), (7, 7), (16, 16), (17, 0)])
+def test_a_motion_is_recognised_after_up_to_sixteen_forcing_periods(periods, seen):
+    """A harmonic oscillator whose own period is so many of those: from its first and last state."""
+    setup = problem(STOP, stop(d=2.0), period=TAU / periods, rtol=1e-9)
+    recognised = returning.forcing_periods(setup, at([1.0, 0.0]))
+    assert recognised.near == seen
+    assert recognised.settled in (seen, 0)  # one that returns at once is looked at no further
+    if periods > 1:
+        assert recognised.settled == seen
 
 
 DRIFT = mi.System(states=("x", "y"), flow=lambda mode, t, y, p: (1.0, -y.y), initial={"y": 1.0})

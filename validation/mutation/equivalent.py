@@ -27,6 +27,11 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "HAIR = 1e-297  # by which a margin that starts at zero is lifted",
     ): "far below the rounding of any margin either way",
     (
+        "mems_impact/hybrid/memory.py",
+        "self.table = bound.table(record.ROWS, max(n, 2 * m, switches))",
+        "self.table = bound.table(record.ROWS, max(n, 3 * m, switches))",
+    ): "a table with room to spare",
+    (
         "mems_impact/orbits/setting.py",
         "scales[j] = float(np.abs(p_rate).max()) or 1.0",
         "scales[j] = float(np.abs(p_rate).max()) or 1000.0",
