@@ -25,7 +25,7 @@ def _mean_speed(orbit: Any) -> float:
 
 
 def _impact_speed(orbit: Any) -> float:
-    return float(orbit.system.out("impact speed", max(orbit.impact_speeds, default=math.nan)))
+    return float(max(orbit.impact_speeds, default=math.nan))
 
 
 def _closest_approach(orbit: Any) -> float:
@@ -33,7 +33,7 @@ def _closest_approach(orbit: Any) -> float:
 
 
 def _energy_lost(orbit: Any) -> float:
-    return float(orbit.system.out("energy lost", orbit.observables["energy lost"]) / orbit.periods)
+    return float(orbit.observables["energy lost"] / orbit.periods)
 
 
 def _energy_given(orbit: Any) -> float:

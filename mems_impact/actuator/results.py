@@ -123,9 +123,9 @@ class ActuatorOrbit(_OfActuator, Orbit):
 
     @cached_property
     def impact_speeds(self) -> list[float]:
-        """The speed of the block in each impact, in the units of the numerics."""
-        speeds: list[float] = np.abs(self._hits.before[:, V2]).tolist()
-        return speeds
+        """The speed of the block in each impact."""
+        speeds = np.abs(self._hits.before[:, V2])
+        return list(self.system.out("impact speed", speeds).tolist())
 
     @property
     def _hits(self) -> Events:

@@ -358,8 +358,8 @@ def _branch(system: System, found: OrbitBranch, bounds: tuple[float, float]) -> 
 
 
 def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
-    """Return what the tables say of an orbit, in the units of the numerics; `place`: on what."""
-    found, system = orbit.found, orbit.system
+    """Return what the tables say of an orbit; `place`: on what."""
+    found = orbit.found
     return {
         "stable": found.stable,
         "admissible": found.admissible,
@@ -367,9 +367,9 @@ def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
         "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
         "impacts": len(orbit.impact_speeds),
         "impact speed": max(orbit.impact_speeds, default=math.nan),
-        "closest approach": orbit.closest,
+        "closest approach": orbit.closest_approach,
         **orbit.observables,
-        "states": dict(zip(system.shown, orbit.shown_states.T, strict=True)),
+        "states": orbit.shown_states,
     }
 
 

@@ -221,6 +221,8 @@ def _measures(system: System, state: StationaryState) -> dict[str, Any]:
         "admissible": state.admissible,
         "largest real part": largest / system.out("time", 1.0),
         "states": {
-            name: np.array([y[i]]) for i, name in enumerate(system.states) if i not in cyclic
+            name: np.array([system.out(name, y[i])])
+            for i, name in enumerate(system.states)
+            if i not in cyclic
         },
     }

@@ -75,8 +75,8 @@ class Orbit(Value):
         "events",
         "impacts",
         "observables",
-        "crossings",
         "shown_states",
+        "_crossings",
     )
 
     def __repr__(self) -> str:
@@ -166,17 +166,14 @@ class Orbit(Value):
 
         Negative on an inadmissible orbit that penetrates.
         """
-        return float(self.system.out("closest approach", self.closest))
-
-    @property
-    def closest(self) -> float:
-        """`closest_approach` in the units of the numerics."""
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
         units = np.array([self.system.margin_factor(guards[i].name) for i in gaps])
         found = (arc.minima[gaps] * units for arc in self.found.point.arcs)
         least = min(float(gap.min(initial=math.inf)) for gap in found)
-        return least if math.isfinite(least) else math.nan
+        if not math.isfinite(least):
+            return math.nan
+        return float(self.system.out("closest approach", least))
 
     @cached_property
     def events(self) -> pd.DataFrame:
@@ -224,7 +221,7 @@ class Orbit(Value):
         check_direction("direction", direction)
         if self.system.section is None:
             return self.samples(1).iloc[: self.periods]
-        log = self.crossings.crossings(direction)
+        log = self._crossings.crossings(direction)
         return run_tables.section(log, self.found.point.period, self.system)
 
     def samples(self, per_period: int = 200) -> pd.DataFrame:
@@ -232,11 +229,10 @@ class Orbit(Value):
 
         An inadmissible orbit is sampled as it was solved, through what is in its way.
         """
-        grid = self.grid(whole("per_period", per_period, 1))
+        grid = self._grid(whole("per_period", per_period, 1))
         return run_tables.samples(grid, self.found.point.period, self.system)
 
-    def grid(self, per_period: int) -> Samples:
-        """Return the samples in the units of the numerics."""
+    def _grid(self, per_period: int) -> Samples:
         parts: list[Samples] = []
         last, period = -1, self.found.point.period
         for cycle, offset, trajectory in self._arcs():
@@ -254,8 +250,8 @@ class Orbit(Value):
         return Samples(*columns)
 
     @cached_property
-    def crossings(self) -> Events:
-        """The crossings of the section, in the units of the numerics."""
+    def _crossings(self) -> Events:
+        """The crossings of the section, either way."""
         parts = []
         for cycle, offset, trajectory in self._arcs():
             log = trajectory.events.crossings(0)
@@ -271,18 +267,23 @@ class Orbit(Value):
 
     @cached_property
     def impact_speeds(self) -> list[float]:
-        """The speed at which the bodies meet in each impact, in the units of the numerics."""
+        """The speed at which the bodies meet in each impact: the rate of its margin."""
         guards = self.system.automaton.guards
-        m = len(guards)
-        return [
-            abs(float(event.rates[segment.guard(m)]))
+        m, time = len(guards), float(self.system.factor("time"))
+        units = [self.system.margin_factor(guard.name) / time for guard in guards]
+        hits = (
+            (segment.guard(m), event)
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
-            if event is not None and segment.guard(m) >= 0 and guards[segment.guard(m)].impact
+        )
+        return [
+            units[guard] * abs(float(event.rates[guard]))
+            for guard, event in hits
+            if event is not None and guard >= 0 and guards[guard].impact
         ]
 
     @cached_property
     def observables(self) -> dict[str, float]:
-        """The system's observables over the orbit, in the units of the numerics."""
+        """The system's observables over the orbit."""
         values: dict[str, float] = {}
         at_events = self._observed(self._log)
         first = self.found.state
@@ -295,22 +296,27 @@ class Orbit(Value):
             else:
                 begin, end = (self.system.measure(each, y, self._problem) for y in (first, last))
                 values[each.name] = end - begin
-        return values
+        return {name: float(self.system.out(name, value)) for name, value in values.items()}
 
     @cached_property
-    def shown_states(self) -> Floats:
-        """`System.shown` at the section upwards, or where periods begin; largest first.
+    def shown_states(self) -> dict[str, Floats]:
+        """The states of `System.shown` at the section upwards, or where periods begin.
 
-        Of a cycle, which begins anywhere, the largest values where there is no section.
+        Of a cycle, which begins anywhere, the largest values where there is no section. Each with
+        the largest first.
         """
         if self.system.section is not None:
-            y = self.crossings.crossings(1).after
+            y = self._crossings.crossings(1).after
         elif self.system.forced:
-            y = self.grid(1).y[: self.periods]
+            y = self._grid(1).y[: self.periods]
         else:
             y = self._largest[None]
         places = [self.system.states.index(name) for name in self.system.shown]
-        return np.asarray(-np.sort(-y[:, places], axis=0))
+        falling = -np.sort(-y[:, places], axis=0)
+        return {
+            name: np.asarray(self.system.out(name, values))
+            for name, values in zip(self.system.shown, falling.T, strict=True)
+        }
 
     @property
     def _largest(self) -> Floats:

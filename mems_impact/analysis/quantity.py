@@ -64,11 +64,7 @@ def _closest_approach(orbit: Orbit) -> float:
 
 
 def _impact_speed(orbit: Orbit) -> float:
-    # A rate of a margin, each of which has a unit of its own.
-    system, guards = orbit.system, orbit.system.automaton.guards
-    units = [system.margin_factor(guards[guard].name) for guard, _, _ in orbit.found.impacts]
-    speeds = [unit * speed for unit, speed in zip(units, orbit.impact_speeds, strict=True)]
-    return max(speeds, default=math.nan) / float(system.factor("time"))
+    return max(orbit.impact_speeds, default=math.nan)
 
 
 def _period(orbit: Orbit) -> float:
@@ -80,7 +76,7 @@ def _gain(orbit: Orbit, *, state: str) -> float:
 
 
 def _observable(orbit: Orbit, *, name: str) -> float:
-    return float(orbit.system.out(name, orbit.observables[name]))
+    return orbit.observables[name]
 
 
 MULTIPLIER = Quantity("largest multiplier", _largest_multiplier, solved=True)

@@ -20,13 +20,12 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
     ----------
     parameter : str
     rows : sequence of mapping
-        ``value`` of the parameter, in the units of the system; and in the units of the numerics
-        what is told of the orbit, by heading, and ``states``, by name the values of a state at the
-        crossings of the section.
+        ``value`` of the parameter, what is told of the orbit, by heading, and ``states``, by name
+        the values of a state at the crossings of the section. All in the units of the system.
     labels : Labels
     """
     values = np.array([row["value"] for row in rows], dtype=float)
-    return table(_measures(rows), labels, given={parameter: values}, **captions(labels))
+    return _table({parameter: values}, rows, labels)
 
 
 def special_points(
@@ -38,14 +37,14 @@ def special_points(
         "kind": [row["kind"] for row in rows],
         parameter: np.array([row["value"] for row in rows], dtype=float),
     }
-    return table(_measures(rows), labels, given=given, **captions(labels))
+    return _table(given, rows, labels)
 
 
 def curve(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
     """Return one row an orbit of a curve; `rows` with ``values`` of the two `parameters`."""
-    return table(_measures(rows), labels, given=_values(parameters, rows), **captions(labels))
+    return _table(_values(parameters, rows), rows, labels)
 
 
 def codimension_two(
@@ -53,7 +52,13 @@ def codimension_two(
 ) -> pd.DataFrame:
     """Return one row a point of codimension two; as `curve`, with ``kind``."""
     given = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
-    return table(_measures(rows), labels, given=given, **captions(labels))
+    return _table(given, rows, labels)
+
+
+def _table(
+    places: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    return table({}, labels, given={**places, **_measures(rows)}, **captions(labels))
 
 
 def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

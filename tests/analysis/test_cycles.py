@@ -238,7 +238,7 @@ def test_a_cycle_grazes_a_wall_and_goes_on_with_an_impact():
     curve = mi.continue_curve(grazing, "mu", 1.5, steps=mi.Steps(largest=0.1))
     assert curve.ended == "mu reached its bound"
     assert not curve.special_points
-    tops = find(van_der_pol(mu=1.5)).shown_states[0, 0]
+    (tops,) = find(van_der_pol(mu=1.5)).shown_states["x"]
     assert curve.table["wall"].iloc[-1] == pytest.approx(tops, abs=1e-6)
     # The same orbit, found by itself.
     again = find(van_der_pol(wall=1.8))
@@ -269,7 +269,8 @@ def test_a_cycle_is_stored_shown_and_drawn(stick_slip, tmp_path):
     assert "period=7.09526" in repr(stick_slip)
     assert stick_slip.summary()["period [s]"] == stick_slip.period
     # The farthest that it comes: the right end of its circle, at the speed of the belt at most.
-    np.testing.assert_allclose(stick_slip.shown_states, [[1.1, 0.3]], atol=1e-9)
+    shown = {name: values.tolist() for name, values in stick_slip.shown_states.items()}
+    assert shown == {"x": pytest.approx([1.1], rel=1e-8), "v": pytest.approx([0.3], rel=1e-8)}
     axes = mi.plot_orbit(stick_slip)
     assert "cycle begins" in axes.get_legend_handles_labels()[1]
 

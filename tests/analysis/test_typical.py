@@ -183,6 +183,13 @@ def test_orbits_and_branches_of_what_is_small():
     assert np.array(values[1]) / unit == pytest.approx(values[0], rel=1e-9)
     exact = math.sqrt((1.0 - 0.64) ** 2 + (0.125 * 0.8) ** 2)
     assert values[1][1] / unit == pytest.approx(exact, abs=1e-9)
+    tables = [branch.table for branch in branches]
+    for name, size in {"impact speed": L / T, "speed": L / T, "x": L, "v": L / T}.items():
+        plain, small = (float(table[name].iloc[0]) for table in tables)
+        assert small / size == pytest.approx(plain, rel=1e-8), name
+    struck = tables[1].query("impacts > 0")
+    np.testing.assert_allclose(struck["impact speed"], struck["speed"], rtol=1e-9)
+    assert other.impact_speeds == pytest.approx([other.observables["speed"]], rel=1e-9)
     silent = branches[1].table.query("impacts == 0").iloc[-1]
     assert silent["closest approach"] == pytest.approx(L * (1.0 - 0.3 / exact), rel=1e-8)
 

@@ -22,7 +22,9 @@ from mems_impact.writing import replacing
 
 __all__ = ["FORMAT", "load", "register_rooms", "save", "versions"]
 
-FORMAT = 2  # 1: instants without what an engine remembers, trajectories without `implicit_arcs`
+# 1: instants without what an engine remembers, trajectories without `implicit_arcs`
+# 2: what was kept of an orbit's states in one array, in the units of the numerics
+FORMAT = 3
 HEADER = "header.json"
 ARRAY = ".npy"
 REMEDY = "give a file that a result's save(path) wrote"
@@ -103,6 +105,8 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     try:
         value = reader.value(header["result"])
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
+        if header["format"] < FORMAT:
+            tables.pop("shown_states", None)
     except InvalidParameter as error:
         if error.field == "system":
             raise
