@@ -26,14 +26,21 @@ def carried(problem, start, periods, column, h=1e-5):
     return (8.0 * (ahead - behind) - (far - back)) / (12.0 * h)
 
 
-def check(problem, start, periods, tolerance=1e-5):
-    """Compare what one perturbation grows by, and the volume of all, with neighbouring runs."""
+def check_one(problem, start, periods, tolerance=1e-5):
+    """Compare what one perturbation grows by with neighbouring runs."""
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
     one = Stretching(problem, start, 1, chunk=periods)
     moved = carried(problem, start, periods, one._at.y[n:].copy())[free]
     one.go_on()
     assert one.grown[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
+
+
+def check(problem, start, periods, tolerance=1e-5):
+    """Compare what one perturbation grows by, and the volume of all, with neighbouring runs."""
+    check_one(problem, start, periods, tolerance)
+    n = start.y.size
+    free = [i for i in range(n) if i not in problem.automaton.cyclic]
     every = Stretching(problem, start, len(free), chunk=periods)
     columns = every._at.y[n:].reshape(-1, n)[every._at.alive == 1]
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
@@ -109,6 +116,49 @@ def test_impacts():
     start = run(problem, system.instant(None, problem), 20.3).final
     assert run(problem, start, 4).events.impacts(problem.automaton).sum() >= 3
     check(problem, start, 4)
+
+
+FLIES, RIDES = mi.modes("flies", "rides")
+
+
+def _on_a_spring(mode, t, y, p):
+    pull = -y.X - 0.1 * y.V + 0.2 * math.cos(t)
+    if mode == FLIES:
+        return y.V, pull, y.v, -1.0
+    both = (2.0 * pull - 1.0) / 3.0  # the platform weighs twice as much as the ball
+    return y.V, both, y.v, both
+
+
+def _above(mode, t, y, p):
+    return y.x - y.X
+
+
+def _off_the_platform(mode, t, y, p):
+    closing = y.v - y.V
+    platform = y.V + (1.0 + p.e) / 3.0 * closing
+    return FLIES, (y.X, platform, y.x, platform - p.e * closing)
+
+
+def _ride(mode, t, y, p):
+    both = (2.0 * y.V + y.v) / 3.0
+    return RIDES, (y.X, both, y.x, both)
+
+
+@pytest.mark.parametrize("options", [PLAIN, FAST], ids=["interpreted", "compiled"])
+def test_a_sequence_of_impacts_leaves_no_gap(options):
+    """A ball comes to rest on a platform that swings on: where they meet, nothing is set."""
+    system = mi.System(
+        states=("X", "V", "x", "v"),
+        flow=_on_a_spring,
+        period=2.0 * math.pi,
+        parameters={"e": 0.3},
+        guards=[mi.Impact("platform", _above, _off_the_platform, rest=_ride, modes=(FLIES,))],
+        initial={"x": 0.5, "V": 0.1},
+    )
+    problem = system.problem(options)
+    start = system.instant(None, problem)
+    assert run(problem, start, 1).final.mode == RIDES
+    check_one(problem, start, 1)
 
 
 def test_at_rest_nothing_is_left():
