@@ -233,17 +233,19 @@ def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
 def rest(engine: Any, guard: int, at: Any, setup: Any) -> None:
     """Carry state and columns through the impact without rebound that ends a sequence at `guard`.
 
-    Sooner or later it comes for all perturbed motions, and leaves none of them a gap. The flights
-    that are left out are so low that the instant at which it is taken does not matter.
+    Sooner or later it comes for all perturbed motions, and leaves none of them a gap: impulses that
+    follow each other close it, and move the bodies by their masses, as they change velocities. The
+    flights that are left out are so low that the instant at which it is taken does not matter.
     """
     n, mode = setup.n, at.place[1]
-    none, after = setup.work[8], setup.work[9]
+    none, after, closing = setup.work[8], setup.work[9], setup.work[5]
     for j in range(n):
         none[j] = after[j] = 0.0
     differentiate(engine, mode, setup.m + guard, at, setup)
-    square = 0.0
+    move(engine, mode, guard, closing, at, setup)
+    closed = 0.0
     for j in range(n):
-        square += setup.margin[0, guard, 1 + j] * setup.margin[0, guard, 1 + j]
+        closed += setup.margin[0, guard, 1 + j] * closing[j]
     for c in range(setup.k):
         at.shifts[c] = 0.0
         column = n * (1 + c)
@@ -251,11 +253,36 @@ def rest(engine: Any, guard: int, at: Any, setup: Any) -> None:
         for j in range(n):
             gap += setup.margin[0, guard, 1 + j] * at.y[column + j]
         for j in range(n):
-            at.y[column + j] -= (
-                gap * setup.margin[0, guard, 1 + j] / square if square > 0.0 else 0.0
-            )
+            at.y[column + j] -= gap / closed * closing[j] if closed != 0.0 else 0.0
         apply(c, none, after, at, setup)
     at.place[1] = contract.transition(engine, mode, setup.m + guard, at.t[0], at.y)
+
+
+def move(engine: Any, mode: int, guard: int, moved: Any, at: Any, setup: Any) -> None:
+    """Write into `moved` how the state changes, by and by, after an impulse of the contact `guard`.
+
+    The impulse is what the impact makes of a state of another closing speed: the derivative of the
+    transition along the gradient of the rate. MARGIN and JUMP are those of the contact.
+    """
+    n, rate = setup.n, setup.m + guard
+    x, behind = setup.work[0], setup.work[6]
+    most = 0.0
+    for i in range(n):
+        moved[i] = -setup.margin[0, rate, 1 + i]
+        for j in range(n):
+            moved[i] += setup.jump[0, i, 1 + j] * setup.margin[0, rate, 1 + j]
+        most = max(most, abs(moved[i]))
+    h = setup.width / most if most > 0.0 else 0.0
+    for i in range(n, at.y.size):
+        x[i] = 0.0  # no columns
+    for i in range(n):
+        x[i] = at.y[i] - h * moved[i]
+    contract.flow(engine, mode, at.t[0], x, behind)
+    for i in range(n):
+        x[i] = at.y[i] + h * moved[i]
+    contract.flow(engine, mode, at.t[0], x, moved)
+    for i in range(n):
+        moved[i] -= behind[i]
 
 
 def differentiate(engine: Any, mode: int, code: int, at: Any, setup: Any) -> None:
