@@ -53,7 +53,8 @@ class HandleOwner:
             handle[name] = place + WORD * begin
             if name == "parameters":
                 note = begin + parameters.size
-                block[begin:note] = parameters
+                self.parameters = block[begin:note]
+                self.parameters[:] = parameters
                 self._note = block[note : begin + size]
             begin += size
         handle["fired"] = place + WORD * begin

@@ -250,7 +250,7 @@ def _compiled(
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         result = native.compiled(function)(engine.handle, *rest)
-        _look_for_fault(engine, automaton, equations)
+        _look_for_fault(engine, automaton)
         return result
 
     def table(rows: int, width: int) -> Any:
@@ -288,13 +288,13 @@ class _Fields(SimpleNamespace):
         setattr(self, name, value)
 
 
-def _look_for_fault(engine: Any, automaton: Automaton, equations: Equations) -> None:
-    """Raise FunctionError if a function has failed."""
+def _look_for_fault(engine: Any, automaton: Automaton) -> None:
+    """Raise FunctionError if a function has failed, at the parameters that the engine has now."""
     fault = engine.fault()
     if fault is not None:
         from mems_impact.hybrid.faults import explained
 
-        raise explained(automaton, np.asarray(equations.parameters).tolist(), fault)
+        raise explained(automaton, np.asarray(engine.parameters).tolist(), fault)
 
 
 def _interpreted(
@@ -304,7 +304,7 @@ def _interpreted(
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         result = function(engine, *rest)
-        _look_for_fault(engine, automaton, equations)
+        _look_for_fault(engine, automaton)
         return result
 
     def table(rows: int, width: int) -> Any:

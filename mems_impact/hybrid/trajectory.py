@@ -185,7 +185,7 @@ class Trajectory:
     events: Events
     steps: int
     arcs: int
-    ended: bool = False
+    ended: bool
     implicit_arcs: int = 0
 
     @property

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.errors import FunctionError, RunError
+from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import extended_flow
 from mems_impact.hybrid.passage import NO_EVENT, SCRATCH, Passage, traverse
@@ -162,7 +162,7 @@ class Variational:
 
         Raises
         ------
-        RunError
+        OrbitError
             If the engine fails or the budget of steps is spent.
         """
         count, n, m, k, size = len(segments), self.n, self.m, self.k, self._size
@@ -194,23 +194,11 @@ class Variational:
         try:
             failed = self._bound.call(traverse, self._block, way)
         except FunctionError as error:
-            here = RunError(
-                reason=error.reason,
-                remedy=error.remedy,
-                cycle=0,
-                phase_time=float(times[0, 0]),
-                mode=self._problem.automaton.modes[int(segments[0, 0])],
-                state={},
-            )
-            raise here from error
+            raise OrbitError(error.reason, error.remedy) from error
         if failed >= 0:
-            raise RunError(
+            raise OrbitError(
                 reason="an arc of the orbit cannot be integrated",
                 remedy="start nearer to an orbit, or loosen the tolerances",
-                cycle=0,
-                phase_time=float(times[failed, 0]),
-                mode=self._problem.automaton.modes[segments[failed, 0]],
-                state={f"y{i}": v for i, v in enumerate(states[failed].tolist())},
             )
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.errors import OrbitError, RunError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.passage import NO_EVENT
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.record import NONE
@@ -195,13 +195,9 @@ class Shooting:
         k, scales = len(self.active), setting.scales
         states, times = self.unpack(unknowns)
         starts, ends, start_rates, end_rates = layout.instants(setting, times)
-        try:
-            arcs, events = self.variational(setting).traverse(
-                layout.codes, states, *layout.passage(setting, starts, ends)
-            )
-        except RunError as error:
-            raise OrbitError(error.reason, error.remedy) from error
-
+        arcs, events = self.variational(setting).traverse(
+            layout.codes, states, *layout.passage(setting, starts, ends)
+        )
         # Derivatives of the states at the ends, then of those after the events, by all unknowns
         # and by the parameters. A start that moves cuts off what the flow had done before.
         by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])

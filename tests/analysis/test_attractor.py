@@ -82,6 +82,48 @@ def test_interpreted_and_compiled_tell_the_same():
     assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
 
 
+@pytest.mark.parametrize("engine", ["compiled", "interpreted"])
+def test_an_orbit_is_known_once_it_has_come_again_twice(engine):
+    """Begun on it, and so simple that it is met exactly: of four returns the last two repeat both.
+
+    Each point counts for itself.
+    """
+
+    def round_and_round(mode, t, y, p):  # from 0 to 1, and 0 again: a guard's is the only event
+        return 1.0, p.omega
+
+    def one(mode, t, y, p):
+        return 1.0 - y.s
+
+    turning = mi.System(
+        states=("s", "angle"), flow=round_and_round, period=1.0, parameters={"omega": 0.5},
+        guards=[mi.Guard("one", one, lambda mode, t, y, p: (mode, (y.s - 1.0, 0.0)))],
+        initial={"s": 0.25},
+    )  # fmt: skip
+    settle = Settling(transient=10, periods=2, tolerance=1e-6, exponents="none")
+    options = replace(FAST, engine=engine)
+    found = attractors(2 * [Case(turning)], settle, options)
+    assert [(each.motion, each.period, each.returns) for each in found] == 2 * [("periodic", 1, 4)]
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_what_moves_slowly_does_not_rest(unit):
+    """Round a circle in so many units of time: measured by the time that the system tells."""
+    round_and_round = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (-y.y / p.unit, y.x / p.unit),
+        parameters={"unit": unit},
+        time_scale=unit,
+        section=("y", 0.0),
+        initial={"x": 1.0, "y": -0.1},
+    )
+    settle = Settling(transient=40.0 * unit, periods=5.0 * unit, tolerance=1e-5, exponents="none")
+    options = replace(FAST, engine="interpreted")
+    (found,) = attractors([Case(round_and_round)], settle, options)
+    assert (found.motion, found.period) == ("periodic", 1)
+    assert found.measures["return time"] == pytest.approx(2.0 * math.pi * unit, rel=1e-6)
+
+
 @pytest.mark.slow
 def test_a_slow_approach_is_no_orbit_yet():
     # Free of impacts, with the multiplier exp(-2 pi zeta / omega) = 0.97: differences from period

@@ -52,6 +52,20 @@ def test_parts_make_the_whole(log, cuts):
         np.testing.assert_array_equal(getattr(joined, column.name), whole, strict=True)
 
 
+@pytest.mark.parametrize(("handed", "stiff"), [([], False), ([1], False), ([1, 0], True)])
+def test_a_run_that_was_handed_to_the_implicit_method_was_stiff(handed, stiff):
+    """The number of a handover is the engine that it leaves: 0 for the explicit one."""
+    n = len(handed)
+    states, modes = np.zeros((n, 2)), np.zeros(n, dtype=int)
+    events = Events(
+        np.arange(n), np.zeros(n), np.full(n, loop.HANDOVER), np.array(handed, dtype=int), modes,
+        modes, states, states,
+    )  # fmt: skip
+    done = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.1, engine="interpreted")
+    assert not done.stiff
+    assert done.with_events(events).stiff == stiff
+
+
 def test_what_is_an_impact(log):
     assert np.flatnonzero(log.impacts(AUTOMATON)).tolist() == [1]
     assert len(log[log.impacts(AUTOMATON)]) == 1

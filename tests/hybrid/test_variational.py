@@ -10,7 +10,7 @@ from scipy.linalg import expm, expm_frechet
 from mems_impact.actuator.modes import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.engines.options import Options
-from mems_impact.errors import RunError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
@@ -86,7 +86,7 @@ def test_closest_approach_inside_an_arc():
 
 def test_budget_of_steps_ends_in_a_named_error():
     short = replace(stop_problem(), options=Options(engine="compiled", max_steps=3))
-    with pytest.raises(RunError, match="cannot be integrated"):
+    with pytest.raises(OrbitError, match="cannot be integrated"):
         Variational(short, np.zeros((1, 7))).arc(0, np.array([0.1, 0.2]), 0.0, 5.0)
 
 

@@ -14,8 +14,9 @@ from mems_impact.hybrid.run import Problem, run
 from mems_impact.orbits.finding import find_cycle, find_orbit
 from mems_impact.orbits.orbit import check_closed, make_orbit
 from mems_impact.orbits.shooting import Shooting
-from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
+from mems_impact.orbits.signature import BOUNDARY, Segment, _transitions, read_guess
 from tests.continuation import free_block
+from tests.hybrid.systems import BALL, ball, problem
 from tests.orbits.families import (
     actuator,
     actuator_orbit,
@@ -256,6 +257,15 @@ def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():
         assert defects(low=low) == [("low", "missed", pytest.approx(-low, abs=1e-12))]
     assert defects(high=1.0 + 5e-10) == defects(high=1.0 - 5e-10) == []
     assert defects(high=1.0 - 1e-8) == [("high", "missed", pytest.approx(-1e-8, abs=1e-11))]
+
+
+@pytest.mark.parametrize("period", [0.5, 1.0, 4.0])
+def test_transitions_are_timed_from_the_start_across_periods(period):
+    """A ball that falls from 1: after sqrt 2, and twice that after an impact with e = 1."""
+    falls = problem(BALL, ball(1.0), period=period, engine="interpreted")
+    start = at((1.0, 0.0), time=0.25 * period, cycle=3)
+    times = [each.time - start.time for each in _transitions(falls, start, 5.0)]
+    assert times == pytest.approx([math.sqrt(2.0), 3.0 * math.sqrt(2.0)], rel=1e-9)
 
 
 def test_two_transitions_in_one_instant_are_no_signature():

@@ -32,6 +32,16 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "self.table = bound.table(record.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",
     (
+        "mems_impact/hybrid/perturbed.py",
+        "at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]",
+        "at.y[j] = 1.0 if setup.cyclic[j] == 1 else numbers[first + j]",
+    ): "a cyclic component enters no function; any small number does",
+    (
+        "mems_impact/hybrid/stretching.py",
+        "if quota <= 0:",
+        "if quota <= 1:",
+    ): "a call that pauses sooner is called again",
+    (
         "mems_impact/orbits/setting.py",
         "scales[j] = float(np.abs(p_rate).max()) or 1.0",
         "scales[j] = float(np.abs(p_rate).max()) or 1000.0",

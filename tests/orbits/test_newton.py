@@ -1,0 +1,69 @@
+"""Newton's method by itself, and what its equations raise."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.engines.options import Options
+from mems_impact.errors import OrbitError
+from mems_impact.orbits.finding import find_cycle
+from mems_impact.orbits.newton import newton
+
+
+@pytest.mark.parametrize(("power", "guess", "iterations"), [(2, 1.0, 4), (1, 5.0, 1), (1, 2.0, 0)])
+def test_steps_are_counted_until_the_next_is_as_small_as_the_error(power, guess, iterations):
+    """x^2 = 2 from 1: the steps are 0.5, 0.083, 0.0025, 2e-6 and 2e-12."""
+
+    def equations(x):
+        slope = power * x ** (power - 1)
+        return SimpleNamespace(), x**power - 2.0, np.diag(slope)
+
+    found = newton(equations, np.array([guess]), reason="no root", remedy="")
+    assert found.unknowns == pytest.approx([2.0 ** (1.0 / power)], abs=1e-11)
+    assert found.iterations == iterations
+
+
+UP, DOWN = mi.modes("up", "down")
+
+
+def _there_and_back(mode, t, y, p):
+    return (1.0 if mode == UP else -1.0), -y.y
+
+
+def _top(mode, t, y, p):
+    return 1.0 - y.s
+
+
+def _bottom(mode, t, y, p):
+    return y.s
+
+
+def _turn_down(mode, t, y, p):
+    return DOWN, (1.0, y.y + math.sqrt(p.a))
+
+
+def _turn_up(mode, t, y, p):
+    return UP, (0.0, y.y)
+
+
+def test_a_function_that_fails_at_other_parameters_is_told():
+    """By what it does there, not where the equations were first set up."""
+    there = mi.System(
+        states=("s", "y"),
+        flow=_there_and_back,
+        parameters={"a": 1.0},
+        guards=[
+            mi.Guard("top", _top, _turn_down, modes=(UP,)),
+            mi.Guard("bottom", _bottom, _turn_up, modes=(DOWN,)),
+        ],
+        initial=mi.State(s=0.3, mode="up"),
+    )
+    options = Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
+    start = there.instant(None, there.problem(options))
+    orbit = find_cycle(there.family(options), start, transient=9.0, active=("a",))
+    assert orbit.multipliers == pytest.approx([math.exp(-2.0)], abs=1e-8)
+    with pytest.raises(OrbitError, match="math domain error"):
+        orbit.shooting.evaluate(orbit.point.unknowns, np.array([-1.0]))
