@@ -69,21 +69,22 @@ ball = mi.System(
 )
 
 # %%
-# A run on a table that is too slow: the ball comes to rest, in ever shorter flights.
+# On a table that is too slow the ball comes to rest, in ever shorter flights.
 
 slow = mi.simulate(ball.changed(A=0.3), periods=8)
 mi.plot_run(slow, first=0).figure.savefig("bouncing_ball_run.png")
 
 # %%
-# The orbit with one impact a period, where shaking is faster.
+# Where shaking is faster, there is an orbit with one impact a period.
 
 orbit = mi.find_orbit(ball, transient=200)
 print(orbit.multipliers)
 mi.plot_orbit(orbit).figure.savefig("bouncing_ball_orbit.png")
 
 # %%
-# Brute force, up from rest and down from bouncing, and the branches: up to the period doubling
-# (PD) and beyond, back through the fold (CF), and of the orbit of twice the period.
+# Its branch is followed up to the period doubling (PD) and beyond, and back through the fold (CF); a
+# third branch is that of the orbit of twice the period. Brute force goes up from rest and down from
+# bouncing.
 
 up = mi.continue_orbit(orbit, "A", stop=1.4)
 down = mi.continue_orbit(orbit, "A", stop=0.2, back=1.4)

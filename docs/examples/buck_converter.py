@@ -8,7 +8,7 @@ against a ramp, and opens the switch while it is above:
 
 .. math:: C \dot v = i - v / R, \qquad L\,\dot\imath = -v\ (+E \ \text{if on}).
 
-It is meant to switch once a ramp. From a supply of 24.5 V on it needs two for a cycle, from 31.1 V
+It is meant to switch once a ramp. From a supply of 24.5 V on a cycle takes two ramps, from 31.1 V
 on four; and suddenly, above 32 V, the output wanders over a volt.
 """
 
@@ -57,14 +57,15 @@ converter = mi.System(
 )  # fmt: skip
 
 # %%
-# A run and its orbit. A mode is shaded.
+# This is a run, in which modes are shaded, and its orbit.
 
 run = mi.simulate(converter, periods=200)
 mi.plot_run(run).figure.savefig("buck_converter_run.png")
 orbit = mi.find_orbit(run)
 
 # %%
-# Brute force and the branches: of the orbit of one ramp, and of that of two (PD: period doubling).
+# Two branches, of the orbit of one ramp and of that of two, are drawn over brute force (PD: period
+# doubling).
 
 once = mi.continue_orbit(orbit, "E", stop=35.0)
 (doubling,) = once.special_points
@@ -74,7 +75,7 @@ sweep = mi.sweep(converter, "E", np.linspace(22.0, 35.0, 131), transient=200, pe
 mi.plot_branch([once, twice], sweep=sweep).figure.savefig("buck_converter_branch.png")
 
 # %%
-# The orbit of two ramps, just before it doubles again.
+# This is the orbit of two ramps, just before it doubles again.
 
 mi.plot_orbit(again.orbit).figure.savefig("buck_converter_orbit.png")
 

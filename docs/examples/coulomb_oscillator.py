@@ -70,7 +70,7 @@ oscillator = mi.System(
 )
 
 # %%
-# A run and its orbit, with much friction.
+# With much friction, a run and its orbit look like this.
 
 run = mi.simulate(oscillator.changed(f=0.93), periods=60)
 mi.plot_run(run, first=56).figure.savefig("coulomb_oscillator_run.png")
@@ -78,8 +78,8 @@ sticking = mi.find_orbit(run)
 mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 
 # %%
-# Brute force and the branches: of the orbit with stops, and of the one without. Each is followed
-# until its stops vanish, or appear: at the same friction.
+# The orbit with stops is followed until its stops vanish, and the one without until they appear,
+# which is at the same friction. Dots are brute force.
 
 gliding = mi.find_orbit(oscillator, transient=60)
 branches = [

@@ -44,13 +44,13 @@ oscillator = mi.System(
 )
 
 # %%
-# A run, at an amplitude at which every fifth period has its impact.
+# At this amplitude every fifth period has an impact.
 
 run = mi.simulate(oscillator, periods=200)
 mi.plot_run(run, first=190).figure.savefig("impact_oscillator_run.png")
 
 # %%
-# The orbit: its multipliers, and its impact.
+# These are the multipliers of the orbit, and its impact.
 
 five = mi.find_orbit(run, periods=5)
 print(five.multipliers)
@@ -58,9 +58,9 @@ print(five.impacts[["time", "v before", "v after"]])
 mi.plot_orbit(five).figure.savefig("impact_oscillator_orbit.png")
 
 # %%
-# Brute force, and the branches: of the orbit that grazes (G), and of those with one impact in 4, 5
-# and 6 periods, downwards from the upper end of their windows. At the lower end they double their
-# period (PD), and go on unstable to the point where all of them begin: the grazing.
+# Branches over brute force: the orbit that grazes (G), and those with one impact in 4, 5 and 6
+# periods, followed downwards from the upper end of their windows. At the lower end they double their
+# period (PD), and continue as unstable orbits to the point where all of them begin, the grazing.
 
 silent = mi.find_orbit(oscillator.changed(A=21.5), transient=100)
 branches = [mi.continue_orbit(silent, "A", stop=22.5, back=21.5)]

@@ -2,7 +2,7 @@ r"""
 Lorenz system: an unstable cycle in the attractor
 =================================================
 
-Convection in three numbers:
+The Lorenz system is a model of convection in three numbers:
 
 .. math::
 
@@ -32,14 +32,14 @@ convection = mi.System(
 )
 
 # %%
-# A run at the usual :math:`\rho = 28`.
+# A run at the usual :math:`\rho = 28` is chaotic.
 
 chaos = mi.simulate(convection.changed(rho=28.0), duration=30.0, initial={"x": 1.0, "z": 20.0})
 mi.plot_run(chaos, states=["x", "z"]).figure.savefig("lorenz_run.png")
 
 # %%
-# The cycle where it attracts, and its branch down to 28. (Steps are lengths in the units of the
-# states, which are large here.)
+# The cycle is found where it attracts, and followed down to 28. (Steps are lengths in the units of
+# the states, which are large here.)
 
 cycle = mi.find_orbit(convection, transient=40.0)
 steps = mi.Steps(initial=0.1, largest=8.0)
@@ -49,7 +49,7 @@ print(hidden.period, hidden.multipliers)
 mi.plot_orbit(hidden, x="x", y="z").figure.savefig("lorenz_orbit.png")
 
 # %%
-# Brute force, by a run at each value, below the branch.
+# Brute force, a run at each value, is drawn below the branch.
 
 dots = []
 for rho in np.linspace(28.0, 350.0, 162):

@@ -73,13 +73,13 @@ block = mi.System(
 )
 
 # %%
-# A run: the block tips over a corner at once, and falls into step with the ground.
+# In this run the block tips over a corner at once, and falls into step with the ground.
 
 run = mi.simulate(block, periods=60)
 mi.plot_run(run, first=0, last=8).figure.savefig("rocking_block_run.png")
 
 # %%
-# The symmetric orbit, and an unsymmetric one.
+# Both the symmetric orbit and an unsymmetric one are found, and the latter is drawn.
 
 orbit = mi.find_orbit(run)
 gentle = mi.find_orbit(block.changed(beta=0.8), guess=orbit.state, transient=60)
@@ -88,8 +88,8 @@ print(orbit.multipliers, tilted.multipliers, sep="\n")
 mi.plot_orbit(tilted).figure.savefig("rocking_block_orbit.png")
 
 # %%
-# Brute force, and the branches: the symmetric orbit goes on, unstable, where the others begin (CF:
-# each of these turns round into its mirror image).
+# On the branches the symmetric orbit continues, unstable, where the others begin (CF: each of these
+# turns round into its mirror image). Dots are brute force.
 
 branches = [
     mi.continue_orbit(gentle, "beta", stop=0.1, back=0.95),

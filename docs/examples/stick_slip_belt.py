@@ -57,7 +57,7 @@ belt = mi.System(
 )
 
 # %%
-# A run and its cycle.
+# A run settles to the cycle, which is then found as an orbit.
 
 run = mi.simulate(belt, duration=60)
 mi.plot_run(run).figure.savefig("stick_slip_belt_run.png")
@@ -66,8 +66,8 @@ print(cycle.period, cycle.multipliers)
 mi.plot_orbit(cycle).figure.savefig("stick_slip_belt_orbit.png")
 
 # %%
-# Brute force, by a run at each value, and the branch: the smallest deflection, up to the belt's
-# speed at which the mass just touches it ("sticks").
+# The branch shows the smallest deflection, up to the speed of the belt that the mass only just
+# reaches ("sticks"). Brute force is a run at each value.
 
 branches = [mi.continue_orbit(cycle, "V", stop=stop) for stop in (0.02, 0.6)]
 print(branches[1].special_table[["label", "V"]], branches[1].ended)

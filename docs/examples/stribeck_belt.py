@@ -63,7 +63,7 @@ belt = mi.System(
 )
 
 # %%
-# A run, and its cycle.
+# A run settles to the cycle, which is then found as an orbit.
 
 run = mi.simulate(belt, duration=60.0)
 mi.plot_run(run).figure.savefig("stribeck_belt_run.png")
@@ -71,7 +71,8 @@ squeal = mi.find_orbit(run)
 mi.plot_orbit(squeal).figure.savefig("stribeck_belt_orbit.png")
 
 # %%
-# The equilibrium, with its Hopf point (H); the cycles that are born there; the large cycle.
+# The branch of the equilibrium has a Hopf point (H), from which the cycles that are born there are
+# followed to the large cycle.
 
 resting = mi.find_equilibria(belt.changed(V=0.7), guess={"x": 0.6})[0]
 rest = mi.continue_equilibrium(resting, "V", 0.1, steps=mi.Steps(largest=0.01))
@@ -80,8 +81,8 @@ born = mi.switch_branch(hopf, bounds=(0.1, 0.7))
 print(resting, rest, born, sep="\n")
 
 # %%
-# Brute force, by a run at each value, down from rest and up from the squeal. While it rests, the
-# mass crosses no section: its last state stands for it.
+# Brute force is a run at each value, down from rest and up from the squeal. While the mass rests, it
+# crosses no section; then its last state is drawn.
 
 dots = []
 for values, start in (

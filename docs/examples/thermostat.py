@@ -58,13 +58,13 @@ house = mi.System(
 )
 
 # %%
-# A run, on a morning after a cold night.
+# This run begins on a morning after a cold night.
 
 run = mi.simulate(house, duration=6.0)
 mi.plot_run(run).figure.savefig("thermostat_run.png")
 
 # %%
-# The cycle.
+# It settles to a cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)
@@ -72,8 +72,8 @@ print(cycle.segments)
 mi.plot_orbit(cycle, x="room", y="h").figure.savefig("thermostat_orbit.png")
 
 # %%
-# Brute force, by a run at each value, and the branch: the heater's temperature as the room passes
-# 20 degrees upwards. At -19 degrees outside ("too warm") the room no longer reaches 21.
+# The branch shows the heater's temperature as the room passes 20 degrees upwards. At -19 degrees
+# outside ("too warm") the room no longer reaches 21. Brute force is a run at each value.
 
 colder = mi.continue_orbit(cycle, "outside", stop=-25.0)
 warmer = mi.continue_orbit(cycle, "outside", stop=18.5, steps=mi.Steps(largest=0.5))

@@ -81,20 +81,20 @@ box = mi.System(
 )
 
 # %%
-# A run from the middle, with the ball thrown to the right.
+# The run begins in the middle, with the ball thrown to the right.
 
 run = mi.simulate(box, periods=400)
 mi.plot_run(run, first=0, last=40, states=["x", "z"]).figure.savefig("two_stop_rattler_run.png")
 
 # %%
-# The orbit, as the box moves.
+# The orbit is drawn as the box moves.
 
 orbit = mi.find_orbit(run)
 print(orbit.multipliers)
 mi.plot_orbit(orbit).figure.savefig("two_stop_rattler_orbit.png")
 
 # %%
-# Brute force, and the branches both ways.
+# The branches go both ways from this clearance; dots are brute force.
 
 up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.Steps(most=750))
 down = mi.continue_orbit(orbit, "d", stop=6.0)

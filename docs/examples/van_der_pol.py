@@ -2,7 +2,7 @@ r"""
 Van der Pol oscillator: a cycle without a guard
 ===============================================
 
-The oldest limit cycle: friction that feeds small motions and brakes large ones,
+A classical limit cycle arises from friction that feeds small motions and brakes large ones,
 
 .. math:: \ddot x - \mu\,(1 - x^2)\,\dot x + x = 0.
 
@@ -32,20 +32,20 @@ oscillator = mi.System(
 )
 
 # %%
-# A run, from near the equilibrium.
+# The run begins near the equilibrium.
 
 run = mi.simulate(oscillator, duration=40.0)
 mi.plot_run(run).figure.savefig("van_der_pol_run.png")
 
 # %%
-# The cycle.
+# It settles to the cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)
 mi.plot_orbit(cycle).figure.savefig("van_der_pol_orbit.png")
 
 # %%
-# Brute force, by a run at each value, and the branch: the speed in the middle.
+# The branch shows the speed in the middle. Brute force is a run at each value.
 
 branches = [mi.continue_orbit(cycle, "mu", stop=stop) for stop in (0.05, 6.0)]
 dots = []

@@ -13,7 +13,7 @@ The transition of that guard gives the next mode and the state in which it begin
 
 .. math:: (m, y) \\mapsto (m', R(t, y; p)).
 
-Nothing else exists: impact, slip and stick, rest and release, a switched source are guards with
+Impact, slip and stick, rest and release, and switched sources are all written as guards with
 transitions. Below is a ball that bounces and comes to rest.
 """
 
@@ -57,6 +57,6 @@ mi.plot_run(run).figure.savefig("automaton.png")
 assert run.final.mode == "resting"
 
 # %%
-# In a figure vertical lines are impacts, and a shade is a mode that lasts. How to write one:
-# :doc:`/hybrid`; what stands ready: :doc:`/parts`; the automaton of the actuator:
-# :doc:`/equations`.
+# In the figure vertical lines are impacts, and a shaded stretch is a mode that lasts. :doc:`/hybrid`
+# explains how to write such a system, :doc:`/parts` lists ready-made parts, and :doc:`/equations`
+# describes the automaton of the actuator.

@@ -52,4 +52,4 @@ assert mi.simulate(beyond, duration=18.0, options=fine).events.empty
 
 # %%
 # The rate is taken by differences along the flow if the system gives none (``rate=``), and one that
-# is given is checked. Threads in which other solvers lost such events: :doc:`/peers`.
+# is given is checked. :doc:`/peers` collects threads in which other solvers lost such events.

@@ -46,5 +46,6 @@ print(cycle.period - closed)
 assert abs(cycle.period - closed) < 1e-9
 
 # %%
-# Where several contacts hold at once, they are solved together. More laws (Stribeck, tabulated
-# restitution, yielding stoppers): :doc:`/parts`, and for the actuator :doc:`/terms`.
+# Where several contacts hold at once, they are solved together. More laws are described in
+# :doc:`/parts` (Stribeck friction) and, for the actuator, in :doc:`/terms` (tabulated restitution,
+# yielding stoppers).

@@ -8,8 +8,8 @@ square root there,
 
 .. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\ldots
 
-so that its slope has no bound (Nordmark, 1991). That is why such devices switch with a jump and not
-gradually.
+so that its slope is unbounded (Nordmark, 1991). That is why a grazing may end an attractor abruptly, or
+lead to chaos at once.
 """
 
 import math
@@ -41,7 +41,7 @@ oscillator = mi.System(
 quiet = mi.find_orbit(oscillator, transient=200)
 
 # %%
-# The quiet orbit ends where its largest deflection is the gap. The branch goes on as an orbit with
+# The orbit without impacts ends where its largest deflection is the gap. The branch goes on as an orbit with
 # one impact, unstable at first, since the largest multiplier is without bound at the grazing: that
 # is the square root. It becomes stable at a period doubling (PD), far away.
 
@@ -51,7 +51,7 @@ print(grazing.label, grazing.value, mi.grazing_type(grazing))
 assert abs(grazing.value - math.hypot(1.0 - 0.8**2, 0.1 * 0.8)) < 1e-10
 
 # %%
-# Over brute force: what the motion comes to once the quiet orbit is gone.
+# A sweep shows what the motion settles to once the orbit without impacts is gone.
 
 dots = mi.sweep(
     oscillator, "A", np.linspace(0.32, 0.44, 61), direction="both", transient=150, periods=20

@@ -7,8 +7,8 @@ factor :math:`e`, and their sum is finite,
 
 .. math:: t_\\infty = \\sqrt{\\frac{2h}{g}}\\,\\frac{1 + e}{1 - e}.
 
-No event loop can follow all of them. Stopping at some last one is wrong by what is left; and a body
-that then lies on the stopper needs the contact force, whose end is an event again.
+No event loop can follow all of them, and stopping at some last impact leaves an error. The body then
+lies on the stopper until the contact force vanishes, which is an event again.
 """
 
 import math
@@ -49,4 +49,5 @@ print(cycle.statistics[["impacts per period", "blows per period", "displacement 
 assert cycle.statistics["blows per period"] == 1.0
 
 # %%
-# :doc:`/device` says what that means for counting steps, and :doc:`/promises` up to where it holds.
+# :doc:`/device` explains what that means for counting steps, and :doc:`/promises` how exact the end
+# of a sequence is.

@@ -45,5 +45,5 @@ print(verification.verdict)
 assert verification.agrees
 
 # %%
-# Which method when, with what each costs: :doc:`/guide`. What the engine promises:
-# :doc:`/promises`; how it is made: :doc:`/architecture`.
+# :doc:`/guide` says when to use which method, and what each costs; :doc:`/promises` what accuracy
+# is promised.

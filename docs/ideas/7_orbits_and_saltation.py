@@ -70,5 +70,5 @@ print(np.sort_complex(brute), np.sort_complex(orbit.multipliers))
 assert np.allclose(np.sort_complex(brute), np.sort_complex(orbit.multipliers), atol=1e-4)
 
 # %%
-# More on orbits, and what their errors say: :doc:`/orbits`. The same matrices make Lyapunov
-# exponents: :doc:`/lyapunov`.
+# :doc:`/orbits` has more on orbits and their errors. The same matrices enter Lyapunov exponents:
+# :doc:`/lyapunov`.

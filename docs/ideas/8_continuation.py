@@ -36,11 +36,10 @@ curve = mi.continue_curve(doubling, "omega", stop=0.455, back=0.448)
 print(curve.table[["omega", "amplitude"]].iloc[[0, -1]])
 
 # %%
-# A branch is never lost: whatever ends it is named in ``branch.ended``, and what there is of it is
-# returned.
+# Whatever ends a branch is named in ``branch.ended``, and the orbits found so far are returned.
 
 print(branch.ended)
 
 # %%
 # The signature of an orbit, its modes and events in their order, is read off a run, and read anew
-# where it changes on the branch. How, and what the limits are: :doc:`/orbits`, :doc:`/promises`.
+# where it changes on the branch: :doc:`/orbits`.

@@ -2,9 +2,9 @@
 Studies
 =======
 
-What many motions come to, over parameters, states or tolerances: a *study* is a list of independent
-points (or chains of them) and one row a point. All kinds are run, kept and gone on with in the same
-way, so that a map of a million points on a cluster is the same call as a small one here.
+A *study* computes what many motions settle to, over parameters, initial states or tolerances: a list
+of independent points (or chains of them), with one row a point. All kinds are run, stored and resumed
+in the same way, so that a map of a million points on a cluster is the same call as a small one here.
 """
 
 import tempfile
@@ -26,19 +26,19 @@ print(mi.map_summary(found.table)[["motion", "points", "share"]].to_string(index
 mi.plot_map(found).figure.savefig("studies.png")
 
 # %%
-# The store is a directory that any other program can read. The same call goes on where it was
-# interrupted, and only reads what is finished:
+# The store is a directory of Parquet files, which other programs can read. The same call resumes a
+# study where it was interrupted, and only reads one that is finished:
 
 stored = mi.read_study(store)
 print(stored.done, "of", stored.total)
 assert stored.done == stored.total == 72
 
 # %%
-# A point that fails is a row with its reason in ``status``; it ends no study. Kinds of studies:
+# A point that fails is a row with its reason in ``status``, and the study goes on. Kinds of studies:
 #
-# - what motions come to over two parameters: :doc:`/maps`
-# - from many states: :doc:`/basins`
-# - under tolerances of manufacture: :doc:`/scatter`
+# - kinds of motions over two parameters: :doc:`/maps`
+# - attractors reached from many initial states: :doc:`/basins`
+# - scatter under tolerances of manufacture: :doc:`/scatter`
 # - derivatives, optima and fronts of an orbit: :doc:`/sensitivity`
 #
-# How they are run and kept: :doc:`/studies`; on many machines: :doc:`/cluster`.
+# :doc:`/studies` describes how they are run and stored, :doc:`/cluster` how on many machines.

@@ -6,7 +6,7 @@ A frame lies on the ground, held by friction. In it a block hangs on a spring, a
 the frame pulls it by a voltage. Where the block strikes the stopper, the blow throws the frame
 forward by a small step.
 
-A device is a preset or a file, a drive is a waveform, and a run is what both come to.
+A device is a preset or a file, a drive is a waveform, and a run is the motion that follows from both.
 """
 
 import mems_impact as mi
@@ -16,19 +16,19 @@ drive = mi.Sine(amplitude=0.24, omega=0.5)
 run = mi.simulate(actuator, drive, periods=300)
 
 # %%
-# One line a number: over the second half of the run, when it has settled.
+# Statistics are those of the second half of the run, when it has settled.
 
 print(run.statistics[["impacts per period", "displacement per period", "mean speed"]])
 
 # %%
-# One impact in a forcing period, and each the same step. The tables are pandas, one row an event;
-# here the last impacts, with the velocity of the block before and after.
+# There is one impact in each forcing period, always with the same step. Tables are pandas, with one
+# row an event; these are the last impacts, with the velocity of the block before and after.
 
 print(run.impacts[["t", "stopper", "v2 before", "v2 after", "x1"]].tail(3))
 
 # %%
-# The last four forcing periods as a picture: the block swings between its stoppers, and each blow
-# moves the frame.
+# In the last four forcing periods the block swings between its stoppers, and each blow moves the
+# frame.
 
 mi.plot_run(run, first=296).figure.savefig("first_run.png")
 

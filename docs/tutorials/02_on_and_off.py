@@ -31,7 +31,7 @@ table = mi.sweep(
 mi.plot_sweep(table).figure.savefig("on_and_off.png")
 
 # %%
-# One row a value: the lowest voltage with impacts, either way.
+# The summary has one row a value. From it follows the lowest voltage with impacts, either way.
 
 summary = mi.sweep_summary(table)
 on = summary[summary["impacting"]].groupby("direction")["amplitude"].min()

@@ -16,8 +16,8 @@ print(orbit.stable, abs(orbit.multipliers))
 print(orbit.segments[["mode", "start", "end", "ends with"]])
 
 # %%
-# A small deviation shrinks by the *Floquet multipliers* in a period: below one, the orbit attracts.
-# The block against the velocity of the block, with the impact as a dashed line:
+# A small deviation changes by the factors of the *Floquet multipliers* in a period; if all are below
+# one in modulus, the orbit attracts. The phase plane of the block, with the impact as a dashed line:
 
 mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit_and_branch_orbit.png")
 

@@ -30,7 +30,7 @@ print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_
 # "bound" is where the search was told to end; the walk goes on beyond it.
 
 # %%
-# Speed and steps over that window: the finest step is what the device resolves.
+# The speed and the steps over that window follow, and the finest step, the resolution of the device.
 
 speeds = mi.speed_over_voltage(
     actuator, drive, np.linspace(0.18, 0.25, 8), transient=300, periods=40,
@@ -40,7 +40,7 @@ print(speeds[["amplitude", "displacement per period", "mean speed"]].to_string(i
 print(f"finest step {mi.resolution(speeds):.2e}")
 
 # %%
-# And which parameters move the speed: per cent of it for one per cent of each.
+# The tornado chart shows which parameters move the speed: per cent of it for one per cent of each.
 
 orbit = mi.find_orbit(actuator, drive, transient=300)
 mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("design_chart_tornado.png")

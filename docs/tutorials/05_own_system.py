@@ -45,7 +45,7 @@ print(run.impacts[["t", "event", "v before", "v after"]].tail(3))
 mi.plot_run(run, first=295).figure.savefig("own_system.png")
 
 # %%
-# One impact in each period, always alike? The orbit tells, with its stability.
+# Is it the same impact in each period? The orbit answers that, with its stability.
 
 orbit = mi.find_orbit(run)
 print(orbit.periods, len(orbit.impacts), orbit.stable)
@@ -60,5 +60,5 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# Friction, stops, relays and switching surfaces :doc:`stand ready </parts>`. Next: the diagram
-# of this oscillator.
+# Friction, stops, relays and switching surfaces are ready-made :doc:`parts </parts>`. Next: the
+# bifurcation diagram of this oscillator.
