@@ -266,13 +266,12 @@ def move(engine: Any, mode: int, guard: int, moved: Any, at: Any, setup: Any) ->
     """
     n, rate = setup.n, setup.m + guard
     x, behind = setup.work[0], setup.work[6]
-    most = 0.0
     for i in range(n):
         moved[i] = -setup.margin[0, rate, 1 + i]
         for j in range(n):
             moved[i] += setup.jump[0, i, 1 + j] * setup.margin[0, rate, 1 + j]
-        most = max(most, abs(moved[i]))
-    h = setup.width / most if most > 0.0 else 0.0
+    length = length_of(moved, 0, n)
+    h = setup.width / length if length > 0.0 else 0.0
     for i in range(n, at.y.size):
         x[i] = 0.0  # no columns
     for i in range(n):

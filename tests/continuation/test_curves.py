@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.branch import follow
+from mems_impact.continuation.conditions import Condition
 from mems_impact.continuation.corrector import Steps
 from mems_impact.continuation.curve import _Curve, follow_curve
 from mems_impact.errors import InvalidParameter
@@ -91,6 +92,42 @@ def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
     first, second = (np.append(p.orbit.point.unknowns, p.values) for p in curve.points[:2])
     halvings = np.log2(steps.initial / np.linalg.norm(second - first))
     assert halvings == pytest.approx(round(halvings), abs=0.02)
+
+
+def test_steps_of_a_curve_grow_by_a_half(at_half):
+    (start,) = special(at_half, "grazing")
+    steps = Steps(initial=1e-3, largest=0.8, most=4)
+    curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
+    points = [np.append(p.orbit.point.unknowns, p.values) for p in curve.points]
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert lengths == pytest.approx([1e-3, 1.5e-3, 2.25e-3], rel=0.02)
+
+
+def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew():
+    """Its equations: x = a, and x + b^2 = 2, of which it knows the gradient (1, 0, 2) at b = 1."""
+
+    class Costly(Condition):
+        def __init__(self):
+            pass
+
+        def value(self, point):
+            return point.x + point.b**2 - 2.0
+
+        def gradient(self, point):
+            raise AssertionError("taken anew")
+
+    def evaluate(u):
+        return SimpleNamespace(
+            x=u[0], b=u[2], residual=u[:1] - u[1:2], jacobian=np.eye(1),
+            by_parameter=np.array([[-1.0, 0.0]]),
+        )  # fmt: skip
+
+    curve = SimpleNamespace(
+        gradient=np.array([1.0, 0.0, 2.0]), condition=Costly(), _evaluate=evaluate
+    )
+    begin, along = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
+    found = _Curve._correct(curve, begin + 0.1 * along, along, begin + 0.1 * along)
+    assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 
 @pytest.mark.slow
