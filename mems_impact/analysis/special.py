@@ -196,6 +196,8 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     ------
     InvalidParameter
         If `special` is another point, or the orbit has other impacts.
+    OrbitError
+        If a weak contact does not lead back to the mode it came from.
 
     See Also
     --------

@@ -152,6 +152,8 @@ def _side(grazing: mi.SpecialPoint) -> str:
         kind = mi.grazing_type(grazing)
     except mi.InvalidParameter:
         return "of an orbit with impacts"
+    except mi.OrbitError as error:
+        return f"of no type: {error.reason}"
     return f"{kind}: type {kind.paper}"
 
 

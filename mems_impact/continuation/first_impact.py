@@ -30,9 +30,13 @@ CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
 def contact_coefficient(shooting: Shooting, point: Point, monitor: Monitor, k: int) -> float | None:
     """Return xi_k = grad h . M^k kick: positive if the kick leads away from the stopper.
 
-    None if the orbit has other events, for which the formula does not hold.
+    None if the orbit has other events, for which the formula does not hold, or a mode to which a
+    weak contact does not lead back.
     """
-    sequence = contact_sequence(shooting, point, monitor, k)
+    try:
+        sequence = contact_sequence(shooting, point, monitor, k)
+    except OrbitError:
+        return None
     return None if sequence is None else float(sequence[-1])
 
 
@@ -103,7 +107,7 @@ def kick(shooting: Shooting, point: Point, mode: int, guard: int, time: float, y
         back = np.flatnonzero((events.kind == TRANSITION) & (events.mode_after == mode))
         if not back.size:
             raise OrbitError(
-                f"a weak contact at {point.values} does not lead back to the mode it came from",
+                "a weak contact does not lead back to the mode it came from",
                 "take a range in which the stopper is touched while the frame is at rest",
             )
         last = back[0]

@@ -126,6 +126,32 @@ PAIR = Automaton(
 )
 
 
+def test_an_impact_at_another_gap_some_periods_ago_does_not_prolong_a_sequence():
+    """A ball strikes a ceiling, and then hops to rest on the floor."""
+    margins, transition = BALL.margins, BALL.transition
+
+    def gaps(mode, t, y, p, g, r):
+        margins(mode, t, y, p, g, r)
+        if mode == 0:
+            g[2], r[2] = 1.0 - y[0], -y[1]
+
+    def rebound(mode, code, t, y, p):
+        if code == 2:
+            y[0], y[1] = 1.0, -y[1]
+            return mode
+        return transition(mode, 2 if code == 3 else code, t, y, p)
+
+    ceiling = Guard(name="ceiling", order=2, impact=True)
+    guards = (*BALL.guards, ceiling)
+    room = replace(BALL, guards=guards, margins=gaps, transition=rebound)
+    done = simulate(room, ball(0.5), [0.5, math.sqrt(5.0)], 12.0, period=0.5)
+    assert done.events.guard[0] == 2
+    # Up to the ceiling, which it leaves at the speed 2; down; and flights of 2 sqrt(6)/2^n.
+    end = (math.sqrt(5.0) - 2.0) + (math.sqrt(6.0) - 2.0) + 2.0 * math.sqrt(6.0)
+    assert times(done, loop.ACCUMULATION) == pytest.approx([end], abs=1e-9)
+    assert done.final.mode == RESTING
+
+
 @both
 @pytest.mark.parametrize("e", [0.3, 0.9, 0.97])
 def test_nothing_stands_still_while_a_sequence_ends(e, engine):

@@ -31,6 +31,7 @@ FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltage
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
 SAME = 1e-9  # part of the frequency within which two points are one, located twice
+SLIDES = "raise mu_s, soften k, or take another range of omega"
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
 
 
@@ -150,7 +151,11 @@ class Boundaries:
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
         rest = here.instant(State(), family.problem())
-        orbit = find_orbit(family, rest, active=(AMPLITUDE,))
+        try:
+            orbit = find_orbit(family, rest, active=(AMPLITUDE,))
+        except OrbitError as error:
+            where = f"{self._at(omega)} and {self._voltage(amplitude)}"
+            raise OrbitError(f"at {where}: {error.reason}", SLIDES) from error
         branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
         return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
 
@@ -173,8 +178,7 @@ class Boundaries:
         """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
         met = {s.kind for omega in omegas for s in self._special(omega, lambda special: False)}
         if GUARDS[BREAK_AWAY].name in met:
-            slides = "the frame slides before the block strikes"
-            return f"{slides}: raise mu_s, soften k, or take another range of omega"
+            return f"the frame slides before the block strikes: {SLIDES}"
         return "lower the damping c, or take another range of omega"
 
     def _grazing(self, omega: float) -> BranchEvent:
@@ -186,14 +190,17 @@ class Boundaries:
 
     def _not_grazing(self, omega: float) -> str:
         """Say what the orbit without impacts meets at a frequency at which it does not graze."""
-        out, name = self.system.out, self.system.label(AMPLITUDE)
         all_of_them = self._special(omega, lambda special: False)
-        met = [f"a {s.kind} at {out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
-        pull_in = f"{name} = {out(AMPLITUDE, self.pull_in):.6g}"
+        met = [f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
-            f"{pull_in} (it meets {', '.join(met) or 'nothing'})"
+            f"{self._voltage(self.pull_in)} (it meets {', '.join(met) or 'nothing'})"
         )
+
+    def _voltage(self, amplitude: float) -> str:
+        """Return an amplitude in words, in the user's units."""
+        value = self.system.out(AMPLITUDE, amplitude)
+        return f"{self.system.label(AMPLITUDE)} = {value:.6g}"
 
     def _number(self, omega: float) -> str:
         return f"{self.system.out(OMEGA, omega):.9g}"
@@ -209,8 +216,13 @@ class Boundaries:
 
     def _type(self, left: float, right: float) -> GrazingType:
         """Return the type between two points of codimension two, where they are far."""
-        touching = self._grazing(0.5 * (left + right))
-        return GrazingType(first_impact.grazing_type(touching.orbit, touching.monitor))
+        middle = 0.5 * (left + right)
+        touching = self._grazing(middle)
+        try:
+            return GrazingType(first_impact.grazing_type(touching.orbit, touching.monitor))
+        except OrbitError as error:
+            where = f"{self._at(middle)} and {self._voltage(touching.value)}"
+            raise OrbitError(f"at {where}: {error.reason}", error.remedy) from error
 
     def _followed(
         self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
