@@ -45,6 +45,7 @@ from mems_impact.hybrid.record import (
 # one, while the gap still has digits.
 WEAK = 5e-11
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
+LATE = 100.0  # those this much longer are told no better
 STEADY = 1e-4  # the end of a sequence is known to about this part of its last flight
 BISECTIONS = 60
 
@@ -160,6 +161,10 @@ def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[flo
         return interval * ratio / (1.0 - ratio), interval
     # Flights that drown in the rounding of the gap, or of time, need not shrink.
     if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
+        return 0.0, interval
+    # Nor one that lasts far longer than its speed and the acceleration say: it is so low that a step
+    # does not see its end in time.
+    if 2.0 * LATE * before < -a * interval:
         return 0.0, interval
     return math.inf, interval
 

@@ -256,6 +256,11 @@ class _Run:
                 f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
                 "lead to a mode in which it does not watch: while its margin falls it fires again"
             )
+        elif at_guard and 2 * instant > options.max_events:
+            remedy = (
+                "raise max_events: bodies that touch in a row strike each other very often within "
+                "one instant, and the more often the more of them there are"
+            )
         here = self.memory.local.tolist()
         if at_guard and instant > 1 and is_clock(self._margin_of(failure), here):
             remedy = AT_TIMES

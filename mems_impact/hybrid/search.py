@@ -34,6 +34,9 @@ from mems_impact.hybrid.record import (
 )
 
 FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
+# By which what rates have been seen to change fades from step to step. At 1/2, a margin that swings
+# several times within a step, and changes less over the next one, was believed too soon.
+FADING = 0.9
 
 
 def look(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
@@ -56,7 +59,7 @@ def look(engine: Any, s: Any, status: int, before: float, t: float) -> bool:
         # A margin that does not apply is constant; one that is lifted is in doubt.
         moves = fired or now[i] != then[i] or now[m + i] != then[m + i]
         if moves and h > 0.0 and bias <= HAIR:
-            bend[i] = max(abs(now[m + i] - then[m + i]) / h, 0.5 * bend[i])
+            bend[i] = max(abs(now[m + i] - then[m + i]) / h, FADING * bend[i])
             # A root is where the margin is zero but for what the engine tells roots apart.
             start, end = then[i] + bias, 0.0 if fired else now[i] + bias
             side = -1.0 if passed[i] == 1 else 1.0

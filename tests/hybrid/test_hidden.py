@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
-from tests.hybrid.systems import ENGINES, STOP, simulate, stop
+from tests.hybrid.systems import ENGINES, STOP, simulate, stop, times
 
 # A free flight over two corrugated floors, the second one shifted; it stops where it strikes.
 # y = x, height, speeds; p = (amplitude, wave number, phases of the two floors).
@@ -75,6 +75,63 @@ def test_the_first_of_two_floors_is_struck(k, amplitude, period):
         when, which = first_strike(p, start)
         assert (len(events), events.guard[0]) == (1, which)
         assert events.cycle[0] * period + events.time[0] == pytest.approx(when, abs=1e-8)
+
+
+# A floor of two wavelengths, through air: a margin may swing several times within a step, and look
+# at both ends as if it did not; p = (amplitude, wave number, drag).
+
+
+def _braked_flight(mode, t, y, p, dy):
+    flies = 1.0 if mode == 0 else 0.0
+    dy[0], dy[1] = flies * y[2], flies * y[3]
+    dy[2], dy[3] = -flies * p[2] * y[2], -flies * (1.0 + p[2] * y[3])
+
+
+def _two_waves(mode, t, y, p, g, r):
+    if mode == 0:
+        one, other = p[1] * y[0], 1.7 * p[1] * y[0] + 1.0
+        g[0] = y[1] - p[0] * (math.sin(one) + 0.5 * math.sin(other))
+        r[0] = y[3] - p[0] * p[1] * y[2] * (math.cos(one) + 0.85 * math.cos(other))
+
+
+BRAKED = Automaton(
+    states=("x", "y", "u", "v"),
+    modes=("flies", "stands"),
+    guards=(Guard(name="floor", order=0),),
+    flow=_braked_flight,
+    margins=_two_waves,
+    transition=_stuck,
+)
+
+
+@pytest.mark.parametrize(
+    ("wave", "method", "found"),
+    [((0.02, 60.0, 0.1), "dop853", (93,)), ((0.05, 20.0, 0.1), "adams", (87, 176))],
+)
+def test_a_floor_of_two_wavelengths(wave, method, found):
+    """The flights that an attack found, and some more: of 250 that are drawn."""
+    amplitude, k, drag = wave
+    period = 1.0 if method == "dop853" else 100.0
+    rng = np.random.default_rng(11)
+    for number in range(250):
+        x, y = rng.uniform(0, 1), 1 + rng.uniform(0, 1)
+        u, v = rng.uniform(1, 3), rng.uniform(-0.5, 0.5)
+        if number not in found and number % 10:
+            continue
+
+        def height(t, x=x, y=y, u=u, v=v):
+            slowed = (1.0 - np.exp(-drag * t)) / drag
+            phase = k * (x + u * slowed)
+            floor = amplitude * (np.sin(phase) + 0.5 * np.sin(1.7 * phase + 1.0))
+            return y + (v + 1.0 / drag) * slowed - t / drag - floor
+
+        t = np.linspace(1e-9, 4.0, 100_001)
+        below = int(np.argmax(height(t) < 0.0))
+        when = brentq(height, t[below - 1], t[below], xtol=1e-14)
+        done = simulate(BRAKED, wave, [x, y, u, v], 4.0 / period, period=period, method=method,
+                        rtol=1e-9, atol=1e-11)  # fmt: skip
+        (strike,) = times(done, loop.TRANSITION)
+        assert strike == pytest.approx(when, abs=1e-6), number
 
 
 # A thin obstacle on the way: the margin dips twice below zero, by `depth`, within 1/50 of the way.

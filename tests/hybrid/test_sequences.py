@@ -85,6 +85,20 @@ def test_impacts_that_hardly_rebound_rest_at_once(e, engine):
     assert len(done.events) <= 4
 
 
+@both
+@pytest.mark.parametrize("method", ["adams", "bdf", "dop853"])
+def test_impacts_that_hardly_rebound_rest_in_units_that_the_tolerances_do_not_fit(method, engine):
+    """The first flight is lower than a step can see: each impact is late, and the next one too."""
+    g, height = 9.81e6, 1e-6
+    period = math.sqrt(2.0 * height / g)
+    for e in np.logspace(-8, -2, 25 if engine == "compiled" else 7).tolist():
+        done = simulate(
+            BALL, ball(e, g), [height, 0.0], 4.0, period=period, rtol=1e-9, atol=1e-11,
+            method=method, engine=engine, max_events=20,
+        )  # fmt: skip
+        assert (done.final.mode, *done.final.y) == (RESTING, 0.0, 0.0), e
+
+
 # A ball that hops on a floor without a rule of its own for e = 0, beside a free pendulum, a
 # falling stone, or another ball; p = (e of the first, e of the second).
 
@@ -426,7 +440,10 @@ def test_a_cradle_that_collapses_ends_in_one_speed():
 
 
 def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
-    with pytest.raises(RunError, match="200 events, 201 of them in its last instant"):
+    told = (
+        "200 events, 201 of them in its last instant.*raise max_events: bodies that touch in a row"
+    )
+    with pytest.raises(RunError, match=told):
         cradle(0.5, max_events=200)
 
 
