@@ -162,8 +162,8 @@ def what_is_left(engine: Any, s: Any, t: float, y: Any, guard: int) -> tuple[flo
     # Flights that drown in the rounding of the gap, or of time, need not shrink.
     if height < 16.0 * EPS * size or interval < 64.0 * EPS * abs(t):
         return 0.0, interval
-    # Nor one that lasts far longer than its speed and the acceleration say: it is so low that a step
-    # does not see its end in time.
+    # Nor one that lasts far longer than speed and acceleration say: no step sees the end of such a
+    # low flight in time.
     if 2.0 * LATE * before < -a * interval:
         return 0.0, interval
     return math.inf, interval
