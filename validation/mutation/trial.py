@@ -22,7 +22,7 @@ COPIED = ("mems_impact", "tests", "validation", "docs", "pyproject.toml", "READM
 WATCHED = ("tests/hybrid", "tests/orbits", "tests/continuation", "tests/analysis", "tests/peers")
 WATCHED += ("tests/campaign/test_stories.py", "tests/campaign/test_families.py")
 UNSEEN = {
-    "hybrid": ("tests/hybrid/", "tests/campaign/"),
+    "hybrid": ("tests/hybrid/", "tests/campaign/", "tests/analysis/test_attractor.py"),
     "hybrid/columns": ("tests/hybrid/test_variational.py", "tests/orbits/"),
     "hybrid/passage": ("tests/hybrid/test_variational.py", "tests/orbits/"),
     "orbits": ("tests/orbits/",),
