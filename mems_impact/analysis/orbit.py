@@ -255,14 +255,8 @@ class Orbit(Value):
         parts = []
         for cycle, offset, trajectory in self._arcs():
             log = trajectory.events.crossings(0)
-            parts.append(
-                replace(
-                    log,
-                    cycle=log.cycle + cycle,
-                    before=log.before + offset,
-                    after=log.after + offset,
-                )
-            )
+            moved = {"before": log.before + offset, "after": log.after + offset}
+            parts.append(replace(log, cycle=log.cycle + cycle, **moved))
         return Events.joined(parts)
 
     @cached_property
