@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
 IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
+ASIDE = 1e-3  # on the branch of a doubled orbit, from where it turns back upon itself
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 
@@ -80,7 +81,26 @@ def locate(
             return None  # its sign was one of rounding
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
     special = special_at(monitor, shooting, here, tangent(here, step.along))
-    return None if special is None else (position, special)
+    if special is None:
+        return None
+    if monitor.kind == FOLD and special.kind == PERIOD_DOUBLING:
+        here = where_it_turns(shooting, step, position)
+        special = replace(special, value=float(here.values[0]), orbit=make_orbit(shooting, here))
+    return position, special
+
+
+def where_it_turns(shooting: Shooting, step: Step[Point], position: float) -> Point:
+    """Return the point at which the branch of a doubled orbit turns back upon itself.
+
+    That of half the period crosses it there, and points are the less certain the nearer they are.
+    So it is extrapolated along the branch (Richardson), from three distances on both sides.
+    """
+    far, near, nearest = (
+        0.5 * (step.at(position - s).unknowns + step.at(position + s).unknowns)
+        for s in (ASIDE, 0.5 * ASIDE, 0.25 * ASIDE)
+    )
+    found = (64.0 * nearest - 20.0 * near + far) / 45.0
+    return shooting.evaluate(found[:-1], found[-1:])
 
 
 def special_at(
