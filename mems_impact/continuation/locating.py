@@ -25,7 +25,7 @@ from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
 IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
-ASIDE = 1e-3  # on the branch of a doubled orbit, from where it turns back upon itself
+ASIDE = 2e-3  # on the branch of a doubled orbit, from where it turns back upon itself
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 

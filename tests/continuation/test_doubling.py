@@ -107,7 +107,7 @@ def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
     back = follow(start, "amplitude", low=0.17, high=0.18, direction=-1)
     (found,) = special(back, "period-doubling")
     assert found.label == "PD"
-    assert found.value == pytest.approx(doubling.value, abs=1e-9)
+    assert found.value == pytest.approx(doubling.value, abs=1e-8)
     assert back.points[-1].value == found.value
     assert "half the period" in back.ended
 
