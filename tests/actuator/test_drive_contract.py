@@ -123,6 +123,15 @@ def test_contract_of_random_bursts(wave, on, off):
     check(drive)
 
 
+@pytest.mark.parametrize("phase", [4e-274, 1e-17, -4e-274, -1e-17])
+def test_a_phase_below_rounding_loses_no_switch(phase):
+    """Of a jump where the period begins, whichever side of it the phase puts it."""
+    plain = Pulse(amplitude=1.0, period=1.6, width=0.36)
+    moved = plain.replace(phase=phase)
+    check(moved)
+    assert moved.switches == pytest.approx(plain.switches)
+
+
 @settings(max_examples=15, deadline=None)
 @given(waves, phases)
 def test_contract_of_random_pairs(wave, phase):

@@ -98,13 +98,14 @@ def assembled(
     ends = [piece.start for piece in pieces[1:]] + [period]
     turned: list[Piece] = []
     for piece, end in zip(pieces, ends, strict=True):
-        if piece.start < rest < end:  # cut in two: it holds where the period begins
-            turned.append(_later(piece, rest - piece.start, sign))
-        before = piece.start < rest
-        start = piece.start - rest + period if before else piece.start - rest
-        if start < period:
-            turned.append(_times(piece, wrapped if before else sign)._replace(start=start))
-        else:
+        start = piece.start - rest if piece.start >= rest else piece.start - rest + period
+        if piece.start >= rest:
+            turned.append(_times(piece, sign)._replace(start=start))
+        elif start < period:
+            turned.append(_times(piece, wrapped)._replace(start=start))
+            if rest < end:  # cut in two: it holds where the period begins
+                turned.append(_later(piece, rest - piece.start, sign))
+        else:  # by a rounding before the period begins: there
             turned.append(_times(piece, sign)._replace(start=0.0))
     turned.sort(key=lambda piece: piece.start)
     switches = [piece.start for piece in turned if piece.switch and piece.start > 0.0]
