@@ -375,6 +375,54 @@ def test_the_end_of_a_sequence_under_a_weight_that_changes(e, a, height, error, 
     assert done.final.mode == RESTING
 
 
+# A ball between a floor and a paddle that comes closer with every stroke, and is taken away when it
+# is at p[0]; y = (x, v, height of the paddle).
+
+
+def _under_a_paddle(mode, t, y, p, dy):
+    dy[0], dy[1], dy[2] = (y[1], -1.0, 0.0) if mode == 0 else (0.0, 0.0, 0.0)
+
+
+def _floor_and_paddle(mode, t, y, p, g, r):
+    if mode == 0:
+        g[0], r[0] = y[0], y[1]
+        g[1], r[1] = y[2] - y[0], -y[1]
+
+
+def _thrown_back(mode, code, t, y, p):
+    if code == 1:
+        y[1] = -y[1]
+        y[2] = 0.5 * y[2] if y[2] > p[0] else 1000.0
+        return 0
+    y[0] = 0.0
+    y[1] *= -0.9 if code == 0 else 0.0
+    return 0 if code == 0 else 1
+
+
+PADDLE = Automaton(
+    states=("x", "v", "height"),
+    modes=("flies", "rests"),
+    guards=(Guard(name="floor", order=0, impact=True), Guard(name="paddle", order=1)),
+    flow=_under_a_paddle,
+    margins=_floor_and_paddle,
+    transition=_thrown_back,
+)
+
+
+@both
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_a_ball_that_is_thrown_back_makes_no_sequence(engine, method):
+    """Its flights shrink, and its speeds, but it comes back far too soon for them."""
+    done = simulate(
+        PADDLE, (1e-7,), [0.0, 0.5, 1e-5], 0.3, period=1.0, atol=1e-3, method=method, engine=engine
+    )
+    struck = times(done, loop.TRANSITION, 0)
+    assert len(struck) == 8
+    left, speed = 0.3 - struck[-1], 0.5 * 0.9**8
+    assert done.final.mode == 0
+    assert done.final.y[0] == pytest.approx(speed * left - 0.5 * left**2, rel=1e-4)
+
+
 # Newton's cradle: n equal balls in a row, the first one fast; p = (e,). y = positions, speeds.
 COUNT = 17
 
