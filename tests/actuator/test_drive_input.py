@@ -198,9 +198,11 @@ def test_forcing_periods():
 
 
 @pytest.mark.parametrize("low", [-0.3, 0.3])
-def test_a_square_wave_of_constant_force_warns(low):
-    with pytest.warns(UserWarning, match=f"never changes.*low = {low:g}"):
+def test_a_waveform_of_constant_force_warns(low):
+    with pytest.warns(UserWarning, match=f"square wave never changes.*low = {low:g}"):
         mi.Square(amplitude=0.3, omega=0.5, low=low)
+    with pytest.warns(UserWarning, match=f"pulses never changes.*low = {low:g}"):
+        mi.Pulse(amplitude=0.3, period=5.0, width=1.0, low=low)
 
 
 def test_a_square_wave_whose_force_changes_does_not_warn():
@@ -208,4 +210,6 @@ def test_a_square_wave_whose_force_changes_does_not_warn():
         warnings.simplefilter("error")
         mi.Square(amplitude=0.3, omega=0.5, low=-0.3, rise=0.1)
         mi.Square(amplitude=0.3, omega=0.5, low=-0.2)
+        mi.Pulse(amplitude=0.3, period=5.0, width=1.0, low=-0.3, fall=0.1)
+        mi.Pulse(amplitude=0.3, period=5.0, width=1.0)
         mi.Square(amplitude=0.0, omega=0.5)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
 
-__all__ = ["ROUNDING", "Piece", "PiecewiseDrive", "assembled", "fold"]
+__all__ = ["ROUNDING", "Piece", "PiecewiseDrive", "assembled", "fold", "warn_of_one_force"]
 
 ROUNDING = 1e-14  # of a period: a part that takes less time takes none
 
@@ -137,6 +138,16 @@ def _later(piece: Piece, x: float, sign: float) -> Piece:
         c3,
         switch=False,
     )
+
+
+def warn_of_one_force(wave: str, amplitude: float, low: float, flank: float) -> None:
+    """Warn where a waveform between two voltages exerts one force, but for a flank between them."""
+    if amplitude > 0.0 and abs(low) == amplitude and (low == amplitude or flank == 0.0):
+        warnings.warn(
+            f"the force of {wave} never changes: it goes with the square of the voltage, and "
+            f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, 0 say",
+            stacklevel=3,
+        )
 
 
 class PiecewiseDrive(Drive):

@@ -8,7 +8,12 @@ from typing import Self
 from pydantic import model_validator
 
 from mems_impact.actuator.checked import NonNegative, Number, Positive
-from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import (
+    ROUNDING,
+    Piece,
+    PiecewiseDrive,
+    warn_of_one_force,
+)
 from mems_impact.errors import InvalidParameter
 from mems_impact.wording import shown
 
@@ -83,6 +88,7 @@ class Pulse(PiecewiseDrive):
         if not self.width + self.fall <= self.period + slack:
             rest = shown(self.period - self.width)
             raise InvalidParameter("fall", self.fall, f"between 0 and period - width = {rest}")
+        warn_of_one_force("these pulses", self.amplitude, self.low, max(self.rise, self.fall))
         return self
 
     @property

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Annotated, Self
 
 from annotated_types import Gt, Lt
 from pydantic import model_validator
 
 from mems_impact.actuator.checked import NonNegative, Number, Positive
-from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive, warn_of_one_force
 from mems_impact.actuator.drives.pulse import pulse
 from mems_impact.errors import InvalidParameter
 from mems_impact.wording import shown
@@ -87,13 +86,7 @@ class Square(PiecewiseDrive):
         if not self.rise <= longest + ROUNDING * turn:
             allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
-        if self.amplitude > 0.0 and abs(self.low) == self.amplitude and self.rise == 0.0:
-            warnings.warn(
-                f"the force of this square wave never changes: it goes with the square of the "
-                f"voltage, and low = {self.low:g} is as strong as amplitude = {self.amplitude:g}; "
-                "take another low, 0 say",
-                stacklevel=2,
-            )
+        warn_of_one_force("this square wave", self.amplitude, self.low, self.rise)
         return self
 
     @property
