@@ -66,9 +66,20 @@ class Kept(ABC):
         self.done += self.parts[number].points
         self.failed += failed
 
+    def take_stock(self) -> None:
+        """Count what is kept and not counted: of an earlier run, or where Ctrl-C came between."""
+        for number in self.missing:
+            failed = self.failed_in(number)
+            if failed is not None:
+                self.count(number, failed)
+
     @abstractmethod
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Keep a part."""
+
+    @abstractmethod
+    def failed_in(self, number: int) -> int | None:
+        """Return how many points of a part have no numbers; None if it is not kept."""
 
     @abstractmethod
     def carried(self, number: int) -> Any:
@@ -90,6 +101,10 @@ class Memory(Kept):
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Keep a part."""
         self._columns[number], self._carried[number] = columns, carried
+
+    def failed_in(self, number: int) -> int | None:
+        """Return how many points of a part have no numbers."""
+        return failures(self._columns[number]) if number in self._columns else None
 
     def carried(self, number: int) -> Any:
         """Return what a part goes on from."""

@@ -116,6 +116,7 @@ def _compute(study: Study, kept: Kept, crew: Crew, progress: Progress) -> None:
         with crew, noticed(progress, study.kind, kept.done, study.points) as notice:
             _Work(study, kept, crew, notice).run()
     except KeyboardInterrupt:
+        kept.take_stock()
         raise StudyInterrupted(kept.table(), kept.done, study.points) from None
     except Gone as error:
         raise WorkersLost(str(error), kept.table(), kept.done, study.points) from None

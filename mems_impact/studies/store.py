@@ -91,10 +91,7 @@ class Store(Kept):
         _tell_of_versions(directory, manifest["versions"], made)
         if alone:
             _tidy(directory)
-        for number, part in enumerate(self.parts):
-            footer = parquet.footer(path_of(directory, part))
-            if footer is not None:
-                self.count(number, footer["failed"])
+        self.take_stock()
 
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Write the file of a part."""
@@ -102,6 +99,11 @@ class Store(Kept):
         told = {"first": part.first, "last": part.last, "failed": failed, "carried": carried}
         content = parquet.packed(columns, self.study.schema, {**self._told, **told})
         _write(path_of(self.directory, part), content)
+
+    def failed_in(self, number: int) -> int | None:
+        """Return how many points of a part have no numbers, as its file says."""
+        footer = parquet.footer(path_of(self.directory, self.parts[number]))
+        return None if footer is None else footer["failed"]
 
     def carried(self, number: int) -> Any:
         """Return what a part goes on from, as the file of the part before says."""

@@ -13,6 +13,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.studies import locking, parquet
+from mems_impact.studies.keeping import Kept
 from mems_impact.studies.running import run_study
 from tests.studies.toys import CHUNK, Toy, bits, keep_computing
 
@@ -33,6 +34,23 @@ def broken_off(study, store, after, **arguments):
     with pytest.raises(mi.StudyInterrupted) as caught:
         run_study(study, store=store, progress=interrupt, workers=1, **arguments)
     return caught.value
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_an_interruption_after_a_part_is_kept_counts_it(store, stored, monkeypatch):
+    """Between the file of a part, which stands, and the count of it."""
+    counted, calls = Kept.count, []
+
+    def count(self, number, failed):
+        calls.append(number)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        counted(self, number, failed)
+
+    monkeypatch.setattr(Kept, "count", count)
+    with pytest.raises(mi.StudyInterrupted) as caught:
+        run_study(STUDY, store=store if stored else None, chunk=3, workers=1)
+    assert caught.value.done == caught.value.table["point"].nunique() == 6
 
 
 def chunks(store):
