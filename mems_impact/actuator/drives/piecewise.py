@@ -99,10 +99,12 @@ def assembled(
     ends = [piece.start for piece in pieces[1:]] + [period]
     turned: list[Piece] = []
     for piece, end in zip(pieces, ends, strict=True):
-        start = piece.start - rest if piece.start >= rest else piece.start - rest + period
-        if piece.start >= rest:
+        start = piece.start - rest
+        if start >= 0.0:
             turned.append(_times(piece, sign)._replace(start=start))
-        elif start < period:
+            continue
+        start += period
+        if start < period:
             turned.append(_times(piece, wrapped)._replace(start=start))
             if rest < end:  # cut in two: it holds where the period begins
                 turned.append(_later(piece, rest - piece.start, sign))
