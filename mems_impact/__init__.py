@@ -112,10 +112,12 @@ if TYPE_CHECKING:
     from mems_impact.tables.labelled import to_xarray
     from mems_impact.tables.sweep import sweep_summary
     from mems_impact.warnings import (
+        DiscontinuityWarning,
         EngineFallbackWarning,
         FitWarning,
         PluginWarning,
         ScaleWarning,
+        StartWarning,
         StiffnessWarning,
         UnitsWarning,
         ValidityWarning,
@@ -133,6 +135,7 @@ __all__ = [
     "Chart",
     "ChartInterrupted",
     "Curve",
+    "DiscontinuityWarning",
     "Drive",
     "Duty",
     "Energy",
@@ -178,6 +181,7 @@ __all__ = [
     "Settling",
     "Sensitivity",
     "SpecialPoint",
+    "StartWarning",
     "State",
     "Steps",
     "StiffnessWarning",
@@ -365,10 +369,12 @@ _HOMES = {
     "tables.labelled": ("to_xarray",),
     "tables.sweep": ("sweep_summary",),
     "warnings": (
+        "DiscontinuityWarning",
         "EngineFallbackWarning",
         "FitWarning",
         "PluginWarning",
         "ScaleWarning",
+        "StartWarning",
         "StiffnessWarning",
         "UnitsWarning",
         "ValidityWarning",

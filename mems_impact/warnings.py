@@ -3,14 +3,37 @@
 from __future__ import annotations
 
 __all__ = [
+    "DiscontinuityWarning",
     "EngineFallbackWarning",
     "FitWarning",
     "PluginWarning",
     "ScaleWarning",
+    "StartWarning",
     "StiffnessWarning",
     "UnitsWarning",
     "ValidityWarning",
 ]
+
+
+class DiscontinuityWarning(UserWarning):
+    """The flow of a system jumps where nothing declares it: no step across the jump is accurate.
+
+    See Also
+    --------
+    System, Guard, Friction, Relay, Surface
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def flow(mode, t, y, p):
+    ...     return y.v, -y.x + (1.0 if t % 3.0 < 1.0 else -1.0)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     system = mi.System(states=("x", "v"), flow=flow, period=3.0)
+    >>> "at t = 1, where no step is accurate" in str(caught[0].message)
+    True
+    """
 
 
 class EngineFallbackWarning(UserWarning):
@@ -69,7 +92,10 @@ class PluginWarning(UserWarning):
 
 
 class UnitsWarning(UserWarning):
-    """The numbers of a device file look like SI, but it does not say so.
+    """Numbers of a device, a drive or a target look like ones in other units.
+
+    A device file that looks like SI and does not say so; or a number of a device in SI that is far
+    from what such devices have.
 
     See Also
     --------
@@ -112,6 +138,33 @@ class ScaleWarning(UserWarning):
     ...     run = mi.simulate(small, duration=1e-5)
     >>> [warning.category.__name__ for warning in caught]
     ['ScaleWarning']
+    """
+
+
+class StartWarning(UserWarning):
+    """A motion starts where a guard that moves the state has a negative margin.
+
+    See Also
+    --------
+    Guard, Impact, simulate
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -1.0
+    >>> def below(mode, t, y, p):  # of a ball above the floor this is negative
+    ...     return -y.x
+    >>> def rebound(mode, t, y, p):
+    ...     return mode, (0.0, -0.5 * y.v)
+    >>> floor = mi.Guard("floor", below, rebound)
+    >>> ball = mi.System(states=("x", "v"), flow=fall, initial={"x": 1.0}, guards=[floor])
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     run = mi.simulate(ball, duration=0.5)
+    >>> [warning.category.__name__ for warning in caught]
+    ['StartWarning']
     """
 
 

@@ -78,8 +78,8 @@ sticking = mi.find_orbit(run)
 mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 
 # %%
-# The orbit with stops is followed until its stops vanish, and the one without until they appear,
-# which is at the same friction. Dots are brute force.
+# The orbit without stops is followed through the friction at which it begins to stop, and the one
+# with stops through that at which they vanish: both are the same. Dots are brute force.
 
 gliding = mi.find_orbit(oscillator, transient=60)
 branches = [

@@ -88,8 +88,8 @@ print(orbit.multipliers, tilted.multipliers, sep="\n")
 mi.plot_orbit(tilted).figure.savefig("rocking_block_orbit.png")
 
 # %%
-# On the branches the symmetric orbit continues, unstable, where the others begin (CF: each of these
-# turns round into its mirror image). Dots are brute force.
+# On the branches the symmetric orbit continues, unstable, where the others begin (BP: each of these
+# turns round there into its mirror image). Dots are brute force.
 
 branches = [
     mi.continue_orbit(gentle, "beta", stop=0.1, back=0.95),

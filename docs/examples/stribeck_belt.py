@@ -91,7 +91,7 @@ for values, start in (
 ):
     for V in values:
         run = mi.simulate(belt.changed(V=V), duration=200.0, initial=start)
-        start = run.final.replace(v=run.final.v + 1e-3, mode="slips")  # no rest is perfect
+        start = run.final.replace(v=run.final.v - 0.011, mode="slips")  # no rest is perfect
         seen = run.section(1).query("t > 190")[["x"]]
         dots.append((seen if len(seen) else pd.DataFrame({"x": [run.final.x]})).assign(V=V))
 sweep = pd.concat(dots)[["V", "x"]]

@@ -6,7 +6,7 @@ pydantic does the checking; this module gives its findings in the package's own 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from functools import reduce
 from inspect import Parameter, Signature
@@ -87,7 +87,9 @@ class Checked(BaseModel, metaclass=_Kind):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     # `self` is positional-only so that even an unknown parameter called "self" is reported.
-    def __init__(self, /, **values: Any) -> None:
+    def __init__(self, /, *places: Any, **values: Any) -> None:
+        if places:
+            raise _unnamed(type(self), places, values)
         try:
             super().__init__(**values)
         except ValidationError as error:
@@ -142,6 +144,15 @@ class Checked(BaseModel, metaclass=_Kind):
 
     # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
     __replace__ = replace
+
+
+def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, Any]) -> TypeError:
+    """Return the error of values without names, which shows how they are named."""
+    names = [name for name in kind.model_fields if name not in values]
+    given = dict(zip(names, places, strict=False)) if len(places) <= len(names) else {}
+    call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
+    example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
+    return TypeError(f"{kind.__name__} takes its parameters by name: {example}")
 
 
 _PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("__"))

@@ -33,6 +33,9 @@ GUARDS = (
     Guard(name="slip end", order=3),
     Guard(name="break-away", order=4),
 )
+MARGIN_UNITS = {
+    "right impact": "m", "left impact": "m", "release": "N", "slip end": "m/s", "break-away": "N",
+}  # fmt: skip
 COUNT = len(GUARDS)
 
 

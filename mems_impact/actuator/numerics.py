@@ -10,6 +10,7 @@ import numpy as np
 
 from mems_impact.actuator.composing import SCRATCH
 from mems_impact.actuator.drives import Drive
+from mems_impact.actuator.modes import MARGIN_UNITS
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.tables import COLUMN_UNITS
 from mems_impact.actuator.terms.base import Term, TermKind
@@ -79,6 +80,14 @@ class ActuatorNumerics(System):
         of_drive = {name: self.drive.unit(name) for name in self.drive.names}
         return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
 
+    def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
+        """Return the margin of a guard, or its rate, in the units of the device, to be printed."""
+        unit = MARGIN_UNITS.get(guard, "")
+        factor = self.scales.unit(unit) if unit else 1.0  # a switch of the drive has no margin
+        factor /= self.scales.unit("s") if rate else 1.0
+        unit += "/s" if rate and unit else ""
+        return f"{value * factor:.3g} {unit if self.scales.named else ''}".rstrip()
+
     @cached_property
     def _term_units(self) -> dict[str, str]:
         """Units of the parameters of terms, and of their states."""
@@ -96,7 +105,7 @@ class ActuatorNumerics(System):
         """The drive's; that of the voltage itself where a term makes its sign matter."""
         return self.drive.period * (2.0 if self._unfolded else 1.0)
 
-    def changed(self, **values: float) -> Self:
+    def changed(self, /, **values: float) -> Self:
         """Return the system at other values of some parameters, checked."""
         drive_values, actuator_values, term_values = self._sorted(values)
         drive = self.drive.varied(drive_values) if drive_values else self.drive

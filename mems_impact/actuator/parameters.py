@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive, unknown
+from mems_impact.actuator.ranges import look_at_device, look_at_drive
 from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_names, term_of, term_with
@@ -250,7 +251,10 @@ class Actuator(Checked):
         """
         from mems_impact.actuator.system import ActuatorSystem  # which stands on this
 
-        return ActuatorSystem(self, drive)
+        system = ActuatorSystem(self, drive)
+        look_at_device(self)
+        look_at_drive(self, drive)
+        return system
 
     def to_si(self, scales: Scales) -> Self:
         """Return the same device in SI.
@@ -341,7 +345,9 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     Warns
     -----
     UnitsWarning
-        If the file says nothing of units, and its masses look like kilograms.
+        If the file says nothing of units, and its masses look like kilograms; if a number of a
+        device in SI is far from what such devices have, as in another unit: once, also where the
+        device meets a drive.
 
     See Also
     --------
@@ -382,6 +388,7 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
             'units = "dimensionless" if they are'
         )
         warnings.warn(message, UnitsWarning, stacklevel=2)
+    look_at_device(actuator)
     return actuator
 
 

@@ -15,6 +15,7 @@ from mems_impact.wording import shown
 __all__ = ["parse_toml", "read_bytes", "read_columns", "read_text"]
 
 _SEPARATOR = re.compile(r"\s*[,;\t]\s*|\s+")
+_COUNTED = {"start", "increment"}  # headings of a record whose samples are numbered
 _LARGEST_TABLE = 50_000_000  # bytes
 _DEEPEST = 20  # tables in each other; a burst within a burst takes one more
 
@@ -82,8 +83,9 @@ def _deeper_than(most: int, content: Any) -> bool:
 def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
     """Return the `count` columns of numbers in a text file.
 
-    Columns are separated by comma, semicolon, tab or blanks; the first line may be headings, and
-    lines that begin with # are left out.
+    Columns are separated by comma, semicolon, tab or blanks. Lines that begin with # are left out,
+    as are those above the numbers: headings, and what an oscilloscope tells of its settings. Some
+    write these before the numbers of the first lines, in three columns.
     """
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a file of numbers")
@@ -91,16 +93,20 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
     remedy = f"give a text file of {count} columns of numbers"
     raw = read_bytes(source, remedy, largest=_LARGEST_TABLE, kind="table")
     columns: list[list[float]] = [[] for _ in range(count)]
-    first = True
+    above = True
     for number, line in enumerate(read_text(raw, source).splitlines(), start=1):
         line = line.strip()
         if not line or line.startswith("#"):
             continue
+        if line[0].isalpha():
+            line = _after_setting(line, count)
         cells = [cell for cell in _SEPARATOR.split(line) if cell]
         values = [_number(cell) for cell in cells]
-        headings = first and all(value is None for value in values)
-        first = False
-        if headings:
+        above = above and (not values or values[0] is None)
+        if above:
+            if _COUNTED.issubset(cell.lower() for cell in cells):
+                reason = f"line {number} says that the first column counts samples"
+                raise InvalidFile(source, reason, "multiply it by the increment told there")
             continue
         if len(cells) != count:
             reason = f"line {number} holds {len(cells)} columns, not {count}"
@@ -110,7 +116,23 @@ def read_columns(path: str | PathLike[str], count: int) -> list[list[float]]:
                 reason = f"line {number} holds {shown(cell)}, which is not a finite number"
                 raise InvalidFile(source, reason, remedy)
             column.append(value)
+    if above:
+        raise InvalidFile(source, "no line begins with a number", remedy)
     return columns
+
+
+def _after_setting(line: str, count: int) -> str:
+    """Return what a line holds behind name, value and unit of a setting; else the line."""
+    name, *others = [cell.strip() for cell in re.split("[,;\t]", line)]
+    numbers = others[2 : 2 + count]
+    is_setting = bool(name) and _number(name) is None and len(numbers) == count
+    if is_setting and all(map(_is_number, numbers)) and not any(others[2 + count :]):
+        return ",".join(numbers)
+    return line
+
+
+def _is_number(cell: str) -> bool:
+    return _number(cell) is not None
 
 
 def _number(cell: str) -> float | None:

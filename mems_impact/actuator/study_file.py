@@ -11,7 +11,7 @@ from typing import Any
 from mems_impact.actuator.checked import unknown
 from mems_impact.actuator.code import Wanted, code_path, run_code
 from mems_impact.actuator.drives import Drive, load_drive
-from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind
+from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, holds_drive
 from mems_impact.actuator.own_system import load_system, made_system, system_names
 from mems_impact.actuator.parameters import Actuator, load_actuator, preset_names
 from mems_impact.actuator.reading import parse_toml, read_bytes
@@ -72,7 +72,8 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
     path : str or os.PathLike
         A TOML file with a table ``[study]``: its ``kind``, and the arguments of the verb by their
         names in Python. Above it ``device``, a preset or the file of a device, with a table
-        ``[drive]`` as in drive files (or ``drive``, such a file) and changes of parameters in a
+        ``[drive]`` as in drive files (or ``drive``, such a file; or none, where the file of the
+        device has such a table) and changes of parameters in a
         table ``[set]``; or ``system = "FILE.py:NAME"``, a system of your own or a function that
         makes it. All paths are relative to the file.
     allow_code : bool, optional
@@ -207,6 +208,9 @@ class _Reader:
     def _drive(self, varied: Mapping[str, float]) -> Drive:
         """Return the drive; what is varied need not be in its table."""
         given = self.content.get("drive")
+        device = str(self.file.parent / self.content["device"])
+        if given is None and holds_drive(device):
+            given = self.content["device"]
         if isinstance(given, str):
             return load_drive(self.file.parent / given, allow_code=self.allow_code)
         if not isinstance(given, dict):

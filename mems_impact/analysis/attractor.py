@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -50,6 +50,8 @@ class Case(NamedTuple):
 @dataclass(frozen=True, kw_only=True)
 class Settling:
     """How motions are given time to settle, and when they count as periodic.
+
+    One that comes to an orbit slowly is followed on until it arrives, for up to 64 times as long.
 
     Parameters
     ----------
@@ -225,15 +227,31 @@ def _followed(
     survey = Survey(problem, settle.recipe(system, problem), system.observed)
     points: list[tuple[Numbers, Instant]] = [(each.numbers, start) for _, each, start in batch]
     told = None if watch is None else (lambda done: watch(before + done))
+    found = []
     try:
         settled = survey.follow(points, told)
+        for (case, at, _), one in zip(batch, settled, strict=True):
+            if told is not None:
+                told(float(len(batch)))  # exponents take longer than all before: work may end here
+            each = _attractor(case, at, one, settle, options)
+            period = float(case.system.out("time", at.period))
+            kind = classify(each.exponent * period, each.error * period)
+            if each.motion == UNSETTLED and kind == PERIODIC:
+                # It has come near an orbit late: once more, from where it is.
+                (later,) = survey.follow([(at.numbers, one.final)])
+                if later.outcome == settling.PERIODIC:
+                    arrived = _attractor(
+                        case, at, later, replace(settle, exponents="none"), options
+                    )
+                    each = replace(
+                        arrived,
+                        returns=one.returns + later.returns,
+                        exponent=each.exponent,
+                        error=each.error,
+                    )
+            found.append(each)
     finally:
         survey.close()
-    found = []
-    for (case, at, _), one in zip(batch, settled, strict=True):
-        if told is not None:
-            told(float(len(batch)))  # exponents take longer than all before: work may end here
-        found.append(_attractor(case, at, one, settle, options))
     return found
 
 
@@ -246,7 +264,8 @@ def _attractor(
     impacts = [guard.impact for guard in system.automaton.guards]
     hits = float(settled.counts[impacts].sum())
     events = float(settled.counts.sum()) + settled.endings
-    if settled.outcome == settling.REST or (settled.still and events == 0.0):
+    stays = settled.still and events == 0.0 and settled.repeats == 1
+    if settled.outcome == settling.REST or stays:
         motion = RESTING
     elif settled.outcome == settling.PERIODIC:
         motion = OFF if any(impacts) and hits == 0.0 else PERIODIC

@@ -16,6 +16,7 @@ from mems_impact.analysis.state import is_number
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.continuation.branch import OrbitBranch, Steps, follow
+from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.hopf import born
 from mems_impact.continuation.switching import doubled
 from mems_impact.errors import InvalidParameter
@@ -139,11 +140,11 @@ class Branch(OneParameter, Followed):
         """One row an orbit, in the order of the branch.
 
         Columns: the parameter, stable, admissible, piece (0, 1, …: a new one where an impact or
-        another event comes in or drops out), largest multiplier (its absolute value; inf where an
-        impact has lost its speed), impacts and the largest impact speed over the orbit, closest
-        approach, observables, and the states at the crossings of the section upwards, or where
-        forcing periods begin, largest first: v2, v2 2, v2 3, …; of a cycle without a section their
-        largest values.
+        another event comes in or drops out), the period of limit cycles, largest multiplier (its
+        absolute value; inf where an impact has lost its speed), impacts and the largest impact
+        speed over the orbit, closest approach, observables, and the states at the crossings of the
+        section upwards, or where forcing periods begin, largest first: v2, v2 2, v2 3, …; of a
+        cycle without a section their largest values.
         """
         rows = [
             {
@@ -183,7 +184,8 @@ def continue_orbit(
 ) -> Branch:
     """Follow a periodic orbit, stable or not, over one parameter.
 
-    Folds are passed, and grazings and period doublings; each is located and listed.
+    Folds are passed, and grazings and period doublings; each is located and listed. Where the
+    number of unstable multipliers changes and no such point is found, an "unexplained" one is.
 
     Parameters
     ----------
@@ -352,9 +354,24 @@ def _branch(system: System, found: OrbitBranch, bounds: tuple[float, float]) -> 
         parameter=parameter,
         bounds=bounds,
         special_points=special,
-        ended=found.ended,
+        ended=found.ended if found.passage is None else _beyond_bounds(system, found.passage),
         found=found,
     )
+
+
+def _beyond_bounds(system: System, passage: SlowPassage) -> str:
+    """Return that the period of cycles grows beyond bounds, and where they are slow."""
+    shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
+    where = ", ".join(
+        f"{system.label(name)} = {system.out(name, value):.4g}"
+        for i, (name, value) in enumerate(zip(system.states, passage.state.tolist(), strict=True))
+        if i not in system.automaton.cyclic
+    )
+    if passage.equilibrium:
+        what = f"an equilibrium ({where}) is passed ever more slowly, as near a homoclinic orbit"
+    else:
+        what = f"({where}) is passed ever more slowly, as where two equilibria are about to be born"
+    return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
 
 
 def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
@@ -364,6 +381,7 @@ def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
         "stable": found.stable,
         "admissible": found.admissible,
         **place,
+        **({} if orbit.system.forced else {"period": orbit.period}),
         "largest multiplier": math.inf if found.touches else float(abs(found.multipliers[0])),
         "impacts": len(orbit.impact_speeds),
         "impact speed": max(orbit.impact_speeds, default=math.nan),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from mems_impact.engines.options import Options
+from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Numbers, Problem
 
@@ -33,6 +34,14 @@ class Build:
     def __call__(self, values: Mapping[str, float]) -> Problem:
         """Return the problem at values in the units of the numerics."""
         return self.system.at(values).problem(self.options)
+
+    def amount(self, heading: str, value: float) -> str:
+        """Return a number of the numerics in the system's units, to be printed."""
+        return self.system.amount(heading, value)
+
+    def convert(self, error: RunError) -> None:
+        """Let an error of a run tell all in the system's units."""
+        self.system.convert(error)
 
     def by(self, method: str) -> Build:
         """Return the same, to be integrated by another method."""

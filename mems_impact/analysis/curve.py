@@ -15,7 +15,7 @@ from mems_impact.analysis.special import CodimensionTwo, SpecialPoint, check_kin
 from mems_impact.analysis.system import System
 from mems_impact.continuation.branch import Steps
 from mems_impact.continuation.curve import OrbitCurve, follow_curve
-from mems_impact.continuation.monitors import BRANCH_POINT, LABELS
+from mems_impact.continuation.monitors import BRANCH_POINT, LABELS, UNEXPLAINED
 from mems_impact.errors import InvalidParameter
 from mems_impact.tables import orbits as orbit_tables
 
@@ -128,12 +128,13 @@ def continue_curve(
 ) -> Curve:
     """Follow a special point of a branch in a second parameter.
 
-    Points of codimension two on the way are located and listed.
+    Points of codimension two on the way are located and listed. A curve of Neimark-Sacker points
+    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance.
 
     Parameters
     ----------
     special : SpecialPoint
-        A grazing, fold or period doubling, or the touching of another guard.
+        A grazing, fold, period doubling or Neimark-Sacker point, or the touching of another guard.
     parameter : str
         The second parameter; the first is that of the branch.
     stop : float
@@ -176,6 +177,8 @@ def continue_curve(
     if special.kind == BRANCH_POINT:
         allowed = "one whose curve is followed: a branch point is none of a family of orbits alone"
         raise InvalidParameter("special", special.kind, allowed)
+    if special.kind == UNEXPLAINED:
+        raise InvalidParameter("special", special.kind, "a point of which it is known what it is")
     bounds = bounds_of(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     with values_of(

@@ -12,8 +12,7 @@ def sentence(system: System, found: PeriodicOrbit, defect: Defect) -> str:
     """Return a defect of an orbit of the system as a sentence, in the units of the user."""
     segment, modes = found.segments[defect.segment], system.modes
     where = f"segment {defect.segment} ({modes[segment.mode]})"
-    unit, time = system.margin_factor(defect.guard), system.factor("time")
-    value = f"{defect.value * (unit / time if defect.kind == 'reversed' else unit):.3g}"
+    value = system.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
     match defect.kind:
         case "missed":
             return f"{where} passes the {defect.guard} without it, by {value}"
@@ -22,5 +21,5 @@ def sentence(system: System, found: PeriodicOrbit, defect: Defect) -> str:
         case "mode":
             return f"{where} ends with a {defect.guard} into {modes[int(defect.value)]}"
         case "order":
-            return f"{where} ends before it starts, by {-defect.value * time:.3g}"
+            return f"{where} ends before it starts, by {system.amount('time', -defect.value)}"
     return f"{where}: {defect.guard}, {defect.kind}, {value}"

@@ -125,7 +125,9 @@ def continue_equilibrium(
     """Follow an equilibrium, stable or not, over one parameter.
 
     Folds are passed; Hopf points, points at which another branch crosses and those at which a guard
-    is met are located and listed. Beyond a guard the equilibrium is a virtual one.
+    is met are located and listed. Where the number of unstable eigenvalues changes and none of
+    these is found, the list has an "unexplained" point. Beyond a guard the equilibrium is a virtual
+    one.
 
     Parameters
     ----------

@@ -123,9 +123,10 @@ class EquilibriumPoint(Value):
     Attributes
     ----------
     kind : str
-        "fold", "Hopf", "branch point" or "boundary equilibrium".
+        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number
+        of unstable eigenvalues changes and none of these is found.
     label : str
-        LP, H, BP or BE.
+        LP, H, BP, BE or ?.
     guard : str
         The guard that a boundary equilibrium meets; empty for the others.
     parameter : str

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,9 +15,11 @@ from mems_impact.analysis.verbs import takes_system
 from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Instant, Trajectory
 from mems_impact.orbits import finding
 from mems_impact.orbits.bounded import BOUNDED, DIVERGED, farthest
+from mems_impact.orbits.drift import drift_of
 from mems_impact.orbits.shooting import Point
 from mems_impact.orbits.timing import time_enters
 
@@ -76,9 +79,10 @@ def find_orbit(
         If an argument is out of range, or the system has a period though none of its functions
         depends on time.
     OrbitError
-        If there is no orbit near the guess, or the motion does not return, diverges, or comes to
-        rest; its ``partial`` is the `State` that was reached. If the equations have a solution that
-        is no orbit of the system: then that is the `Orbit`, whose ``defects`` say why not.
+        If there is no orbit near the guess, or the motion does not return, diverges, comes to
+        rest, or grows for ever in a state that is to be `cyclic`; its ``partial`` is the `State`
+        that was reached. If the equations have a solution that is no orbit of the system: then that
+        is the `Orbit`, whose ``defects`` say why not.
     RunError
         If the run from the guess fails.
     FunctionError
@@ -130,9 +134,11 @@ def find_orbit(
                 transient=float(system.scales.into(transient, "s")),
             )
     except (OrbitError, RunError) as error:
-        diverged = _diverged(error, system, problem)
-        if diverged is not None:
-            raise diverged from error
+        told = _diverged(error, system, problem)
+        if told is None and isinstance(error, OrbitError):
+            told = _drifting(system, problem, start, float(transient))
+        if told is not None:
+            raise told from error
         if isinstance(error, RunError):
             raise
         if system.forced and not time_enters(problem, start.y):
@@ -176,6 +182,51 @@ def _diverged(error: OrbitError | RunError, system: System, problem: Problem) ->
     where = f"{name} = {system.out(name, at.y[place]):.6g}"
     when = f" at t = {elapsed:.6g}" if elapsed > 0.0 else " in the guess"
     return OrbitError(f"{DIVERGED}: {where}{when}", BOUNDED, state)
+
+
+def _drifting(
+    system: System, problem: Problem, start: Instant, transient: float
+) -> OrbitError | None:
+    """Return what tells which states grow for ever; None if that is not why none was found."""
+    names = system.states
+    units = np.array([float(system.into(name, 1.0)) for name in names])
+    try:
+        if transient > 0.0:
+            start = run(problem, start, transient if system.forced else
+                        float(system.into("time", transient)) / problem.period).final  # fmt: skip
+        drift = drift_of(problem, start, units, forced=system.forced)
+    except RunError:
+        return None
+    if drift is None:
+        return None
+    each = 1.0 if system.forced else float(system.out("time", problem.period))
+    grows = []
+    for place, rate in zip(drift.places, drift.rates, strict=True):
+        name = names[place]
+        gain = f"{abs(system.out(name, rate)) / each:.4g} {system.unit(name)}".rstrip()
+        grows.append(f"{name} {'grows' if rate > 0.0 else 'falls'} by {gain}")
+    found = [names[place] for place in drift.places]
+    them, together = "it" if len(found) == 1 else "them", " and ".join(found)
+    why, remedy = {
+        "unread": (
+            f"no function reads {them}",
+            f"name {them} in cyclic=[{', '.join(map(repr, found))}], and an orbit need not close "
+            f"in {them}",
+        ),
+        "angle": (
+            f"functions repeat every 2 pi of {them}",
+            f"bring {together} back by guards at pi and -pi, whose transitions subtract and add "
+            "2 pi",
+        ),
+        "together": (
+            "functions read only how far apart they are",
+            f"take the distances between {together} as states, and of their places only one, in "
+            "cyclic=",
+        ),
+    }[drift.kind]
+    per = "a period" if system.forced else "in a unit of time"
+    reached = system.state_of(replace(start, cycle=0, time=0.0))
+    return OrbitError(f"{' and '.join(grows)} {per}, and {why}", remedy, reached)
 
 
 def _unforced(system: System) -> InvalidParameter:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Floats, Instant
 from mems_impact.hybrid.variational import free_components
 from mems_impact.interruptions import RunInterrupted
+from mems_impact.orbits.returning import returns
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
@@ -100,6 +101,8 @@ class LyapunovSpectrum(Value):
         Whether the errors came below the tolerance before the budget of periods was spent.
     moving : bool
         Whether the state still changes at the end.
+    returns : bool or None
+        Whether the motion has been seen to repeat; None where the exponents tell enough.
     final : State
         Where the run ended; from a spectrum other verbs go on, and `lyapunov` itself.
 
@@ -125,6 +128,7 @@ class LyapunovSpectrum(Value):
     converged: bool
     moving: bool
     final: State
+    returns: bool | None = None
 
     def __repr__(self) -> str:
         told = ", ".join(self._told())
@@ -157,7 +161,8 @@ class LyapunovSpectrum(Value):
         others = np.delete(np.arange(self.exponents.size), self.along_flow or [])
         if others.size:
             first = int(others[0])
-            return classify(float(self.per_period[first]), float(self.errors[first] * self.period))
+            exponent, error = self.per_period[first], self.errors[first] * self.period
+            return classify(float(exponent), float(error), returns=self.returns)
         free = len(free_components(self.system.automaton))
         return PERIODIC if self.exponents.size == free else "undecided"
 
@@ -360,7 +365,7 @@ def _spectrum(
     """Return what is known, in the system's units, largest first."""
     found, period = stretching.result, float(system.out("time", problem.period))
     order = np.argsort(-found.per_period, kind="stable")
-    return LyapunovSpectrum(
+    spectrum = LyapunovSpectrum(
         system=system,
         options=problem.options,
         exponents=found.per_period[order] / period,
@@ -371,3 +376,8 @@ def _spectrum(
         moving=stretching.speed > STILL,
         final=system.state_of(stretching.final),
     )
+    # An exponent is zero of a motion that repeats, where one state among others is as good: the
+    # distance of two bodies that stick to each other.
+    if not converged or spectrum.kind != QUASI_PERIODIC:
+        return spectrum
+    return replace(spectrum, returns=returns(problem, stretching.final, forced=system.forced))

@@ -126,6 +126,10 @@ class Numerics(Shown):
 
     def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
         """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""
+        automaton = problem.automaton
+        if mode in automaton.constrained:  # of a state that is there already
+            p = np.asarray(problem.parameters, dtype=float)
+            return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
         return self._begin is None or self.mode_of(y, 0.0, problem) == mode
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:

@@ -15,7 +15,7 @@ from mems_impact.analysis.defects import sentence
 from mems_impact.analysis.extremes import largest_values
 from mems_impact.analysis.moments import Moments
 from mems_impact.analysis.run import check_direction
-from mems_impact.analysis.state import State, whole
+from mems_impact.analysis.state import State, whole, with_units
 from mems_impact.analysis.statistics import observed, reduced
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
@@ -84,7 +84,8 @@ class Orbit(Value):
         kind += "" if self.admissible else ", inadmissible"
         hits = len(self._hits)
         length = f"periods={self.periods}" if self.system.forced else f"period={self.period:.9g}"
-        return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {self.state})"
+        state = with_units(self.state, self.system.units)
+        return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {state})"
 
     def summary(self) -> dict[str, Any]:
         """Return where it is, and whether it is stable and one of the system's."""
@@ -378,7 +379,8 @@ class Orbit(Value):
         states, _ = found.shooting.unpack(found.point.unknowns)
         offset = np.zeros(len(problem.automaton.states))
         for i, segment in enumerate(found.segments):
-            start, end = float(found.point.starts[i]), float(found.point.ends[i])
+            # Where an event meets the start of a period, its time may be below zero by rounding.
+            start, end = max(float(found.point.starts[i]), 0.0), float(found.point.ends[i])
             if end > start:
                 y = self.system.tidied(segment.mode, states[i])
                 begin = Instant(0, start, segment.mode, y)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from mems_impact.analysis.state import State, is_number
+from mems_impact.analysis.state import State, is_number, with_units
 from mems_impact.analysis.statistics import Deferred, Gatherer, Span, observed
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
@@ -85,7 +85,7 @@ class Run(Value):
         return (
             f"{type(self).__name__}({unit} {first:g} to {last:g}, "
             f"{len(self.trajectory.events)} events, {self.trajectory.steps} steps{told}, "
-            f"{self.final})"
+            f"{with_units(self.final, self.system.units)})"
         )
 
     def summary(self) -> dict[str, Any]:

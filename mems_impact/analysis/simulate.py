@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any, Literal, get_args
 
 from mems_impact.analysis.checks import meeting
+from mems_impact.analysis.checks.side import tell_of_side
 from mems_impact.analysis.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
 from mems_impact.analysis.sizes import Largest, tell_of_run
@@ -118,6 +119,7 @@ def simulate(
         system = system.ending(until)
         problem = system.problem(options)
     start = system.instant(initial, problem)
+    tell_of_side(system, problem, start)
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):

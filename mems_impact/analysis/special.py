@@ -63,9 +63,10 @@ class SpecialPoint(Value):
     ----------
     kind : str
         "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
-        crosses, as in symmetric systems), or the guard that is touched, such as "break-away".
+        crosses, as in symmetric systems), the guard that is touched, such as "break-away", or
+        "unexplained" where the number of unstable multipliers changes and no such point is found.
     label : str
-        As in the paper: G, CF, PD; NS, BP; else the kind.
+        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
     parameter : str
     value : float
         Of the parameter.
@@ -152,9 +153,12 @@ class CodimensionTwo(Value):
     Attributes
     ----------
     kind : str
-        "grazing-fold" (a grazing orbit with a multiplier +1), "degenerate grazing" (the first
-        impact leads neither away from the stopper nor towards it), "cusp", "fold-flip", or in
-        words what else is touched.
+        What is followed and what else happens: "cusp", "fold-flip", "fold-Neimark-Sacker",
+        "flip-Neimark-Sacker", "double Neimark-Sacker"; "1:1 resonance" to "1:4 resonance" by the
+        angle of a pair of multipliers on the unit circle; "grazing-fold" (a grazing orbit with a
+        multiplier +1), "grazing-flip", "grazing-Neimark-Sacker", "degenerate grazing" (the first
+        impact leads neither away from the stopper nor towards it), "double grazing"; of another
+        guard with its name in place of grazing.
     values : dict of str to float
         Of the two parameters.
     orbit : Orbit

@@ -55,7 +55,7 @@ class State:
     mode: str | int | None
 
     def __init__(
-        self, *, time: float = 0.0, mode: str | int | None = None, **components: float
+        self, /, *, time: float = 0.0, mode: str | int | None = None, **components: float
     ) -> None:
         for name, value in {**components, "time": time}.items():
             if not is_number(value):
@@ -93,9 +93,19 @@ class State:
         return hash(self._key())
 
     def __repr__(self) -> str:
-        parts = [f"{name}={value!r}" for name, value in islice(self._values.items(), SHOWN)]
+        return self._line({name: repr(value) for name, value in self._numbers()})
+
+    def __str__(self) -> str:
+        return self._line({name: f"{value:.6g}" for name, value in self._numbers()})
+
+    def _numbers(self) -> Iterator[tuple[str, float]]:
+        yield from islice(self._values.items(), SHOWN)
+        yield "time", self.time
+
+    def _line(self, numbers: Mapping[str, str]) -> str:
+        parts = [f"{name}={number}" for name, number in numbers.items() if name != "time"]
         parts += ["…"] if len(self._values) > SHOWN else []
-        parts += [f"time={self.time!r}"] if self.time else []
+        parts += [f"time={numbers['time']}"] if self.time else []
         parts += [f"mode={self.mode!r}"] if self.mode is not None else []
         return f"State({', '.join(parts)})"
 
@@ -106,12 +116,18 @@ class State:
         """Return the components by name."""
         return dict(self._values)
 
-    def replace(self, **changes: Any) -> State:
+    def replace(self, /, **changes: Any) -> State:
         """Return the state with some components, the time or the mode changed."""
         return State(**{**self._values, "time": self.time, "mode": self.mode, **changes})
 
     def _key(self) -> Any:
         return frozenset(self._values.items()), self.time, self.mode
+
+
+def with_units(state: State, units: Mapping[str, str]) -> str:
+    """Return a state in a line, with six digits and units."""
+    numbers = state._numbers()
+    return state._line({name: f"{v:.6g} {units.get(name, '')}".rstrip() for name, v in numbers})
 
 
 def state_from(

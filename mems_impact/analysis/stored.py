@@ -107,8 +107,12 @@ register(
     parts=lambda each: {"value": each.value},
     whole=special.GrazingType,
 )
-register(Shooting, parts=lambda s: {"family": s.family, "segments": s.segments,
-         "active": s.active, "pinned": s.pinned, "phase": s.phase}, whole=Shooting)  # fmt: skip
+register(
+    Shooting,
+    parts=lambda s: {"family": s.family, "segments": s.segments, "active": s.active,
+                     "pinned": tuple(s.pinned.items()), "phase": s.phase},
+    whole=lambda pinned, **rest: Shooting(pinned=dict(pinned), **rest),
+)  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, Instant, Events, Arc, Event, Family, Defect, PeriodicOrbit, Point, Setting, Segment,

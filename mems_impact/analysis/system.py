@@ -151,6 +151,8 @@ class System(Numerics):
         self.name = str(name)
         self._parameters = given.numbers(parameters or {})
         self._period, self._switches, self._time_scale = period, switches, time_scale
+        constrained: tuple[int, ...] = ()
+        projection: Callable[..., Any] | None = None
         if parts:
             given.alone_with_parts(modes=modes, settle=settle, jacobian=jacobian)
             made = assembled(
@@ -163,7 +165,7 @@ class System(Numerics):
             )
             signs, start = {part.name: part.signs for part in parts}, given.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
-            flow, settle, guards, modes, self._begin = made
+            flow, settle, guards, modes, self._begin, constrained, projection = made
         self._definition = Definition(
             states=names,
             modes=given.mode_names(modes, guards),
@@ -173,6 +175,8 @@ class System(Numerics):
             settle=given.optional("settle", settle, *given.changing(flow)),
             jacobian=given.optional("jacobian", jacobian, *given.ARGUMENTS, "J"),
             cyclic=given.places("cyclic", cyclic, names),
+            constrained=constrained,
+            projection=projection,
         )
         self._section = given.section(section, names)
         self.observables = given.observables(observables, names, guards)
@@ -221,7 +225,7 @@ class System(Numerics):
         """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
         return quantity.general_quantities(self)
 
-    def changed(self, **values: float) -> System:
+    def changed(self, /, **values: float) -> System:
         """Return the system with other values of some parameters.
 
         Parameters

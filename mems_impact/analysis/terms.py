@@ -12,7 +12,7 @@ import numpy as np
 
 from mems_impact.analysis.state import State, state_from
 from mems_impact.analysis.values import Value
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.trajectory import Floats, Instant
@@ -127,6 +127,19 @@ class Terms(Value):
         """Return a value, or an array, in the system's units."""
         factor = self.factor(heading)
         return value if factor == 1.0 else value * factor
+
+    def amount(self, heading: str, value: float) -> str:
+        """Return a number of the numerics in the system's units, to be printed."""
+        return f"{self.out(heading, value):.9g} {unit_of(heading, self.units)}".rstrip()
+
+    def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
+        """Return the margin of a guard, or its rate, in the system's units, to be printed."""
+        factor = self.margin_factor(guard) / (self.factor("time") if rate else 1.0)
+        return f"{value * factor:.3g}"
+
+    def convert(self, error: RunError) -> None:
+        """Let an error of a run tell all in the system's units."""
+        error.convert(self.out, self.units)
 
     def label(self, name: str) -> str:
         """Return a name with its unit, to be printed."""

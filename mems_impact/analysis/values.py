@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from numbers import Number
 from os import PathLike
-from types import FunctionType
+from types import FunctionType, MappingProxyType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,15 +20,35 @@ KEPT = "_kept"  # what a result that came without its system's functions brought
 
 
 class Summarized:
-    """What a notebook shows as a small table."""
+    """What a notebook shows as a small table, and Python as a line."""
+
+    si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Units of its numbers where its field `si` is true: of a device in SI."""
 
     def summary(self) -> dict[str, Any]:
         """Return what matters of it, by name, for a small table: numbers and words by default."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
         return {name: each for name, each in values.items() if isinstance(each, Number | str)}
 
+    def __repr__(self) -> str:
+        parts = (
+            f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)} "
+            f"{self._si_unit(name)}".rstrip()
+            for name, value in self.summary().items()
+            if name != "si"
+        )
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+    def _si_unit(self, name: str) -> str:
+        return self.si_units.get(name, "") if getattr(self, "si", False) else ""
+
     def _repr_html_(self) -> str:
-        return html_table(type(self).__name__, self.summary())
+        rows = {
+            f"{name} [{self._si_unit(name)}]" if self._si_unit(name) else name: value
+            for name, value in self.summary().items()
+            if name != "si"
+        }
+        return html_table(type(self).__name__, rows)
 
 
 class Value(Summarized):

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
 
 from mems_impact.analysis.system import System
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, RunError
 
 __all__ = ["Verb", "takes_system"]
 
@@ -75,14 +75,20 @@ def takes_system(
                 if here is None:
                     allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
                     raise InvalidParameter(typed, model, allowed)
-                return verb(model.system.unended, *rest, **{start: here, **named})
-            if isinstance(model, System):
-                return verb(model, *rest, **named)
-            if not hasattr(model, "under"):
+                system, named = model.system.unended, {start: here, **named}
+            elif isinstance(model, System):
+                system = model
+            elif hasattr(model, "under"):
+                drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
+                system = model.under(drive)
+            else:
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
-            drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
-            return verb(model.under(drive), *rest, **named)
+            try:
+                return verb(system, *rest, **named)
+            except RunError as error:
+                system.convert(error)
+                raise
 
         return cast("Verb[P, R]", called)
 

@@ -123,11 +123,14 @@ def _voltages(chart: mi.Chart) -> pd.DataFrame:
     system = chart.system
     omega = np.linspace(*chart.omega, SHOWN)
     columns = {"omega": omega}
-    units = {"omega": "rad/s", "on": "V", "off": "V"} if system.scales.named else {}
+    shown = [
+        side for side in ("slip", "on", "off") if any(side == piece[0] for piece in chart.pieces)
+    ]
+    units = {"omega": "rad/s", **dict.fromkeys(shown, "V")} if system.scales.named else {}
     if units:
         columns["frequency"] = omega / (2.0 * math.pi)
         units["frequency"] = "Hz"
-    for boundary in ("on", "off"):
+    for boundary in shown:
         columns[boundary] = np.full(SHOWN, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:

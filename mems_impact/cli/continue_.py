@@ -137,10 +137,11 @@ def _show(branch: mi.Branch) -> None:
         f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} of them stable; "
         f"{branch.ended}"
     )
+    width = max([3, *(len(special.label) + 1 for special in branch.special_points)])
     for special in branch.special_points:
         side = f" ({_side(special)})" if special.label == "G" else ""
         name = "" if special.label == special.kind else f" {special.kind}"
-        show(f"  {special.label:<3}{special.value:.12g}{unit}{name}{side}")
+        show(f"  {special.label:<{width}}{special.value:.12g}{unit}{name}{side}")
     show("")
 
 

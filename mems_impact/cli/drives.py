@@ -76,9 +76,10 @@ drive_options = combined(
         metavar="KIND|FILE",
         callback=_collect,
         expose_value=False,
-        show_default="sine",
+        show_default="the table [drive] of the device's file, else a sine",
         help=f"Waveform of the voltage: its kind ({', '.join(WAVEFORMS)}) where the numbers below "
-        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV.",
+        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV. Numbers "
+        "besides a file take the place of those in it.",
     ),
     click.option(
         "--allow-code",
@@ -102,7 +103,8 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
         the drive's is left alone.
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
-    choice = given.pop("choice", "sine")
+    given.pop("choice", None)
+    choice = drive_choice()
     allow_code = given.pop("allow_code", False)
     for name, value in (varied or {}).items():
         if name == "frequency":
@@ -117,12 +119,23 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     return _of_file(choice, given, varied or {}, allow_code)
 
 
+def drive_choice() -> str:
+    """Return the kind or file of the drive; of a device file with a drive, that file."""
+    from mems_impact.actuator.drives.files import holds_drive
+
+    context = click.get_current_context()
+    chosen: str | None = context.meta.get(KEY, {}).get("choice")
+    if chosen is not None:
+        return chosen
+    device = context.params.get("device")
+    return device if isinstance(device, str) and holds_drive(device) else "sine"
+
+
 def drive_source() -> str:
     """Return the Python that loads the file of `drive_from`; empty where options describe it."""
     from mems_impact.actuator.drives.files import TABLES
 
-    given = click.get_current_context().meta.get(KEY, {})
-    path = given.get("choice", "sine")
+    path = drive_choice()
     if described_by_options(path):
         return ""
     if path.lower().endswith(TABLES):
@@ -200,8 +213,7 @@ def _of_file(
     for name in given:
         if FIELDS.get(name, name) not in drive.names:
             known = ", ".join(drive.names)
-            raise click.UsageError(
-                f"{option_of(name)} is no parameter of the drive in {path}: {known}"
-            )
+            problem = f"is no parameter of the drive in {path}: {known}"
+            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND takes another one")
     values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
     return drive.varied(values) if values else drive

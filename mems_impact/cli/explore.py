@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib.util
-import tomllib
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import KEY, drive_from, drive_options, drive_source
+from mems_impact.cli.drives import KEY, drive_choice, drive_from, drive_options, drive_source
 from mems_impact.cli.failures import say
 from mems_impact.cli.options import (
     actuator_from,
@@ -100,26 +99,15 @@ def _subject(device: str, changes: dict[str, float], options: Options) -> Subjec
         return of_code(device, changes, options)
     actuator = actuator_from(device, changes)
     given = click.get_current_context().meta.setdefault(KEY, {})
-    if not given.keys() - {"allow_code"} and _tells_drive(device):
-        given["choice"] = device
     drive = drive_from(_usual(given, actuator))
     return of_device(device, actuator, drive, drive_source=drive_source(), options=options)
-
-
-def _tells_drive(device: str) -> bool:
-    """Return whether the file of a device, which has been read, has a table of its drive."""
-    from mems_impact.actuator.parameters import preset_names
-
-    return device not in preset_names() and "drive" in tomllib.loads(
-        Path(device).read_text("utf-8")
-    )
 
 
 def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
     """Return what of a sine is not given, and has to be."""
     from mems_impact.explorer.subject import usual_sine
 
-    if given.get("choice", "sine") != "sine":
+    if drive_choice() != "sine":
         return {}
     told = {*given, *(["omega"] if "frequency" in given else [])}
     missing = {"amplitude", "omega"} - told

@@ -33,7 +33,8 @@ TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
 @device_options
 @click.option(
     "--target", "targets", multiple=True, required=True, metavar=TARGET,
-    help="A measured number, such as 'displacement per blow=20e-9'. May be repeated.",
+    help="A measured number, such as 'displacement per blow=20e-9' [m], 'mean speed' [m/s], "
+    "'pull-in voltage' [V], 'resonance' [rad/s], 2 pi times that in Hz. May be repeated.",
 )  # fmt: skip
 @click.option(
     "--free", multiple=True, required=True, metavar="NAME",

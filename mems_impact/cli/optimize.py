@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.failures import FAILED, say, warn
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -79,7 +80,7 @@ def command(
     minimize: tuple[str, ...],
     over: dict[str, tuple[float, float]],
     subject_to: dict[str, tuple[float | None, float | None]],
-    tolerances: dict[str, float],
+    tolerances: dict[str, float | str],
     points: int,
     initial: dict[str, float],
     transient: float,
@@ -97,7 +98,7 @@ def command(
 
     It stays stable and keeps its impacts. Writes the way there, the margins to the next
     bifurcations, and the motion as a figure; of two aims the Pareto front. In place of DEVICE a
-    study file may stand.
+    study file may stand. The exit status is 1 if the search ends before a local optimum.
 
     \b
     Example:
@@ -149,6 +150,12 @@ def command(
             files.draw(lambda: mi.plot_orbit(found.orbit).figure)
             _show(found, margins)
         files.tell()
+    if isinstance(found, mi.Optimum):
+        if not len(found.orbit.impacts):
+            warn("the orbit has no impacts; begin with a kick (--initial v2=…) if there is another")
+        if not found.converged:
+            say(f"no local optimum to first order: {found.ended}{_held(found)}")
+            ctx.exit(FAILED)
 
 
 def _found(found: Any) -> dict[str, pd.DataFrame]:
@@ -172,6 +179,11 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
     )
     show("\nTo the next bifurcation:")
     show_table("margins", with_units_in(margins, "parameter", _units(best)), 6)
+
+
+def _held(best: mi.Optimum) -> str:
+    """Return what holds an optimum, to be added to a sentence."""
+    return f" ({'; '.join(best.active)})" if best.active else ""
 
 
 def _units(best: mi.Optimum) -> dict[str, str]:

@@ -52,6 +52,17 @@ def _assignments(
     return dict(map(assignment, texts))
 
 
+def _tolerances(
+    _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
+) -> dict[str, float | str]:
+    """Return tolerances by name; those in per cent as they stand."""
+    found: dict[str, float | str] = {}
+    for text in texts:
+        name, _, given = (part.strip() for part in text.partition("="))
+        found |= {name: given} if name and given.endswith("%") else dict([assignment(text)])
+    return found
+
+
 def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
     """Return what a shell offers for DEVICE: the presets, and files."""
     from mems_impact.actuator.parameters import preset_names
@@ -108,9 +119,10 @@ tolerance_option = click.option(
     "--tolerance",
     "tolerances",
     multiple=True,
-    metavar="NAME=NUMBER",
-    callback=_assignments,
-    help="Standard deviation of a parameter, such as delta=0.005. May be repeated.",
+    metavar="NAME=NUMBER[%]",
+    callback=_tolerances,
+    help="Standard deviation of a parameter, such as delta=0.005, or delta=2% of its value. May be "
+    "repeated.",
 )
 
 

@@ -28,17 +28,21 @@ SPREAD = (0.05, 0.5, 0.95)
 
 def _distributions(
     _ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]
-) -> dict[str, list[Any]]:
-    found: dict[str, list[Any]] = {}
+) -> dict[str, list[Any] | str]:
+    found: dict[str, list[Any] | str] = {}
     for text in texts:
         name, _, words = text.partition("=")
+        if name.strip() and words.rstrip().endswith("%"):
+            found[name.strip()] = words
+            continue
         kind, *numbers = words.split(":")
         try:
             found[name.strip()] = [kind.strip(), *map(float, numbers)]
         except ValueError:
             found = {}
         if not (found.get(name.strip()) and name.strip() and kind and numbers):
-            problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02"
+            problem = f"{text!r} must be NAME=DISTRIBUTION:NUMBERS, such as e=norm:0.8:0.02, or "
+            problem += "NAME=PER CENT, such as d=5%"
             raise click.BadParameter(problem)
     return found
 
@@ -48,10 +52,12 @@ def _distributions(
 @click.option(
     "--over",
     multiple=True,
-    metavar="NAME=DISTRIBUTION:NUMBERS",
+    metavar="NAME=DISTRIBUTION",
     callback=_distributions,
     help="A parameter and its distribution, by its name in scipy.stats and the arguments: "
-    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. May be repeated.",
+    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. About the device's own value: d=5% is normal with "
+    "a standard deviation of 5 % of it, d=uniform:5% even within 5 % to either side. May be "
+    "repeated.",
 )
 @ranges_option(
     "--specification",

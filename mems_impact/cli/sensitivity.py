@@ -53,7 +53,7 @@ def command(
     device: str,
     changes: dict[str, float],
     quantity: str,
-    tolerances: dict[str, float],
+    tolerances: dict[str, float | str],
     initial: dict[str, float],
     transient: float,
     periods: int | None,
@@ -79,7 +79,7 @@ def command(
     from mems_impact.cli.output import Output
     from mems_impact.studies.derivatives import chosen_quantities
     from mems_impact.studies.of_orbits import sensitivity_from
-    from mems_impact.studies.sensitivity import check_tolerances
+    from mems_impact.studies.tolerance import deviations
 
     given: dict[str, Any]
     if holds_study(device):
@@ -96,7 +96,7 @@ def command(
         }
     told = {each.name: each for each in chosen_quantities(system, named)}
     told |= {each.name: each for each in chosen_quantities(system, [quantity])}
-    check_tolerances(tolerances, tuple(system.parameters))
+    deviations(tolerances, system)
     with Output(output, figure, no_figure, KIND) as files:
         found = sensitivity_from(system, quantities=tuple(told.values()), **given)
         tables = {"table": found.table}

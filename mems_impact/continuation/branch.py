@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from mems_impact.continuation.anew import anew
+from mems_impact.continuation.bifurcations import CROSSING, SHORT, Bifurcations
 from mems_impact.continuation.closing import CLOSED, Beginning
 from mems_impact.continuation.corrector import (
     EASY,
@@ -20,10 +21,20 @@ from mems_impact.continuation.corrector import (
     correct,
     tangent,
 )
-from mems_impact.continuation.ending import LOSSES, none_beyond, spent, stuck
+from mems_impact.continuation.ending import (
+    LOSSES,
+    SIDE_BY_SIDE,
+    none_beyond,
+    reason_of,
+    spent,
+    stuck,
+)
+from mems_impact.continuation.homoclinic import SlowPassage, amplified, slow_passage
 from mems_impact.continuation.locating import (
     BranchEvent,
     locate,
+    locate_choice,
+    locate_defect,
     rank,
     special_at,
 )
@@ -31,22 +42,26 @@ from mems_impact.continuation.monitors import (
     BRANCH_POINT,
     FOLD,
     GRAZING,
+    LABELS,
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
+    kind_of,
     monitors,
-    without_folds_at_crossings,
 )
-from mems_impact.continuation.resignature import reconnect
+from mems_impact.continuation.resignature import JUMP, changed_guard, neighbour, reconnect
+from mems_impact.continuation.stability import CIRCLE
 from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.cycles import check_moving, well_begun
 from mems_impact.orbits.newton import solve
-from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit
+from mems_impact.orbits.orbit import PeriodicOrbit, defects, make_orbit, reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
-NOISE = 1e-6  # of a product of multipliers
+NOISE = 1e-6  # of the regularity of orbits that lie side by side
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
+ASIDE = 1e-5  # distance from a loss below which another one comes with it
 
 
 @dataclass(frozen=True)
@@ -81,12 +96,15 @@ class OrbitBranch:
     special_points : list of BranchEvent
     ended : str
         Why the branch ends.
+    passage : SlowPassage, optional
+        What its last cycle passes, if it ends since periods grow beyond bounds.
     """
 
     parameter: str
     points: list[BranchPoint] = field(default_factory=list)
     special_points: list[BranchEvent] = field(default_factory=list)
     ended: str = ""
+    passage: SlowPassage | None = None
 
 
 def follow(
@@ -150,12 +168,14 @@ def points_of(
     """
     parameter, value = branch.parameter, orbit.family.value(branch.parameter)
     if not low <= value <= high:
-        raise InvalidParameter(parameter, value, f"between the bounds {low:g} and {high:g}")
+        least, value_told, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
+        problem = f"is {value_told}, must be between the bounds {least} and {most}"
+        raise InvalidParameter(parameter, None, "", problem=problem)
     shooting = orbit.equations((parameter,))
     try:
         point = solve(shooting, orbit.point.unknowns, np.array([value]))
     except LOSSES as error:
-        branch.ended = f"the first orbit could not be corrected: {error}"
+        branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
         return
     along = tangent(point)
     if direction < 0.0:
@@ -164,15 +184,19 @@ def points_of(
     try:
         yield from walker.walk(shooting, point, along)
     except LOSSES as error:
-        branch.ended = str(error)
+        branch.ended = reason_of(error, orbit.family)
 
 
 @dataclass(frozen=True)
 class _Found:
-    """What a step passed: special points in order, the last of them where the orbit is lost."""
+    """What a step passed: special points in order, the last of them where the orbit is lost.
+
+    With it the last point before, where the test functions are looked at.
+    """
 
     special_points: list[BranchEvent]
     lost: BranchEvent | None
+    before: Point
 
 
 class _Walker:
@@ -183,6 +207,7 @@ class _Walker:
     ) -> None:
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting
+        self.bifurcations: Bifurcations[Point] | None = None  # of the last signature
 
     def walk(self, shooting: Shooting, point: Point, along: Floats) -> Iterator[BranchPoint]:
         """Yield the points of the branch."""
@@ -215,15 +240,15 @@ class _Walker:
                 at_corner = found.lost is not None and found.lost.monitor.role == "length"
                 if ahead @ along < STRAIGHT and not at_corner:
                     raise OrbitError("the branch turns too sharply", "take a shorter step")
-                self._check_kept(shooting, following, found)
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
                     self._finish(shooting, point, following, piece)
             except LOSSES as error:
                 length /= 2.0
-                held = str(error)
+                held = reason_of(error, shooting.family)
                 if budget == 0 or length < self.steps.smallest:
+                    self._slow()
                     self.branch.ended = stuck(self.branch.points[-1].orbit, parameter, error)
                     return
                 continue
@@ -242,8 +267,12 @@ class _Walker:
             if lost is not None and self.reconnecting:
                 joined, reason = self._other_side(lost)
                 # An event that moves into the next period, or past another one, changes nothing.
-                passing = joined is not None and lost.monitor.role == "length"
-                if not passing:
+                passing = False
+                if joined is not None and lost.monitor.role == "length":
+                    guard = changed_guard(lost.orbit.shooting, joined[0])
+                    passing = guard == NONE
+                    lost = self._named(lost, guard)
+                if not passing and not lost.orbit.defects:
                     self.branch.points.append(
                         BranchPoint(lost.orbit, lost.value, lost.direction, piece)
                     )
@@ -253,9 +282,9 @@ class _Walker:
                     return
                 shooting, point, along = joined
                 behind = []
-                earlier, before = before, monitors(shooting, point, along)
+                before = monitors(shooting, point, along)
                 if passing:
-                    self._rename(lost, found.special_points, earlier, before)
+                    self._rename(lost, found.before, shooting, point, along)
                     length = max(length / 2.0, self.steps.initial)
                     budget -= 1
                     continue
@@ -271,6 +300,9 @@ class _Walker:
             if closing is not None:
                 self.branch.ended = CLOSED
                 return
+            if amplified(point) and self._slow():
+                self.branch.ended = "the period grows beyond bounds"
+                return
             if not well_begun(shooting, point):
                 shooting, point, along = anew(shooting, point, along)
                 before, behind = monitors(shooting, point, along), []
@@ -279,46 +311,62 @@ class _Walker:
             elif iterations >= HARD:
                 length /= 1.5
                 held = f"a correction takes {iterations} Newton steps"
+        self._slow()
         moved, value = abs(float(along[-1])) * length, float(point.values[0])
         self.branch.ended = spent(
             self.steps, length, held, parameter, moved / max(abs(value), moved)
         )
 
-    def _check_kept(self, shooting: Shooting, following: Point, found: _Found) -> None:
-        """Raise OrbitError if a step leads off the automaton's orbits at no point that was found.
-
-        A closest approach may come into being within a step, and be too close at its end.
-        """
-        if not self.reconnecting or found.lost or not self.branch.points[-1].orbit.admissible:
-            return
-        if defects(shooting, following):
-            raise OrbitError("a margin is lost where none was watched", "take a shorter step")
+    def _slow(self) -> bool:
+        """Note what the last cycle passes slowly, if periods grow beyond bounds."""
+        self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
+        return self.branch.passage is not None
 
     def _other_side(self, lost: BranchEvent) -> tuple[tuple[Shooting, Point, Floats] | None, str]:
-        """Return what `reconnect` finds at `lost`, or None and why it finds nothing."""
+        """Return the branch that continues at `lost`, or None and why none is found."""
+        parameter = self.branch.parameter
         try:
-            return reconnect(lost.orbit, lost.monitor, self.branch.parameter), ""
+            if lost.monitor.role != "choice":
+                joined = reconnect(lost.orbit, lost.monitor, parameter)
+                if not defects(*joined[:2]):
+                    return joined, ""
         except LOSSES as error:
-            return None, none_beyond(error)
+            reason = none_beyond(error, lost.orbit.family)
+        else:
+            reason = JUMP
+        try:
+            return neighbour(lost, parameter), ""
+        except LOSSES:
+            by_impact = lost.kind == GRAZING or SIDE_BY_SIDE in reason
+            return None, reason if by_impact else JUMP
+
+    def _named(self, met: BranchEvent, guard: int) -> BranchEvent:
+        """Call a point at which events meet after the guard that comes in or drops out there."""
+        if guard == NONE:
+            return met
+        kind = kind_of(met.orbit.shooting.automaton.guards[guard])
+        named = replace(met, kind=kind, label=LABELS.get(kind, kind))
+        self.branch.special_points[-1] = named
+        return named
 
     def _rename(
         self,
         met: BranchEvent,
-        located: list[BranchEvent],
-        before: dict[Monitor, float],
-        after: dict[Monitor, float],
+        earlier: Point,
+        shooting: Shooting,
+        point: Point,
+        along: Floats,
     ) -> None:
         """Call a point at which two events met what happens there, or drop it if nothing does.
 
         At a switch of the drive the branch has a corner, and may turn or lose its stability.
         Elsewhere the orbit is only cut in another way, and its test functions go on.
         """
-        changed = [
-            monitor
-            for monitor in (Monitor(kind) for kind in (FOLD, PERIOD_DOUBLING, NEIMARK_SACKER))
-            if before[monitor] * after[monitor] < 0.0
-            and sum(special.monitor == monitor for special in located) % 2 == 0
-        ]
+        before = CIRCLE.spectrum(reduced(met.orbit.shooting, earlier))
+        passing = CIRCLE.crossed(before, CIRCLE.spectrum(reduced(shooting, point)))
+        changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
+        if met.direction[-1] * along[-1] < 0.0:
+            changed.insert(0, FOLD)
         i, segments = met.monitor.segment, met.orbit.segments
         at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
         # By what it is: points are compared by their arrays, which have no one truth.
@@ -326,7 +374,8 @@ class _Walker:
         if at_switch and changed:
             self.branch.special_points.append(met)
         elif changed:
-            special = special_at(changed[0], met.orbit.shooting, met.orbit.point, met.direction)
+            here = Monitor(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
+            special = special_at(*here)
             self.branch.special_points += [special] if special else []
 
     def _append(self, shooting: Shooting, point: Point, along: Floats, piece: int) -> None:
@@ -365,24 +414,92 @@ class _Walker:
         lost = crossed(
             {m: v for m, v in after.items() if m.role and before.get(m, 0.0) > 0.0}, length
         )
-        first, reach = None, length
+        first, reach, here = None, length, step.at(length).point
         if lost:
             first = min(
                 (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
                 key=lambda item: rank(item[1]),
             )
+            if first[1].monitor.role == "approach" and first[1].kind != GRAZING:
+                first = locate_choice(shooting, step, first[0]) or first
             # Beyond, the test functions may jump, and what they say is of no interest.
             reach = max(lost[0][0] - COINCIDENT, 0.0)
+        if self._ceases(shooting, step, max(reach - ASIDE, 0.0) if lost else reach):
+            unseen = locate_defect(shooting, step, reach)
+            if self.low <= unseen[1].value <= self.high:
+                first, reach = unseen, max(unseen[0] - COINCIDENT, 0.0)
+        if reach < length:
             here = step.at(reach).point
             after = monitors(shooting, here, tangent(here, step.along))
-        # Multipliers may stay on the unit circle, and orbits lie side by side.
-        quiet = {m for m in before if m.kind in (NEIMARK_SACKER, BRANCH_POINT)}
-        quiet = {m for m in quiet if max(abs(before[m]), abs(after.get(m, 0.0))) < NOISE}
-        smooth = {m: v for m, v in after.items() if not m.role and m not in quiet}
-        special_points = [each for _, each in without_folds_at_crossings(crossed(smooth, reach))]
+        special_points = self._bifurcations(shooting, step, reach, before, after)
         if first is None:
-            return _Found(special_points, None)
-        return _Found([*special_points, first[1]], first[1])
+            return _Found(special_points, None, here)
+        lost_here = self._admissible(shooting, step, *first)
+        if lost_here.monitor.role == "length":  # where it has none, derivatives are of either side
+            lost_here = replace(lost_here, direction=tangent(here, step.along))
+        return _Found([*special_points, lost_here], lost_here, here)
+
+    def _admissible(
+        self, shooting: Shooting, step: Step[Point], position: float, special: BranchEvent
+    ) -> BranchEvent:
+        """Return a loss with the last orbit before it that is the automaton's.
+
+        In the loss itself a margin is zero, and its sign one of rounding.
+        """
+        back = COINCIDENT * 1e-2
+        while special.orbit.defects and back < min(ASIDE, position) and self._watches:
+            orbit = make_orbit(shooting, step.at(position - back).point)
+            if orbit.admissible:
+                return replace(special, orbit=orbit)
+            back *= 10.0
+        return special
+
+    @property
+    def _watches(self) -> bool:
+        """Whether the branch keeps to orbits that the automaton has."""
+        return self.reconnecting and self.branch.points[-1].orbit.admissible
+
+    def _ceases(self, shooting: Shooting, step: Step[Point], reach: float) -> bool:
+        """Return whether a step leads off the automaton's orbits at no zero of a test function."""
+        return self._watches and bool(defects(shooting, step.at(reach).point))
+
+    def _bifurcations(
+        self,
+        shooting: Shooting,
+        step: Step[Point],
+        length: float,
+        before: dict[Monitor, float],
+        after: dict[Monitor, float],
+    ) -> list[BranchEvent]:
+        """Return where the branch turns, another crosses, or stability changes."""
+        if self.bifurcations is None or self.bifurcations.equations is not shooting:
+            short = SHORT * self.steps.largest
+            self.bifurcations = Bifurcations(shooting, CIRCLE, partial(reduced, shooting), short)
+        first, last = (test[Monitor(BRANCH_POINT)] for test in (before, after))
+        if max(abs(first), abs(last)) < NOISE:
+            first = last = 0.0
+        found, clear = [], True
+        for _, kind, here, value in self.bifurcations.within(step, length, first, last):
+            clear = clear and kind != BRANCH_POINT
+            monitor = Monitor(_kind_of(value) if kind == CROSSING else kind)
+            special = special_at(monitor, shooting, here, tangent(here, step.along))
+            if special is not None and self.low <= special.value <= self.high:
+                found.append(special)
+        if not clear:
+            beside = self.bifurcations.branch_points.beside
+            self.branch.special_points[:] = [
+                each
+                for each in self.branch.special_points
+                if each.kind != FOLD or not beside(each.orbit.point)
+            ]
+        return found
+
+
+def _kind_of(multiplier: complex) -> str:
+    """Return what happens where one is on the unit circle."""
+    if multiplier.imag != 0.0:
+        return NEIMARK_SACKER
+    return FOLD if multiplier.real > 0.0 else PERIOD_DOUBLING
 
 
 __all__ = ["FOLD", "GRAZING", "BranchEvent", "BranchPoint", "OrbitBranch", "Steps", "follow"]

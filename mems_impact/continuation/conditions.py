@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from mems_impact.continuation.codimension import neutral_pair
 from mems_impact.continuation.monitors import (
     FOLD,
     PERIOD_DOUBLING,
     Closest,
     Monitor,
+    choice_margins,
     closest,
     monitors,
 )
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.gradients import length_gradient, rate_gradient, touch_gradient
 from mems_impact.orbits.orbit import reduced
@@ -24,12 +27,10 @@ ALONG = 1e-4  # of those of the equations' derivatives along their null vector
 
 def condition_of(shooting: Shooting, monitor: Monitor) -> Condition:
     """Return what is zero where `monitor` is."""
-    by_role = {"approach": Touch, "rate": Rate, "length": Length}
+    by_role = {"approach": Touch, "rate": Rate, "length": Length, "choice": Choice}
     if monitor.role:
         return by_role[monitor.role](shooting, monitor)
-    if monitor.kind == FOLD:
-        return Singular(shooting, monitor)
-    return Condition(shooting, monitor)
+    return {FOLD: Singular, PERIOD_DOUBLING: Flip}.get(monitor.kind, Torus)(shooting, monitor)
 
 
 class Condition:
@@ -51,9 +52,6 @@ class Condition:
         value = monitors(self.shooting, point, np.zeros(1)).get(self.monitor)
         if value is None:
             raise OrbitError("the closest approach is gone", "take a shorter step")
-        if self.monitor.kind == PERIOD_DOUBLING:
-            # Multipliers grow as one over an impact speed; their size is no matter here.
-            value /= max(1.0, float(np.abs(reduced(self.shooting, point)).max()))
         return value
 
     def gradient(self, point: Point) -> Floats:
@@ -112,6 +110,35 @@ class Length(Condition):
     def gradient(self, point: Point) -> Floats:
         """Return its derivatives."""
         return length_gradient(self.shooting, point, self.monitor.segment)
+
+
+class Flip(Condition):
+    """A period doubling: the determinant of the matrix that has the multipliers, plus one."""
+
+    def value(self, point: Point) -> float:
+        """Return it, over the size of that matrix."""
+        matrix = reduced(self.shooting, point)
+        # Multipliers grow as one over an impact speed; their size is no matter here.
+        return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
+
+
+class Torus(Condition):
+    """A Neimark-Sacker point: the product of a pair of multipliers is one."""
+
+    def value(self, point: Point) -> float:
+        """Return what the product of the pair that is closest to it has beyond one."""
+        return neutral_pair(np.linalg.eigvals(reduced(self.shooting, point)))[2]
+
+
+class Choice(Condition):
+    """The margin that decides to which of two modes an event leads."""
+
+    def value(self, point: Point) -> float:
+        """Return the margin."""
+        i, guard, mode = self.monitor.segment, self.monitor.guard, self.monitor.mode
+        if guard == NONE or point.events[i] is None:
+            raise OrbitError("no margin tells where the event leads", "follow another point")
+        return float(choice_margins(self.shooting, point, i, mode)[guard])
 
 
 class Singular(Condition):

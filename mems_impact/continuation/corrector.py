@@ -155,15 +155,19 @@ class Step(Generic[P]):
         """
         if s not in self._found:
             plane = self.start + s * self.along
-            found = self._correct(plane, self.along, plane + s * s * self._bend_at(s))
+            found = self._correct(plane, self.along, self.expected(s))
             if np.linalg.norm(found.unknowns - plane) > abs(s) + ACCEPTED:
                 raise OrbitError("the correction of a step led elsewhere", "take a shorter step")
             self._found[s] = found
             self._learn(s, found.unknowns)
         return self._found[s]
 
-    def zero(self, test: Callable[[P], float], length: float) -> float:
-        """Return at which distance, up to `length`, a function of the points is zero.
+    def expected(self, s: float) -> Floats:
+        """Return where the point at the distance `s` lies, by what is known of others."""
+        return np.asarray(self.start + s * self.along + s * s * self._bend_at(s))
+
+    def zero(self, test: Callable[[P], float], length: float, begin: float = 0.0) -> float:
+        """Return at which distance, from `begin` to `length`, a function of the points is zero.
 
         Raises
         ------
@@ -176,7 +180,7 @@ class Step(Generic[P]):
         def value(s: float) -> float:
             return test(self.at(s).point)
 
-        return float(brentq(value, 0.0, length, xtol=1e-14, rtol=1e-14))
+        return float(brentq(value, begin, length, xtol=1e-14, rtol=1e-14))
 
     def _learn(self, s: float, unknowns: Floats) -> None:
         """Take over how far the branch lies from the tangent."""

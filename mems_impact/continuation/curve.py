@@ -1,15 +1,25 @@
-"""Curves of grazings, folds and period doublings in two parameters."""
+"""Curves of grazings, folds, period doublings and Neimark-Sacker points in two parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from mems_impact.continuation.anew import oriented, renumbered
 from mems_impact.continuation.branch import BranchEvent, Steps
 from mems_impact.continuation.closing import Beginning
+from mems_impact.continuation.codimension import (
+    CONTACT,
+    CUSP,
+    FIRST,
+    NEUTRAL,
+    is_zero,
+    multiplier_tests,
+    name_of,
+    value_of,
+)
 from mems_impact.continuation.conditions import Singular, condition_of
 from mems_impact.continuation.corrector import NODES, Step
 from mems_impact.continuation.ending import LOSSES, reason_of, stuck
@@ -17,8 +27,7 @@ from mems_impact.continuation.first_impact import contact_coefficient
 from mems_impact.continuation.monitors import (
     FOLD,
     GRAZING,
-    NEAR,
-    PERIOD_DOUBLING,
+    NEIMARK_SACKER,
     Monitor,
     closest,
     monitors,
@@ -33,13 +42,7 @@ from mems_impact.orbits.shooting import Point
 ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses are one
 Tests = dict[str | Monitor, float]  # test functions by their name, or by the margin
-# Codimension two: what else is zero there, by the name of the test.
-CODIMENSION_TWO = {
-    "multiplier +1": "grazing-fold",
-    "multiplier -1": "fold-flip",
-    "contact": "degenerate grazing",
-    "cusp": "cusp",
-}
+CONTINUOUS = 1e-3  # part of its values beside it of a test function at a zero that is no jump
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def follow_curve(
     Parameters
     ----------
     special : BranchEvent
-        A grazing, fold or period doubling (or the touching of another guard).
+        A grazing, fold, period doubling or Neimark-Sacker point (or the touching of another guard).
     parameter : str
         The parameter of the branch.
     second : str
@@ -174,7 +177,9 @@ class _Curve:
             along = along if along[-1] * direction >= 0.0 else -along
             point = self._correct(self.start, along, self.start).point
         except LOSSES as error:
-            curve.ended = f"the first point could not be corrected: {reason_of(error)}"
+            curve.ended = (
+                f"the first point could not be corrected: {reason_of(error, self.shooting.family)}"
+            )
             return curve
         length = steps.initial
         behind: list[Floats] = []
@@ -193,7 +198,7 @@ class _Curve:
                 if closing is not None:  # what lies beyond has been passed before
                     length, following = closing, step.at(closing).point
                 after = self._tests(following)
-                special, lost = self._special(step, length, before, after)
+                special, lost, beyond = self._special(step, length, before, after)
                 self.gradient = self.condition.gradient(following)
                 ahead = self._tangent(following, along)
                 if ahead @ along < 0.95:
@@ -208,7 +213,7 @@ class _Curve:
             curve.special_points += special
             if lost is not None:
                 curve.points.append(CurvePoint(lost.orbit, lost.values))
-                curve.ended = f"{lost.kind}: beyond, the automaton has no such orbit"
+                curve.ended = f"{lost.kind}: beyond, {beyond}"
                 return curve
             if not self._inside(float(following.values[1])):
                 self._finish(step, length)
@@ -249,7 +254,16 @@ class _Curve:
 
     def _append(self, point: Point) -> None:
         values = (float(point.values[0]), float(point.values[1]))
-        self.curve.points.append(CurvePoint(make_orbit(self.shooting, point), values))
+        self.curve.points.append(CurvePoint(self._orbit(point), values))
+
+    def _orbit(self, point: Point) -> PeriodicOrbit:
+        """Return the orbit of a point. Where two modes may follow, either is the automaton's."""
+        orbit = make_orbit(self.shooting, point)
+        if self.monitor.role != "choice":
+            return orbit
+        here = self.monitor.segment
+        kept = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", here))
+        return replace(orbit, defects=tuple(kept))
 
     def _evaluate(self, u: Floats) -> Point:
         return self.shooting.evaluate(u[:-2], u[-2:])
@@ -307,9 +321,9 @@ class _Curve:
     def _tests(self, point: Point) -> Tests:
         """Return the test functions for points of codimension two."""
         names = [
-            "cusp" if self.monitor.kind == FOLD else "multiplier +1",
-            *(["multiplier -1"] if self.monitor.kind != PERIOD_DOUBLING else []),
-            *(["contact"] if self.monitor.role == "approach" else []),
+            *multiplier_tests(self.monitor.kind),
+            *([CUSP] if self.monitor.kind == FOLD else []),
+            *([CONTACT] if self.monitor.role == "approach" else []),
         ]
         named = {name: self._test(name, point) for name in names}
         tests: Tests = {name: value for name, value in named.items() if value is not None}
@@ -322,57 +336,71 @@ class _Curve:
         """Return one of them; None where it has no meaning."""
         if isinstance(test, Monitor):
             return monitors(self.shooting, point, np.zeros(1)).get(test)
-        if test == "cusp":
+        if test == CUSP:
             assert isinstance(self.condition, Singular)
             return self.condition.curvature(point)
-        if test == "contact":
+        if test == CONTACT:
             return contact_coefficient(self.shooting, point, self.monitor, 1)
-        matrix = reduced(self.shooting, point)
-        shifted = matrix + (-1.0 if test == "multiplier +1" else 1.0) * np.eye(len(matrix))
-        return float(np.linalg.det(shifted)) / max(1.0, float(np.abs(matrix).max()))
+        multipliers = np.linalg.eigvals(reduced(self.shooting, point)).astype(complex)
+        return value_of(self.monitor.kind, test, multipliers)
 
     def _kind(self, test: str | Monitor) -> str:
         """Return what it is called where `test` is zero on this curve."""
         if isinstance(test, str):
-            return CODIMENSION_TWO[test]
+            return name_of(self.monitor.kind, test)
         name = self.shooting.automaton.guards[test.guard].name
         if test.kind == GRAZING and self.monitor.kind == FOLD:
             # Folds of orbits with an impact set in where its speed is zero; those without, where
             # the grazing orbit has a multiplier +1.
             what = "degenerate grazing" if test.role == "rate" else "grazing-fold"
             return what if test.guard == self.guard else f"{what} ({name})"
-        where = "" if test.segment < 0 else f" of segment {test.segment}"
-        return f"{name} ({test.role}{where})"
+        what, own = test.kind, FIRST.get(self.monitor.kind, self.monitor.kind)
+        if what == GRAZING and test.guard not in (self.guard, self.monitor.guard):
+            what = f"{GRAZING} ({name})"
+        if not self.monitor.role:
+            return f"{what}-{own}"
+        return f"double {what}" if what == own else f"{own}-{what}"
 
     def _special(
         self, step: Step, length: float, before: Tests, after: Tests
-    ) -> tuple[list[CurveEvent], CurveEvent | None]:
-        """Return the points of codimension two within a step, and the one that ends the curve."""
+    ) -> tuple[list[CurveEvent], CurveEvent | None, str]:
+        """Return points of codimension two in a step, the one that ends the curve, and why."""
         found: list[tuple[float, str | Monitor, CurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
-                located = self._locate(test, step, length)
+                located = self._locate(test, step, length, (value, after[test]))
                 if located is not None and self._inside(located[1].values[1]):
                     found.append((located[0], test, located[1]))
         found.sort(key=lambda item: item[0])
-        lost = [item for item in found if isinstance(item[1], Monitor) and after[item[1]] < 0.0]
+        lost = [item for item in found if self._beyond(item[1], after)]
         if not lost:
-            return [special for _, _, special in found], None
+            return [special for _, _, special in found], None, ""
         # An impact at zero speed takes with it what follows on it; it is the one to name.
         first = min(
             (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
             key=lambda item: (isinstance(item[1], Monitor) and item[1].kind != GRAZING, item[0]),
         )
         kept = [special for position, _, special in found if position < first[0] - COINCIDENT]
-        return [*kept, first[2]], first[2]
+        return [*kept, first[2]], first[2], self._beyond(first[1], after)
+
+    def _beyond(self, test: str | Monitor, after: Tests) -> str:
+        """Return why the curve ends where `test` is zero; empty if it goes on."""
+        if isinstance(test, Monitor):
+            return "the automaton has no such orbit" if after[test] < 0.0 else ""
+        if self.monitor.kind == NEIMARK_SACKER and test in NEUTRAL:
+            return "the two multipliers of product 1 are real, those of neutral saddles"
+        return ""
 
     def _inside(self, value: float) -> bool:
         return bool(self.bounds[0] <= value <= self.bounds[1])
 
     def _locate(
-        self, test: str | Monitor, step: Step, length: float
+        self, test: str | Monitor, step: Step, length: float, ends: tuple[float, float]
     ) -> tuple[float, CurveEvent] | None:
-        """Locate a zero of `test` within a step: where in it, and the point."""
+        """Locate a zero of `test` within a step: where in it, and the point.
+
+        `ends`: its values at both ends.
+        """
 
         def value(point: Point) -> float:
             found = self._test(test, point)
@@ -386,11 +414,11 @@ class _Curve:
             point = step.at(position).point
         except (KeyError, ValueError) as error:
             raise OrbitError(f"{kind} could not be located", "take a shorter step") from error
-        orbit = make_orbit(self.shooting, point)
-        if test in ("multiplier +1", "multiplier -1"):
-            target = 1.0 if test == "multiplier +1" else -1.0
-            if np.abs(orbit.multipliers - target).min() > NEAR:
-                return None  # a sign change through infinity
+        orbit = self._orbit(point)
+        if isinstance(test, str) and not is_zero(self.monitor.kind, test, orbit.multipliers):
+            return None
+        if test == CUSP and abs(value(point)) > CONTINUOUS * min(map(abs, ends)):
+            return None  # the derivative by the first parameter has changed its sign
         values = (float(point.values[0]), float(point.values[1]))
         return position, CurveEvent(kind, values, orbit)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from mems_impact.continuation.corrector import Steps
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
+from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import Point
 
@@ -26,8 +25,10 @@ SIDE_BY_SIDE = (
 SHORTER = "take a shorter step"  # what a corrector says to a branch; to its user it is no help
 
 
-def reason_of(error: Exception) -> str:
-    """Return what an error says, without advice that only a step can follow."""
+def reason_of(error: Exception, family: Family) -> str:
+    """Return what an error says in the units of the user, without advice to a step."""
+    if isinstance(error, RunError):
+        family.convert(error)
     if isinstance(error, OrbitError) and error.remedy == SHORTER:
         return str(error.reason)
     return str(error)
@@ -36,22 +37,22 @@ def reason_of(error: Exception) -> str:
 def stuck(orbit: PeriodicOrbit, parameters: str | tuple[str, ...], error: Exception) -> str:
     """Return why there is no step beyond `orbit`, however short."""
     names = (parameters,) if isinstance(parameters, str) else parameters
-    values: Mapping[str, float] = orbit.family.values
-    where = " and ".join(f"{name} = {values[name]:.9g}" for name in names)
-    told = f"no further step possible beyond {where}: {reason_of(error)}"
+    family = orbit.family
+    where = " and ".join(f"{name} = {family.amount(name, family.value(name))}" for name in names)
+    told = f"no further step possible beyond {where}: {reason_of(error, family)}"
     if np.abs(orbit.multipliers - 1.0).min() < NEUTRAL:
         return f"{told}; {SIDE_BY_SIDE}"
     return told
 
 
-def none_beyond(error: Exception) -> str:
+def none_beyond(error: Exception, family: Family) -> str:
     """Return why the orbits of another signature cannot be found where two signatures meet."""
     point = error.partial if isinstance(error, OrbitError) else None
     if isinstance(point, Point):
         sizes = np.linalg.svd(point.jacobian, compute_uv=False)
         if not sizes[-1] > NEUTRAL * sizes[0]:
-            return f"{reason_of(error)}; {SIDE_BY_SIDE}"
-    return str(error)
+            return f"{reason_of(error, family)}; {SIDE_BY_SIDE}"
+    return reason_of(error, family)
 
 
 def spent(steps: Steps, length: float, held: str, parameter: str, part: float) -> str:

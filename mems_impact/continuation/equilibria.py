@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
+from mems_impact.continuation.bifurcations import CROSSING, SHORT, Bifurcations
+from mems_impact.continuation.branching import regularity
 from mems_impact.continuation.closing import CLOSED
 from mems_impact.continuation.corrector import (
     EASY,
@@ -20,23 +21,21 @@ from mems_impact.continuation.corrector import (
     correct,
     tangent,
 )
-from mems_impact.continuation.monitors import (
-    BRANCH_POINT,
-    FOLD,
-    regularity,
-    without_folds_at_crossings,
-)
+from mems_impact.continuation.ending import SHORTER
+from mems_impact.continuation.monitors import BRANCH_POINT, FOLD, NEAR, UNEXPLAINED
+from mems_impact.continuation.stability import AXIS
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.equilibrium import Balance, Balancing, StationaryState, make_equilibrium
 from mems_impact.orbits.newton import solve_at
 
 HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
-LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE"}
+LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE", UNEXPLAINED: "?"}
 ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
 SAME = 1e-5  # difference between the unknowns of one equilibrium, met twice
 
 Test = tuple[str, int]  # what happens where a test function is zero, and to which guard, or -1
+BRANCHING = (BRANCH_POINT, -1)
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,8 @@ class EquilibriumEvent:
     ----------
     kind : str
         "fold", "Hopf", "branch point" (another branch crosses), or "boundary equilibrium" (it meets
-        a guard, beyond which it is a virtual one).
+        a guard, beyond which it is a virtual one). "unexplained" is a change of the number of
+        unstable eigenvalues for which no such point is found.
     guard : str
         The guard that it meets, if it meets one.
     value : float
@@ -62,7 +62,7 @@ class EquilibriumEvent:
 
     @property
     def label(self) -> str:
-        """LP, H, BP or BE."""
+        """LP, H, BP, BE or ?."""
         return LABELS[self.kind]
 
 
@@ -143,6 +143,9 @@ class _Walker:
     ) -> None:
         self.branch, self.equations, self.steps = branch, equations, steps
         self.low, self.high, self.progress = low, high, progress
+        self.bifurcations = Bifurcations(
+            equations, AXIS, lambda balance: balance.jacobian, SHORT * steps.largest
+        )
 
     def walk(self, here: Balance, along: Floats) -> None:
         """Walk on, and put what is found into the branch."""
@@ -206,6 +209,14 @@ class _Walker:
     def _take(self, found: list[tuple[float, EquilibriumEvent]]) -> None:
         """Note what happens within a step, and that the branch passes there."""
         inside = [each for _, each in found if self.low <= each.value <= self.high]
+        if any(each.kind == BRANCH_POINT for each in inside):
+            # An error tears branches apart, and makes a fold that an earlier step may have met.
+            beside = self.bifurcations.branch_points.beside
+            self.branch.special_points[:] = [
+                each
+                for each in self.branch.special_points
+                if each.kind != FOLD or not beside(each.equilibrium.balance)
+            ]
         self.branch.special_points += inside
         self.branch.points += [each.equilibrium for each in inside]
 
@@ -221,12 +232,7 @@ class _Walker:
 
     def _tests(self, balance: Balance, direction: Floats) -> dict[Test, float]:
         """Return the test functions, zero where something happens."""
-        sums = [a + b for a, b in combinations(np.linalg.eigvals(balance.jacobian), 2)]
-        tests = {
-            (FOLD, -1): float(direction[-1]),
-            (BRANCH_POINT, -1): regularity(balance, direction),
-            (HOPF, -1): float(np.prod(sums).real),
-        }
+        tests = {BRANCHING: regularity(balance, direction)}
         guards = self.equations.family.automaton.guards
         for j, margin in enumerate(self.equations.margins(balance).tolist()):
             if np.isfinite(margin) and not guards[j].records:
@@ -242,43 +248,39 @@ class _Walker:
     ) -> list[tuple[float, EquilibriumEvent]]:
         """Return what happens within a step, in order."""
         found = []
-        for test, value in before.items():
-            if test in after and value * after[test] < 0.0:
-                place = self._locate(step, length, test)
-                event = self._event(step.at(place).point, test)
-                if event is not None:
-                    found.append((place, event))
-        return sorted(without_folds_at_crossings(found), key=lambda item: item[0])
+        ends = before[BRANCHING], after[BRANCHING]
+        for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
+            found.append((place, self._event(there, HOPF if kind == CROSSING else kind)))
+        for kind, guard in before:
+            test = kind, guard
+            if guard >= 0 and test in after and (before[test] < 0.0) != (after[test] < 0.0):
+                place = self._zero(step, length, test)
+                found.append((place, self._event(step.at(place).point, kind, guard)))
+        return sorted(found, key=lambda item: item[0])
 
-    def _locate(self, step: Step[Balance], length: float, test: Test) -> float:
+    def _zero(self, step: Step[Balance], length: float, test: Test) -> float:
         def value(here: Balance) -> float:
             return self._tests(here, tangent(here, step.along))[test]
 
         try:
             return step.zero(value, length)
         except ValueError as error:
-            remedy = "take a shorter step"
-            raise OrbitError(f"a {test[0]} could not be located", remedy) from error
+            raise OrbitError(f"a {test[0]} could not be located", SHORTER) from error
 
-    def _event(self, balance: Balance, test: Test) -> EquilibriumEvent | None:
-        kind, guard = test
+    def _event(self, balance: Balance, kind: str, guard: int = -1) -> EquilibriumEvent:
         equilibrium = make_equilibrium(self.equations, balance)
-        # Two real eigenvalues whose sum is zero bear no cycle.
-        if kind == HOPF and frequency(equilibrium) is None:
-            return None
-        guards = self.equations.family.automaton.guards
-        name = guards[guard].name if guard >= 0 else ""
+        name = self.equations.family.automaton.guards[guard].name if guard >= 0 else ""
         return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium)
 
 
 def frequency(equilibrium: StationaryState) -> float | None:
-    """Return the frequency of the cycle that is born at a Hopf point, None at another one.
-
-    Of all pairs of eigenvalues the one whose sum is nearest to zero has to rotate.
-    """
-    pairs = combinations(equilibrium.eigenvalues.tolist(), 2)
-    one, _ = min(pairs, key=lambda pair: abs(pair[0] + pair[1]))
-    return abs(one.imag) if abs(one.imag) > ROTATING * abs(one) else None
+    """Return the frequency of the cycle that is born at a Hopf point, None at another one."""
+    values = equilibrium.eigenvalues
+    rotating = values[np.abs(values.imag) > ROTATING * np.abs(values)]
+    beside = np.abs(rotating.real) / np.abs(rotating)
+    if not beside.min(initial=1.0) < NEAR:
+        return None
+    return float(abs(rotating[np.argmin(beside)].imag))
 
 
 def _whole(balance: Balance) -> Floats:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mems_impact.continuation.corrector import Step, tangent
 from mems_impact.continuation.monitors import (
+    AT_ZERO,
     BRANCH_POINT,
     FOLD,
     LABELS,
@@ -15,17 +16,27 @@ from mems_impact.continuation.monitors import (
     NEIMARK_SACKER,
     PERIOD_DOUBLING,
     Monitor,
+    choice_margins,
     closest,
+    kind_of,
     monitors,
 )
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.orbit import PeriodicOrbit, make_orbit, reduced, reduced_components
+from mems_impact.orbits.orbit import (
+    PeriodicOrbit,
+    defects,
+    make_orbit,
+    reduced,
+    reduced_components,
+)
 from mems_impact.orbits.phase import off_flow
 from mems_impact.orbits.shooting import Point, Shooting
 
+SHORTEST = 1e-13  # part of a step within which an orbit ceases to be admissible
+ASTRIDE = 1e-6  # distance on the branch at which margins on both sides of a loss are compared
 IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
-ASIDE = 2e-3  # on the branch of a doubled orbit, from where it turns back upon itself
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
 
 
@@ -36,10 +47,10 @@ class BranchEvent:
     Attributes
     ----------
     kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", or the name of the
-        guard whose margin is touched.
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "unexplained" (a
+        change of stability), or the name of the guard whose margin is touched.
     label : str
-        As in the paper: G, CF, PD; NS, BP; else the kind.
+        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
     value : float
         Of the parameter.
     orbit : PeriodicOrbit
@@ -77,30 +88,91 @@ def locate(
         position = step.zero(test, length)
         here = step.at(position).point
     except (KeyError, ValueError) as error:
-        if monitor.kind == BRANCH_POINT:
-            return None  # its sign was one of rounding
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
     special = special_at(monitor, shooting, here, tangent(here, step.along))
-    if special is None:
-        return None
-    if monitor.kind == FOLD and special.kind == PERIOD_DOUBLING:
-        here = where_it_turns(shooting, step, position)
-        special = replace(special, value=float(here.values[0]), orbit=make_orbit(shooting, here))
-    return position, special
+    return None if special is None else (position, special)
 
 
-def where_it_turns(shooting: Shooting, step: Step[Point], position: float) -> Point:
-    """Return the point at which the branch of a doubled orbit turns back upon itself.
+def locate_defect(
+    shooting: Shooting, step: Step[Point], length: float
+) -> tuple[float, BranchEvent]:
+    """Locate where orbits cease to be admissible within the first `length` of a step.
 
-    That of half the period crosses it there, and points are the less certain the nearer they are.
-    So it is extrapolated along the branch (Richardson), from three distances on both sides.
+    For what no test function tells: an event leads to another mode, or a closest approach comes
+    into being beyond the margin.
+
+    Raises
+    ------
+    OrbitError
+        If a point within the step cannot be corrected.
     """
-    far, near, nearest = (
-        0.5 * (step.at(position - s).unknowns + step.at(position + s).unknowns)
-        for s in (ASIDE, 0.5 * ASIDE, 0.25 * ASIDE)
-    )
-    found = (64.0 * nearest - 20.0 * near + far) / 45.0
-    return shooting.evaluate(found[:-1], found[-1:])
+    kept, lost = 0.0, length
+    while lost - kept > max(SHORTEST, 4.0 * np.spacing(lost)):
+        middle = 0.5 * (kept + lost)
+        if defects(shooting, step.at(middle).point):
+            lost = middle
+        else:
+            kept = middle
+    defect = defects(shooting, step.at(lost).point)[0]
+    i, guards = defect.segment, shooting.automaton.guards
+    if defect.kind in ("missed", "reversed"):
+        j = [guard.name for guard in guards].index(defect.guard)
+        role, within = ("approach", -1) if defect.kind == "missed" else ("rate", i)
+        monitor = Monitor(kind_of(guards[j]), role, within, j)
+    elif defect.kind == "order":
+        monitor = Monitor("simultaneous events", "length", i)
+    else:
+        guard = shooting.segments[i].guard(shooting.m)
+        monitor = Monitor(kind_of(guards[guard]) if guard != NONE else defect.guard, "choice", i)
+    return locate_choice(shooting, step, kept) or _event_at(shooting, step, kept, monitor)
+
+
+def locate_choice(
+    shooting: Shooting, step: Step[Point], position: float
+) -> tuple[float, BranchEvent] | None:
+    """Locate where an event of an orbit begins to lead to another mode, if it does so near by.
+
+    Raises
+    ------
+    OrbitError
+        If a point near by cannot be corrected.
+    """
+    sides = [step.at(position + s).point for s in (-ASTRIDE, ASTRIDE)]
+    for i, segment in enumerate(shooting.segments):
+        events = [side.events[i] for side in sides]
+        led = {int(event.mode) for event in events if event is not None}
+        guard = segment.guard(shooting.m)
+        if len(led) < 2 or guard == NONE:
+            continue
+        kind = kind_of(shooting.automaton.guards[guard])
+        for mode in sorted(led):
+            before, after = (choice_margins(shooting, side, i, mode) for side in sides)
+            # The margin of the guard that has fired is zero on both sides, but for rounding.
+            sure = np.minimum(np.abs(before), np.abs(after)) > AT_ZERO
+            turned = np.flatnonzero(sure & (before * after < 0.0))
+            if turned.size:
+                monitor = Monitor(kind, "choice", i, int(turned[0]), mode)
+                return _turn(shooting, step, position, monitor)
+    return None
+
+
+def _turn(
+    shooting: Shooting, step: Step[Point], position: float, monitor: Monitor
+) -> tuple[float, BranchEvent]:
+    def margin(point: Point) -> float:
+        return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
+
+    place = step.zero(margin, position + ASTRIDE, position - ASTRIDE)
+    return _event_at(shooting, step, place, monitor)
+
+
+def _event_at(
+    shooting: Shooting, step: Step[Point], position: float, monitor: Monitor
+) -> tuple[float, BranchEvent]:
+    here = step.at(position).point
+    orbit, direction = make_orbit(shooting, here), tangent(here, step.along)
+    label, value = LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
+    return position, BranchEvent(monitor.kind, label, value, orbit, direction, monitor)
 
 
 def special_at(
@@ -114,14 +186,15 @@ def special_at(
     orbit = make_orbit(shooting, here)
     if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
         return None
-    # The branch of a doubled orbit turns round where that of half the period crosses it.
-    at_one = np.abs(orbit.multipliers - 1.0).min() < NEAR
-    if monitor.kind == BRANCH_POINT and (halves(orbit) or not at_one):
+    if monitor.kind == BRANCH_POINT and np.abs(orbit.multipliers - 1.0).min() > NEAR:
         return None
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
     if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
         return None
-    kind = PERIOD_DOUBLING if monitor.kind == FOLD and halves(orbit) else monitor.kind
+    kind = monitor.kind
+    # The branch of a doubled orbit turns round where that of half the period crosses it.
+    if kind in (FOLD, BRANCH_POINT) and halves(orbit):
+        kind, monitor = PERIOD_DOUBLING, Monitor(FOLD)
     label, value = LABELS.get(kind, kind), float(here.values[0])
     return BranchEvent(kind, label, value, orbit, direction, monitor)
 

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from mems_impact.continuation.branching import regularity
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.newton import Linearised
-from mems_impact.orbits.orbit import reduced
 from mems_impact.orbits.shooting import Point, Shooting
 
-GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT = (
+GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT, UNEXPLAINED = (
     "grazing",
     "fold",
     "period-doubling",
     "Neimark-Sacker",
     "branch point",
+    "unexplained",
 )
 NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
 AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
-AT_ONE = 1e-5  # distance on a branch below which a fold and a crossing are one point
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
 LABELS = {
     GRAZING: "G",
@@ -31,18 +29,8 @@ LABELS = {
     PERIOD_DOUBLING: "PD",
     NEIMARK_SACKER: "NS",
     BRANCH_POINT: "BP",
+    UNEXPLAINED: "?",
 }
-
-
-class Happens(Protocol):
-    """A special point, of orbits or of equilibria."""
-
-    @property
-    def kind(self) -> str:
-        """What happens there."""
-
-
-E = TypeVar("E", bound=Happens)
 
 
 @dataclass(frozen=True)
@@ -56,9 +44,10 @@ class Monitor:
         "grazing" (of a guard with impacts), or the name of another guard whose margin is touched.
     role : str
         For a guard: "approach" (its smallest margin along the orbit, or in a segment), "rate" (the
-        speed at which the guard that ends a segment is reached) or "length" (of a segment, zero
-        where two events meet).
-    segment, guard : int
+        speed at which the guard that ends a segment is reached), "length" (of a segment, zero
+        where two events meet) or "choice" (the margin after the event that ends a segment, in a
+        mode to which that may lead).
+    segment, guard, mode : int
         -1 where it is none or any.
     """
 
@@ -66,6 +55,7 @@ class Monitor:
     role: str = ""
     segment: int = -1
     guard: int = -1
+    mode: int = -1
 
 
 @dataclass(frozen=True)
@@ -93,10 +83,11 @@ def closest(shooting: Shooting, point: Point, guard: int, within: int = -1) -> C
 
     In the segment `within` alone, unless that is -1.
 
-    A gap does not jump, so that its closest approaches inside the segments are all. Another margin
-    may, and then its values at the ends of the segments count too, but for the one that ends a
-    segment and the one that starts at zero and does not fall. Where static friction is no larger
-    than dynamic, such a margin, the speed, starts with a rate that is zero but for rounding.
+    A gap does not jump, so that its closest approaches are those inside the segments, and where an
+    event turns its rate. Another margin may jump, and then its values at the ends of the segments
+    count too, but for the one that ends a segment and the one that starts at zero and does not
+    fall. Where static friction is no larger than dynamic, such a margin, the speed, starts with a
+    rate that is zero but for rounding.
     """
     m = shooting.m
     impact = shooting.automaton.guards[guard].impact
@@ -111,9 +102,13 @@ def closest(shooting: Shooting, point: Point, guard: int, within: int = -1) -> C
         time = float(arc.minima_time[guard])
         if np.isfinite(arc.minima[guard]) and not (own_start and time - start < VANISHING):
             found.append(Closest(float(arc.minima[guard]), i, time, True))
-        if impact:
-            continue
         own = segment.guard(m)
+        if impact:
+            following = point.arcs[(i + 1) % len(shooting.segments)]
+            turns = arc.rates[1, guard] < 0.0 < following.rates[0, guard]
+            if turns and own != guard and point.events[i] is not None:
+                found.append(Closest(float(arc.margins[1, guard]), i, end, False))
+            continue
         if own != guard:
             found.append(Closest(float(arc.margins[1, guard]), i, end, False))
         elif end - start < VANISHING:
@@ -125,12 +120,7 @@ def closest(shooting: Shooting, point: Point, guard: int, within: int = -1) -> C
 
 def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monitor, float]:
     """Return all test functions at `point`; positive margins and falling rates are admissible."""
-    values: dict[Monitor, float] = {}
-    matrix = reduced(shooting, point)
-    identity = np.eye(len(matrix))
-    values[Monitor(FOLD)] = float(direction[-1])
-    values[Monitor(PERIOD_DOUBLING)] = float(np.linalg.det(matrix + identity))
-    values[Monitor(NEIMARK_SACKER)] = _products(np.linalg.eigvals(matrix))
+    values = {Monitor(FOLD): float(direction[-1])}
     if direction.size == point.unknowns.size + 1:  # on a branch, not on a curve
         values[Monitor(BRANCH_POINT)] = regularity(point, direction)
     automaton, m = shooting.automaton, shooting.m
@@ -148,39 +138,14 @@ def monitors(shooting: Shooting, point: Point, direction: Floats) -> dict[Monito
     return values
 
 
-def regularity(point: Linearised, direction: Floats) -> float:
-    """Return how far the equations, with the tangent below them, are from a branch point.
-
-    The smallest singular value with the sign of the determinant: zero where another branch crosses,
-    and not where this one turns round.
-    """
-    matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
-    sizes = np.linalg.svd(matrix, compute_uv=False)
-    return float(np.linalg.slogdet(matrix)[0] * sizes[-1])
-
-
-def without_folds_at_crossings(found: list[tuple[float, E]]) -> list[tuple[float, E]]:
-    """Leave out folds at branch points, where the branch that crosses turns round.
-
-    Each with its place in a step.
-    """
-    crossings = [place for place, special in found if special.kind == BRANCH_POINT]
-    return [
-        (place, special)
-        for place, special in found
-        if special.kind != FOLD or all(abs(place - other) > AT_ONE for other in crossings)
-    ]
+def choice_margins(shooting: Shooting, point: Point, i: int, mode: int) -> Floats:
+    """Return the margins in `mode` after the event that ends segment `i`, shape (m,)."""
+    event = point.events[i]
+    assert event is not None
+    variational = shooting.variational(point.setting)
+    return variational.margins(mode, float(point.ends[i]), np.array(event.after))[0]
 
 
 def kind_of(guard: Guard) -> str:
     """Return what it is called when the margin of `guard` is touched."""
     return GRAZING if guard.impact else guard.name
-
-
-def _products(multipliers: Any) -> float:
-    """Return the product of l_i l_j - 1 over all pairs; zero on the unit circle."""
-    product = 1.0 + 0.0j
-    for i in range(len(multipliers)):
-        for j in range(i):
-            product *= multipliers[i] * multipliers[j] - 1.0
-    return float(product.real)

@@ -1,22 +1,29 @@
-"""Where a guard is touched at zero speed, orbits of two signatures meet: from one to the other."""
+"""Where the sequence of events changes, branches of two signatures meet: from one to the other.
+
+At a grazing, and where an event moves past another one, the other signature follows from the orbit
+(`reconnect`). Elsewhere a run from a little beyond shows it (`neighbour`).
+"""
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from mems_impact.continuation.conditions import Condition, condition_of
 from mems_impact.continuation.corrector import tangent
+from mems_impact.continuation.ending import LOSSES
 from mems_impact.continuation.first_impact import weak_contact
-from mems_impact.continuation.locating import IN_NO_TIME
+from mems_impact.continuation.locating import IN_NO_TIME, BranchEvent
 from mems_impact.continuation.monitors import Closest, Monitor, closest
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.record import NONE
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.orbits.newton import newton
-from mems_impact.orbits.orbit import PeriodicOrbit
+from mems_impact.orbits.newton import newton, solve
+from mems_impact.orbits.orbit import PeriodicOrbit, defects
 from mems_impact.orbits.shooting import Point, Shooting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment, guess_from
 
@@ -26,6 +33,12 @@ DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 # Time after two events have met at which the other order is entered. The branch has a corner where
 # they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
 APART = 1e-5
+DISTANCES = (1e-4, 1e-5, 1e-3, 1e-6)  # on the branch beyond a loss, from where a run starts
+LEAST = 0.01  # part of that distance by which the parameter moves at least, as in a fold
+SEQUENCES = 4  # that are tried at each distance, each read off a run along the one before
+NEARER = 0.1  # part of the distance at which the other branch must have come closer ...
+CLOSER = 0.5  # ... to the orbit where the two meet, by this factor
+JUMP = "no orbit was found near this one beyond: there the motion jumps, or impacts accumulate"
 
 
 def reconnect(
@@ -54,7 +67,7 @@ def reconnect(
         If there is no such branch, or none that is found: says why.
     """
     guess, wanted, level = _other(orbit, monitor)
-    shooting = orbit.equations((parameter,), guess.segments, pinned=())
+    shooting = orbit.equations((parameter,), guess.segments, pinned={})
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
@@ -84,11 +97,22 @@ def _other(orbit: PeriodicOrbit, monitor: Monitor) -> tuple[Guess, Monitor, floa
     touch = closest(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
         raise OrbitError(
-            "the margin is touched at another event or a switch of the drive, not in between",
+            "the margin is touched at another event or at a switch, not in between",
             "find an orbit beyond and follow that",
         )
     guess = with_event(orbit, monitor.guard, touch)
     return guess, Monitor(monitor.kind, "rate", touch.segment, monitor.guard), SPEED
+
+
+def changed_guard(one: Shooting, other: Shooting) -> int:
+    """Return the guard that fires more often in one of two sequences; NONE if they differ in order.
+
+    Of several the one with impacts, or the first.
+    """
+    fired = [Counter(s.guard(one.m) for s in each.segments) for each in (one, other)]
+    changed = {j for each in fired for j in each if fired[0][j] != fired[1][j]} - {NONE}
+    guards = one.automaton.guards
+    return min(changed, key=lambda j: (not guards[j].impact, j), default=NONE)
 
 
 def move_event(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int] | None:
@@ -153,7 +177,7 @@ def swap_events(orbit: PeriodicOrbit, i: int) -> tuple[Guess, int]:
     if i == 0 or one.cycle != other.cycle or BOUNDARY in (one.code, other.code):
         raise OrbitError(
             "two events meet at the start of a period, which cannot pass each other there",
-            "give the drive a phase",
+            "begin the period elsewhere: give the forcing a phase",
         )
     if one.code == other.code == switch:
         raise matters
@@ -219,7 +243,7 @@ def with_event(orbit: PeriodicOrbit, guard: int, touch: Closest) -> Guess:
     if not followed or followed[0].code != guard or elsewhere:
         raise OrbitError(
             f"after a weak contact the mode is not {shooting.automaton.modes[segment.mode]} again "
-            "before the period ends or the drive switches",
+            "before the period ends or the forcing switches",
             "find an orbit beyond",
         )
     inserted = tuple(Segment(s.mode, segment.cycle, s.code) for s in followed)
@@ -259,6 +283,112 @@ def without_event(orbit: PeriodicOrbit, monitor: Monitor) -> Guess:
     keep = [*range(i + 1), *range(following + 1, len(segments))]
     times = np.concatenate([point.ends[:i], point.ends[following:]])
     return Guess(segments[:i] + segments[following:], states[keep], times)
+
+
+def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, Point, Floats]:
+    """Return the branch that meets another one at `lost`, by a run from a little beyond.
+
+    The run gives the sequence of events there. The orbit that has it lies on the same side, or, if
+    two branches end in `lost`, on the side from which this one came.
+
+    Parameters
+    ----------
+    lost : BranchEvent
+        Where the sequence of a branch is no longer the automaton's.
+    parameter : str
+
+    Returns
+    -------
+    shooting, point, direction
+        An orbit close to `lost`, and the direction away from it.
+
+    Raises
+    ------
+    OrbitError
+        If no such branch is found.
+    """
+    # Where a segment vanishes, a branch of segments without length crosses, and its tangent is as
+    # good as its opposite.
+    for distance in (side * each for side in (1.0, -1.0) for each in DISTANCES):
+        for shooting, point in _admissible_near(lost, parameter, distance):
+            if not _joins(lost, shooting, point):
+                continue
+            direction = tangent(point)
+            free = shooting.free
+            moved = _first_state(shooting, point)[free] - lost.orbit.state[free]
+            onward = moved @ direction[: len(free)] + _gain(lost, point) * direction[-1]
+            return shooting, point, direction if onward >= 0.0 else -direction
+    raise OrbitError(JUMP, "find an orbit beyond")
+
+
+def _admissible_near(
+    lost: BranchEvent, parameter: str, distance: float
+) -> Iterator[tuple[Shooting, Point]]:
+    """Yield orbits of the automaton whose sequences runs from the virtual orbit beyond have."""
+    orbit, along = lost.orbit, lost.direction
+    moved = distance * along[-1]
+    step = float(np.copysign(max(abs(moved), LEAST * abs(distance)), moved))
+    unknowns = orbit.point.unknowns + distance * along[:-1]
+    start, known = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
+    for _ in range(SEQUENCES):
+        try:
+            guess = _sequence(orbit, parameter, lost.value + step, start, unknowns)
+            if guess.segments in known:
+                return
+            known.append(guess.segments)
+            shooting = orbit.equations((parameter,), guess.segments, pinned={})
+            unknowns = shooting.pack(guess)
+            shooting.pin(shooting.evaluate(unknowns, np.array([lost.value + step])))
+        except LOSSES:
+            return
+        for value in (lost.value + step, lost.value - step):
+            try:
+                point = solve(shooting, unknowns, np.array([value]))
+            except LOSSES:
+                continue
+            if not defects(shooting, point):
+                yield shooting, point
+            if value == lost.value + step:
+                start, unknowns = _first_state(shooting, point), point.unknowns
+
+
+def _sequence(
+    orbit: PeriodicOrbit, parameter: str, value: float, start: Floats, unknowns: Floats
+) -> Guess:
+    """Return what a run from `start` goes through, as long as the orbit is."""
+    problem = orbit.family.at(**{parameter: value}).problem()
+    if orbit.shooting.phase is not None:
+        problem = problem.counted_in(orbit.shooting.unit * float(unknowns[-1]))
+    begin = Instant(0, 0.0, orbit.segments[0].mode, start)
+    return guess_from(run(problem, begin, orbit.periods), orbit.periods, problem.switches)
+
+
+def _first_state(shooting: Shooting, point: Point) -> Floats:
+    return np.asarray(shooting.unpack(point.unknowns)[0][0])
+
+
+def _gain(lost: BranchEvent, point: Point) -> float:
+    return float(point.values[0]) - lost.value
+
+
+def _joins(lost: BranchEvent, shooting: Shooting, point: Point) -> bool:
+    """Return whether orbits of this sequence come closer to `lost` as the parameter does."""
+    free = shooting.free
+
+    def apart(there: Point) -> float:
+        gap = _first_state(shooting, there)[free] - lost.orbit.state[free]
+        return float(np.abs(gap).max(initial=0.0))
+
+    # Along the tangent, lest a short segment vanish on the way.
+    along, back = tangent(point), (NEARER - 1.0) * _gain(lost, point)
+    if along[-1] == 0.0:
+        return False
+    guess = point.unknowns + back / along[-1] * along[:-1]
+    try:
+        near = solve(shooting, guess, point.values + back)
+    except LOSSES:
+        return False
+    return not defects(shooting, near) and apart(near) <= CLOSER * apart(point) + DEPTH * NEARER
 
 
 def _at_level(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import islice
 
 from mems_impact.errors.base import MemsImpactError
@@ -71,11 +71,30 @@ class RunError(MemsImpactError, RuntimeError):
         self.mode = mode
         self.state = dict(state)
         self.trajectory = trajectory
-        where = [f"cycle {cycle}", f"phase time {phase_time:.9g}", f"mode {mode}"]
+        self._units: Mapping[str, str] | None = None
+        super().__init__(self._message())
+
+    def convert(self, out: Callable[[str, float], float], units: Mapping[str, str]) -> None:
+        """Tell all in the units of the user; once, whoever asks again.
+
+        `out` converts what stands under a heading, `units` has its unit.
+        """
+        if self._units is None:
+            self.phase_time = float(out("time", self.phase_time))
+            self.state = {name: float(out(name, value)) for name, value in self.state.items()}
+            self._units = units
+            self.args = (self._message(),)
+
+    def _message(self) -> str:
+        def amount(name: str, value: float) -> str:
+            return f"{value:.9g} {(self._units or {}).get(name, '')}".rstrip()
+
+        where = [f"cycle {self.cycle}", f"phase time {amount('time', self.phase_time)}"]
+        where += [f"mode {self.mode}"]
         first = islice(self.state.items(), _MOST_STATES)
-        where += [f"{name} = {number:.9g}" for name, number in first]
+        where += [f"{name} = {amount(name, number)}" for name, number in first]
         where += ["…"] if len(self.state) > _MOST_STATES else []
-        super().__init__(f"{reason} ({', '.join(where)}); {remedy}")
+        return f"{self.reason} ({', '.join(where)}); {self.remedy}"
 
 
 class EngineUnavailable(MemsImpactError, ImportError):

@@ -8,11 +8,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from mems_impact.warnings import ScaleWarning, StiffnessWarning, UnitsWarning, ValidityWarning
+from mems_impact.warnings import (
+    ScaleWarning,
+    StartWarning,
+    StiffnessWarning,
+    UnitsWarning,
+    ValidityWarning,
+)
 
 __all__ = ["gathered", "heard"]
 
-TOLD = (ScaleWarning, StiffnessWarning, UnitsWarning, ValidityWarning)
+TOLD = (ScaleWarning, StartWarning, StiffnessWarning, UnitsWarning, ValidityWarning)
 _here = threading.local()
 
 

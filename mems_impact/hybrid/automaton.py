@@ -156,6 +156,10 @@ class Automaton:
     cyclic : tuple of int
         Components that never enter flow, margins or transitions except by differences. They are
         integrated from zero in every arc and accumulated apart, so that they keep their digits.
+    constrained : tuple of int, optional
+        Modes whose states lie on a manifold, as where bodies are held together or a state slides
+        along a surface. In these ``transition`` with the code ``2 m + 1`` puts a state onto it, by
+        a projection: the flow stays on it, and what it does beside it means nothing.
     bounds : bool, optional
         Whether its functions, compiled, are kept from reading and writing beyond their arrays: a
         call that does fails with a `FunctionError`. It costs up to 3 %.
@@ -180,6 +184,7 @@ class Automaton:
     jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
     step: float = 1e-3
+    constrained: tuple[int, ...] = ()
     bounds: bool = field(default=True, compare=False)
     recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
         default=None, compare=False, repr=False
@@ -205,6 +210,11 @@ class Automaton:
     def switch_code(self) -> int:
         """The code of `transition` for "the drive has just switched"."""
         return 2 * len(self.guards)
+
+    @property
+    def projection_code(self) -> int:
+        """The code of `transition` for "put the state onto what the mode holds"."""
+        return 2 * len(self.guards) + 1
 
     @cached_property
     def rows(self) -> tuple[tuple[int, list[float]], ...]:

@@ -58,6 +58,7 @@ WORK = np.dtype(
         ("measured", np.int64),  # returns in the totals of a motion that wanders
         ("since", np.float64),  # when the mode began
         ("last", np.float64),  # when the last return was
+        ("opened", np.int64),  # return at which the present window of distances began
         ("still", np.int64),  # 1 where nothing moves at the last return
         ("failed", np.int64),  # 1 where a function of an observable has failed
     ]
@@ -70,10 +71,11 @@ DURATION, ENDINGS, COUNTS = 0, 1, 2
 NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
 # Rows of the memory: what is gathered since the last return, and of a motion that wanders; the
 # largest size of each component; states and observables at an event; observables at the last
-# return; how often in a row each difference was small; means and squares of gains. Then the last
+# return; how often in a row each difference was small; means and squares of gains; the largest
+# differences of the present window of returns and of the last three. Then the last
 # returns (when, mode, state, differences), twice as many as a motion may take to repeat itself;
 # and what was gathered up to each of the last so many.
-NOW, ALL, SIZES, STATES, VALUES, GAINED, HELD, MEANS, SQUARES, RING = range(10)
+NOW, ALL, SIZES, STATES, VALUES, GAINED, HELD, MEANS, SQUARES, LARGEST, RING = *range(10), 13
 WHEN, WHICH, WHERE = 0, 1, 2
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact.errors import RunError
 from mems_impact.hybrid import loop
@@ -23,6 +24,7 @@ from mems_impact.hybrid.passage import SCRATCH
 from mems_impact.hybrid.perturbed import (
     Perturbed,
     Setup,
+    constrain,
     flow_at,
     orthonormalize,
 )
@@ -30,11 +32,10 @@ from mems_impact.hybrid.problem import Problem, bind
 from mems_impact.hybrid.run import run
 from mems_impact.hybrid.stretching import STRETCHING, stretch
 from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.hybrid.variational import free_components
+from mems_impact.hybrid.variational import constraints, free_components
 
 CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
 FEWEST = 16  # chunks of which a standard error is told
-BLOCKS = 4  # into which they are joined at most
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -141,12 +142,13 @@ class Stretching:
             atol=options.atol,
             cyclic=np.array([int(i in automaton.cyclic) for i in range(n)]),
             records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
+            constrained=constraints(automaton),
             switches=np.array(problem.switches, dtype=float),
             minima=np.zeros((1, 3, 2 * m)),
             touches=np.zeros((1, m, size)),
             margin=np.zeros((1, 2 * m, n + 2)),
             jump=np.zeros((1, n, n + 2)),
-            work=np.zeros((SCRATCH + 3, max(size, 2 * m, p.size))),
+            work=np.zeros((SCRATCH + 3, max(size, 2 * m + n, p.size))),
         )
         y = np.zeros(size)
         free = list(free_components(automaton))
@@ -158,9 +160,10 @@ class Stretching:
             shifts=np.zeros(count),
             growth=np.zeros(count),
             alive=np.ones(count, dtype=np.int64),
+            changed=np.zeros(n, dtype=np.int64),
             length=np.array([scale]),
         )
-        self._begin()
+        self._begin(np.zeros(n, dtype=bool))
 
     @property
     def result(self) -> Exponents:
@@ -168,10 +171,10 @@ class Stretching:
         grown = np.array(self.grown).reshape(-1, self._setup.k)
         lengths, periods = np.array(self.lengths), sum(self.lengths)
         known = grown.sum(axis=0) / periods if periods else np.full(self._setup.k, math.nan)
-        dead = self._at.alive == 0
+        dead, errors = self._at.alive == 0, standard_errors(grown, lengths)
         return Exponents(
             np.where(dead, -math.inf, known),
-            np.where(dead, 0.0, standard_errors(grown, lengths)),
+            np.where(dead, 0.0, np.hypot(errors, self.problem.options.rtol)),
             periods,
         )
 
@@ -225,8 +228,15 @@ class Stretching:
         )
 
     def turn(self, progress: Callable[[float], None] | None = None) -> None:
-        """Run one chunk that does not count: the columns turn to where they grow most."""
+        """Run one chunk that does not count: the columns turn to where they grow most.
+
+        Another one if events have changed what was taken to be fixed.
+        """
         self.go_on(1, progress)
+        loose = self._at.changed == 1
+        if (self._fixed & loose).any():
+            self._begin(loose)
+            self.go_on(1, progress)
         self.grown.clear()
         self.lengths.clear()
 
@@ -262,13 +272,20 @@ class Stretching:
         self._bound.call(flow_at, int(at.place[1]), float(at.t[0]), at.y, dy)
         return dy.reshape(-1, self._setup.n)
 
-    def _begin(self) -> None:
-        """Put the columns somewhere in general, but for what the mode of the start holds fixed."""
+    def _begin(self, loose: NDArray[np.bool_]) -> None:
+        """Put the columns somewhere in general, but for what the mode of the start holds fixed.
+
+        What no flow changes may be held by a constraint, as the velocity of a stuck frame is, or be
+        `loose`: changed by events, as that of a body without forces between its impacts.
+        """
         at, n, k = self._at, self._setup.n, self._setup.k
         columns = at.y[n:].reshape(k, n)
+        at.alive[:] = 1
         for c in range(k):
             columns[c] = np.cos(math.sqrt(2.0) * (1.0 + c) * np.arange(1, n + 1) + c)
-        columns[:, (self._slopes() == 0.0).all(axis=0)] = 0.0
+        self._fixed = (self._slopes() == 0.0).all(axis=0) & ~loose
+        columns[:, self._fixed] = 0.0
+        self._bound.call(constrain, at, self._setup)
         orthonormalize(1e-6, at, self._setup)
 
 
@@ -319,7 +336,14 @@ def standard_errors(grown: Floats, lengths: Floats) -> Floats:
     """Return the standard errors of the rates at which columns grow.
 
     Successive chunks depend on each other, so they are joined to longer and longer blocks, and the
-    largest estimate counts (Flyvbjerg and Petersen 1989).
+    largest estimate counts (Flyvbjerg and Petersen 1989). Down to two, the halves of the run: what
+    the rate still changes between them shows too, as where it settles with log(t)/t.
+
+    Beside it counts that columns are not yet where they grow most, and that the run ends somewhere
+    on its way round: a factor of order one, and so 1/T of the rate over a time T. Rates that two
+    halves have in common to within d are past that. With columns that approach each other at a rate
+    g, a first half is off by some g exp(-g T), and one off by a differs from the other by
+    a g T > a^2 T, so that a is below sqrt(d/T).
 
     Parameters
     ----------
@@ -330,10 +354,14 @@ def standard_errors(grown: Floats, lengths: Floats) -> Floats:
     errors = np.full(grown.shape[1], math.nan)
     if len(grown) < FEWEST:
         return errors
-    while len(grown) >= BLOCKS:
+    periods = lengths.sum()
+    while True:
         rates = grown / lengths[:, None]
         errors = np.fmax(errors, rates.std(axis=0, ddof=1) / math.sqrt(len(rates)))
+        if len(grown) < 4:
+            break
         even = len(grown) // 2 * 2
         grown = grown[0:even:2] + grown[1:even:2]
         lengths = lengths[0:even:2] + lengths[1:even:2]
-    return errors
+    apart = np.abs(rates[-1] - rates[0])
+    return np.hypot(errors, np.minimum(1.0 / periods, np.sqrt(apart / periods)))

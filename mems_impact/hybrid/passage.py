@@ -14,6 +14,9 @@ from mems_impact.hybrid.columns import weight_of
 FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
 NO_EVENT = -1  # as the code of what ends a segment
 SCRATCH = 8  # rows of `work`
+# Sixth differences of a smooth function are below this part of what it changes by. Where they are
+# not, steps are taken finer by this factor, up to so many times.
+ROUGH, FINER, REFINED = 1e-3, 0.125, 3
 
 
 class Passage(NamedTuple):
@@ -26,6 +29,8 @@ class Passage(NamedTuple):
         may take.
     width : float
         Step of the differences.
+    constrained : int array, shape (modes,)
+        1 for a mode whose states lie on a manifold.
     segments : int array, shape (N, 3)
         Mode and code of what ends the segment (or NO_EVENT); gets the mode that this leads to.
     times : float array, shape (N, 4)
@@ -49,7 +54,7 @@ class Passage(NamedTuple):
         value, then by each component of the state, by time, by each direction.
     after : float array, shape (N, n)
         Gets the state after the event.
-    work : float array, shape (SCRATCH, ...)
+    work : float array, shape (SCRATCH, 2 m + n or more)
     """
 
     n: int
@@ -58,6 +63,7 @@ class Passage(NamedTuple):
     directions: int
     max_steps: int
     width: float
+    constrained: Any
     segments: Any
     times: Any
     motions: Any
@@ -99,6 +105,8 @@ def traverse(engine: Any, block: Any, way: Any) -> int:
         y, motions = way.states[i], way.motions[i]
         for j in range(2 * directions):
             contract.set_parameter(engine, block.size + j, motions[j])
+        if way.constrained[mode] == 1:
+            project(engine, mode, start, y, way, i)
         contract.margins(engine, mode, start, y, way.margins[i, 0])
         contract.flow(engine, mode, start, y, slope)
         for c in range(n):
@@ -106,7 +114,7 @@ def traverse(engine: Any, block: Any, way: Any) -> int:
         for j in range(directions):
             moved = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
-                y[n * (1 + free + j) + c] = slope[c] * moved
+                y[n * (1 + free + j) + c] += slope[c] * moved
         if not integrate(engine, mode, y, start, end, way, i):
             return i
         # From the left, where a drive that switches at the end has not done so yet.
@@ -124,6 +132,26 @@ def traverse(engine: Any, block: Any, way: Any) -> int:
                 way.after[i, c] = y[c]
             way.segments[i, 2] = contract.transition(engine, mode, code, end, way.after[i])
     return -1
+
+
+def project(engine: Any, mode: int, t: float, y: Any, into: Any, place: int) -> None:
+    """Put a state onto what its mode holds, and its columns into the tangent space.
+
+    Those of parameters, with which the manifold moves, come last. The row `place` of margin and
+    jump of `into` is scratch.
+    """
+    n, directions = into.n, into.directions
+    first = y.size // n - directions
+    differentiate_event(engine, mode, 2 * into.m + 1, t, y, math.inf, into, place)
+    jump, moved = into.jump[place], into.work[5]
+    for c in range(1, y.size // n):
+        for i in range(n):
+            moved[i] = jump[i, n + 2 + c - first] if c >= first else 0.0
+            for j in range(n):
+                moved[i] += jump[i, 1 + j] * y[n * c + j]
+        for i in range(n):
+            y[n * c + i] = moved[i]
+    contract.transition(engine, mode, 2 * into.m + 1, t, y)
 
 
 def integrate(
@@ -217,30 +245,75 @@ def differentiate_event(
     shifted, g, p = work[0], work[6], work[7]
     for i in range(count):
         p[i] = contract.parameter(engine, i)
-    for c in range(1 + n + 1 + directions):
-        for i in range(2 * m):
-            margin[i, c] = 0.0
-        for i in range(n):
-            jump[i, c] = 0.0
+    for i in range(n):
+        shifted[i] = y[i]
+    contract.margins(engine, mode, t, shifted, g)
+    contract.transition(engine, mode, code, t, shifted)
+    for i in range(2 * m):
+        margin[i, 0] = g[i]
+    for i in range(n):
+        jump[i, 0] = shifted[i]
+    for c in range(1, 2 + n + directions):
         step = min(width, 0.3 * room) if c == n + 1 else width
-        for s in range(-3, 4):
-            if (c == 0) == (s == 0):
-                h = s * step
-                weight = weight_of(s) / step if s != 0 else 1.0
-                time = t
-                for i in range(n):
-                    shifted[i] = y[i]
-                if 1 <= c <= n:
-                    shifted[c - 1] += h
-                elif c == n + 1:
-                    time += h
-                elif c > n + 1:
-                    move_parameters(engine, p, count, c - n - 2, h)
-                contract.margins(engine, mode, time, shifted, g)
-                contract.transition(engine, mode, code, time, shifted)
-                if c > n + 1:
-                    move_parameters(engine, p, count, c - n - 2, 0.0)
-                for i in range(2 * m):
-                    margin[i, c] += weight * g[i]
-                for i in range(n):
-                    jump[i, c] += weight * shifted[i]
+        smooth = difference(engine, mode, code, t, y, c, step, into, place)
+        # A function that jumps, or has a kink, beside (t, y), as an angle that is kept within one
+        # turn: nearer to it nothing is seen of that, unless it is right there.
+        for k in range(1, 1 + REFINED):
+            if not smooth:
+                near = step * FINER**k
+                smooth = difference(engine, mode, code, t, y, c, near, into, place)
+                if k == REFINED and not smooth:
+                    difference(engine, mode, code, t, y, c, step, into, place)
+
+
+def difference(
+    engine: Any, mode: int, code: int, t: float, y: Any, c: int, step: float, into: Any, place: int
+) -> bool:
+    """Write the differences along one direction into column `c` (see `differentiate_event`).
+
+    Returns whether they are those of smooth functions, whose sixth differences are far below what
+    they change by.
+    """
+    n, m, count, work = into.n, into.m, into.parameters, into.work
+    margin, jump = into.margin[place], into.jump[place]
+    shifted, sixth, change, g, p = work[0], work[1], work[2], work[6], work[7]
+    for i in range(2 * m):
+        margin[i, c] = 0.0
+    for i in range(n):
+        jump[i, c] = 0.0
+    for i in range(2 * m + n):
+        value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
+        sixth[i] = -20.0 * value
+        change[i] = 0.0
+    for s in range(-3, 4):
+        if s != 0:
+            h = s * step
+            weight = weight_of(s) / step
+            bend = 15.0 if abs(s) == 1 else (-6.0 if abs(s) == 2 else 1.0)
+            time = t
+            for i in range(n):
+                shifted[i] = y[i]
+            if c <= n:
+                shifted[c - 1] += h
+            elif c == n + 1:
+                time += h
+            else:
+                move_parameters(engine, p, count, c - n - 2, h)
+            contract.margins(engine, mode, time, shifted, g)
+            contract.transition(engine, mode, code, time, shifted)
+            if c > n + 1:
+                move_parameters(engine, p, count, c - n - 2, 0.0)
+            for i in range(2 * m):
+                margin[i, c] += weight * g[i]
+                sixth[i] += bend * g[i]
+                change[i] = max(change[i], abs(g[i] - margin[i, 0]))
+            for i in range(n):
+                jump[i, c] += weight * shifted[i]
+                sixth[2 * m + i] += bend * shifted[i]
+                change[2 * m + i] = max(change[2 * m + i], abs(shifted[i] - jump[i, 0]))
+    smooth = True
+    for i in range(2 * m + n):
+        value = margin[i, 0] if i < 2 * m else jump[i - 2 * m, 0]
+        if abs(sixth[i]) > ROUGH * change[i] + 1e-11 * (1.0 + abs(value)):
+            smooth = False
+    return smooth

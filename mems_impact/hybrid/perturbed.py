@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from mems_impact.engines import contract
 from mems_impact.hybrid.guards import TOLERANCES
-from mems_impact.hybrid.passage import differentiate_event, integrate
+from mems_impact.hybrid.passage import differentiate_event, integrate, project
 from mems_impact.hybrid.record import (
     ACCUMULATION,
     APPROACH,
@@ -34,6 +34,8 @@ NEAREST = 1e-9  # room that is left to differences in time beside a switch of th
 SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbations know no bounds
 # A column of which an event leaves less than this part has nothing left: differences are no better.
 NOTHING = 1e-11
+# An event acts on a component that it changes by more, or its rate, or what of a column it keeps.
+ACTS = 1e-9
 # Columns that shrink, or turn into each other, by more than this between two orthonormalizations
 # lose digits: then these come twice as often, until they are no longer needed.
 WORN = 1e-3
@@ -57,6 +59,8 @@ class Perturbed(NamedTuple):
         Logarithms of what each column has grown by.
     alive : int array, shape (k,)
         0 for a column that an event has left nothing of.
+    changed : int array, shape (n,)
+        1 for a component that an event has acted on.
     length : float array, shape (1,)
         Time after which columns are made orthonormal again at the latest, up to the time scale.
     """
@@ -67,6 +71,7 @@ class Perturbed(NamedTuple):
     shifts: Any
     growth: Any
     alive: Any
+    changed: Any
     length: Any
 
 
@@ -84,6 +89,8 @@ class Setup(NamedTuple):
         1 for a component that is cyclic.
     records : int array, shape (m,)
         1 for a guard that only records.
+    constrained : int array, shape (modes,)
+        1 for a mode whose states lie on a manifold.
     switches : float array, shape (s,)
     minima, touches, margin, jump, work
         As of a `Passage` of one segment.
@@ -102,6 +109,7 @@ class Setup(NamedTuple):
     atol: float
     cyclic: Any
     records: Any
+    constrained: Any
     switches: Any
     minima: Any
     touches: Any
@@ -133,6 +141,7 @@ def carry(engine: Any, event: Any, at: Any, setup: Any) -> bool:
     at.place[1] = int(event[MODE_AFTER])
     put(event, HEAD + n, at, setup)
     if kind != REBASE:
+        constrain(engine, at, setup)
         orthonormalize(NOTHING, at, setup)
     return True
 
@@ -156,18 +165,23 @@ def stands_at(event: Any, at: Any, setup: Any) -> bool:
     return same
 
 
+def ahead_of(at: Any, cycle: int, time: float, setup: Any) -> float:
+    """Return how far an instant lies ahead of state and columns."""
+    return time + (cycle - at.place[0]) * setup.period - at.t[0]
+
+
 def go(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
     """Integrate state and columns up to an instant; return whether that went well.
 
     They are made orthonormal on the way and at the end. An instant that has come is left as it is.
     """
-    if time + (cycle - at.place[0]) * setup.period <= at.t[0]:
+    if ahead_of(at, cycle, time, setup) <= 0.0:
         return True
     while True:
         while at.t[0] >= setup.period:
             at.t[0] -= setup.period
             at.place[0] += 1
-        left = time + (cycle - at.place[0]) * setup.period - at.t[0]
+        left = ahead_of(at, cycle, time, setup)
         parts = math.ceil(left / at.length[0])
         end = at.t[0] + left / parts
         if parts <= 1:
@@ -176,16 +190,24 @@ def go(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool:
         went = end <= at.t[0] or integrate(engine, mode, at.y, at.t[0], end, setup, 0)
         if not went:
             return False
+        whole = 2.0 * (end - at.t[0]) >= at.length[0]  # of a short part nothing is learnt
         at.t[0] = end
         for j in range(setup.k):
             at.shifts[j] = 0.0
+        constrain(engine, at, setup)
         least = orthonormalize(0.0, at, setup)
         if least < WORN:
             at.length[0] *= 0.5
-        elif least > WORN**0.25 and at.length[0] < setup.scale:
+        elif whole and least > WORN**0.25 and at.length[0] < setup.scale:
             at.length[0] *= 2.0
         if parts <= 1:
             return True
+
+
+def constrain(engine: Any, at: Any, setup: Any) -> None:
+    """Take from the columns what leads off the manifold on which the mode's states lie."""
+    if setup.constrained[at.place[1]] == 1:
+        project(engine, at.place[1], at.t[0], at.y, setup, 0)
 
 
 def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
@@ -222,6 +244,11 @@ def cross(engine: Any, event: Any, at: Any, setup: Any) -> None:
     contract.flow(engine, int(event[MODE_AFTER]), t, at.y, after)
     for j in range(n):
         at.y[j] = state[j]
+    for i in range(n):
+        acts = abs(setup.jump[0, i, n + 1] + before[i] - after[i])
+        for j in range(n):
+            acts = max(acts, abs(setup.jump[0, i, 1 + j] - (1.0 if i == j else 0.0)))
+        at.changed[i] |= int(acts > ACTS)
     for c in range(k):
         if not beyond:
             at.shifts[c] = 0.0

@@ -90,6 +90,7 @@ class _Text:
             guards=tuple(guards),
             flow=self.flow(),
             settle=self.change("settle", definition.settle),
+            projection=self.change("projection", definition.projection),
             jacobian=self.jacobian(),
         )
 

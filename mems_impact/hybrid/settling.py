@@ -8,7 +8,8 @@ A *return* is the beginning of a forcing period, a crossing of the section where
 system, or, without a section, an event of one guard. A motion is periodic once n returns in a row
 are those of n returns ago to within a tolerance, and what is still to come of the way there, as
 the last two differences tell it (a geometric sequence), is below it too: a motion that creeps
-towards an orbit does not pass for one that has arrived.
+towards an orbit does not pass for one that has arrived. One of which differences fall, window by
+window of its returns, is followed until it arrives, if it does in so many times its own time.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from mems_impact.hybrid.gathering import (
     DURATION,
     GAINED,
     HELD,
+    LARGEST,
     MEANS,
     NOW,
     RING,
@@ -82,6 +84,8 @@ AT_PERIODS, AT_SECTION, AT_GUARD = range(3)
 BITE = 32  # steps that the event loop takes before what it has written is read
 SAME = 10.0  # tolerances within which returns are one and the same
 SEEN = 2  # returns in a row, at least, after the first that repeats
+WINDOW = 0.25  # length of a window, as a part of the returns before it
+FOLLOWED = 64.0  # times the time of a motion, after which none is followed that still creeps
 
 # A row of the inputs: numbers of a point, before its switching times, state and parameters.
 PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, NUMBERS = range(6)
@@ -142,9 +146,9 @@ def settle(engine: Any, s: Any, w: Any, quota: int) -> int:
             quota -= BITE
             read(engine, s, w)
             if w.outcome == UNDECIDED:
-                if status == DONE:
+                if status == DONE and not creeps(s, w):
                     w.outcome = WANDERS
-                elif status not in (PAUSED, BUFFER_FULL):
+                elif status not in (DONE, PAUSED, BUFFER_FULL):
                     w.outcome = FAILED
         if w.failed == 1:
             w.outcome = FAILED
@@ -213,6 +217,7 @@ def begin(engine: Any, s: Any, w: Any) -> None:
     w.measured = 0
     w.still = 0
     w.failed = 0
+    w.opened = 0
     w.since = s.t
     w.last = s.t
     clear(s, w, memo(w, NOW))
@@ -223,6 +228,8 @@ def begin(engine: Any, s: Any, w: Any) -> None:
         memo(w, MEANS)[i] = 0.0
         memo(w, SQUARES)[i] = 0.0
         memo(w, GAINED)[i] = 0.0
+        for k in range(4):
+            memo(w, LARGEST + k)[i] = math.inf
 
 
 def read(engine: Any, s: Any, w: Any) -> None:
@@ -306,6 +313,8 @@ def close(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) -> None:
             return
     else:
         w.still = 0
+    if w.returns >= (1.0 + WINDOW) * w.opened + 2 * w.longest * int(w.opened == 0):
+        open_window(w)
     w.repeats = repeats_after(s, w)
     if w.repeats > 0:
         w.outcome = PERIODIC
@@ -328,6 +337,7 @@ def repeats_after(s: Any, w: Any) -> int:
                         apart = max(apart, off)
         before = ring(w, k - after)[WHERE + n + after - 1] if k >= 2 * after else math.inf
         here[WHERE + n + after - 1] = apart
+        memo(w, LARGEST)[after - 1] = max(memo(w, LARGEST)[after - 1], apart)
         near = apart <= w.tolerance and k >= 2 * after
         if near and apart > w.noise:  # what is still to come is apart q / (1 - q)
             near = apart < before and apart * apart <= w.tolerance * (before - apart)
@@ -340,6 +350,46 @@ def repeats_after(s: Any, w: Any) -> int:
         if found % after == 0 and apart <= SAME * w.tolerance:
             return after
     return found
+
+
+def open_window(w: Any) -> None:
+    """Begin a window of returns; the largest differences in the last three are kept."""
+    for i in range(w.longest):
+        for k in (3, 2, 1):
+            memo(w, LARGEST + k)[i] = memo(w, LARGEST + k - 1)[i]
+        memo(w, LARGEST)[i] = 0.0
+    w.opened = w.returns
+
+
+def creeps(s: Any, w: Any) -> bool:
+    """Let a motion go on where it ends, if it comes to an orbit within a bounded time.
+
+    The rate of the approach is that of the largest differences in windows, which hold the turns of
+    a spiral too. What it arrives at is still seen by its returns alone (`repeats_after`).
+    """
+    length = w.transient + w.length
+    done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
+    # Windows are as long as a part of the returns before them: so their beginnings are known.
+    begun = w.opened / (1.0 + WINDOW)
+    apart = begun * (1.0 - (1.0 + WINDOW) ** -2)
+    arrives = math.inf
+    for after in range(1, w.longest + 1):
+        latest, third = memo(w, LARGEST + 1)[after - 1], memo(w, LARGEST + 3)[after - 1]
+        if 0.0 < latest < third < math.inf:
+            rate = math.log(third / latest) / apart
+            left = -math.expm1(-rate * after)  # of a difference, from one to the next
+            steps = math.log(latest / (w.tolerance * left)) / rate
+            arrives = min(arrives, begun + steps + 2 * after + SEEN)
+    # A tenth more: rates are rough. What wanders may have come nearer by chance, but not again and
+    # again: the next look comes no later than after as much time as before.
+    needed = done * 1.1 * max(1.0, arrives / w.returns)
+    if needed > FOLLOWED * length:
+        return False
+    more = min(needed, 2.0 * done)
+    ahead = math.ceil(more - done)
+    s.end_cycle += ahead
+    s.fresh = 1
+    return True
 
 
 def stands_still(engine: Any, s: Any, w: Any, mode: int, when: float, y: Any) -> bool:

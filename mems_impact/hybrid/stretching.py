@@ -12,8 +12,18 @@ from typing import Any
 import numpy as np
 
 from mems_impact.hybrid import loop
-from mems_impact.hybrid.perturbed import carry, go
-from mems_impact.hybrid.record import BUFFER_FULL, DONE, FAILED, PAUSED, event_at, whole_periods
+from mems_impact.hybrid.perturbed import ahead_of, carry, go, put
+from mems_impact.hybrid.record import (
+    BUFFER_FULL,
+    DONE,
+    FAILED,
+    NONE,
+    PAUSED,
+    Y,
+    event_at,
+    row,
+    whole_periods,
+)
 
 # How far `stretch` has come.
 STRETCHING = np.dtype(
@@ -25,7 +35,8 @@ STRETCHING = np.dtype(
         ("lost", np.int64),  # 1 where the columns cannot be carried on
     ]
 )
-BITE = 256  # steps that the event loop takes before what it has written is read
+BITE = 4  # steps that the event loop takes before what it has written is read
+NEAR = 0.75  # part of the time between two orthonormalizations by which the run may be ahead
 
 
 def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
@@ -73,9 +84,13 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
                 w.begun = 0
             elif status not in (PAUSED, BUFFER_FULL):
                 return status
+            elif not follow(engine, s, at, setup):
+                w.lost = 1
+                return FAILED
         if not go(engine, s.end_cycle, s.end_phase, at, setup):
             w.lost = 1
             return FAILED
+        put(row(s, Y), 0, at, setup)
         for c in range(setup.k):
             grown[w.chunk, c] = at.growth[c]
         w.chunk += 1
@@ -90,6 +105,20 @@ def begin(s: Any, length: float) -> None:
     s.end_phase -= ahead * s.period
     s.end_cycle += whole + ahead
     s.fresh = 1
+
+
+def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
+    """Carry the columns to where the run has come, if it is far enough ahead; False on failure.
+
+    The state that carries them is integrated on its own, and parts from the run as neighbouring
+    motions do. Put back too late, it would jump, and columns along the flow would no longer be.
+    """
+    far = ahead_of(at, s.cycle, s.t, setup) >= NEAR * at.length[0]
+    if s.pending != NONE or not far:
+        return True
+    went = go(engine, s.cycle, s.t, at, setup)
+    put(row(s, Y), 0, at, setup)
+    return went
 
 
 def run_on(s: Any, w: Any) -> int:

@@ -24,6 +24,7 @@ def unguarded(automaton: Automaton) -> Automaton:
     return replace(
         automaton,
         guards=never,
+        constrained=(),
         margins=_margins,
         transition=_transition,
         recipe=(unguarded, (automaton,)),

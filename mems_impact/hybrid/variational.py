@@ -118,11 +118,17 @@ class Variational:
             time_scale=problem.time_scale,
         )
         self._bound = bind(self._problem)
-        self._work = np.zeros((SCRATCH, max(self._size, 2 * self.m, p.size)))
+        self._work = np.zeros((SCRATCH, max(self._size, 2 * self.m + self.n, p.size)))
+        self._constrained = constraints(automaton)
         # A state and its columns where an arc begins.
         self._begin = np.zeros(self._size)
         for c, i in enumerate(self.free):
             self._begin[self.n * (1 + c) + i] = 1.0
+
+    @property
+    def time_scale(self) -> float:
+        """The time that bounds the steps."""
+        return self._problem.time_scale or self._problem.period
 
     def at(self, p: Floats, directions: Floats) -> Variational:
         """Return the same at other parameters and directions in their space; it shares the engine.
@@ -178,6 +184,7 @@ class Variational:
             directions=k,
             max_steps=self._problem.options.max_steps,
             width=self._problem.automaton.step,
+            constrained=self._constrained,
             segments=codes,
             times=times,
             motions=moving,
@@ -203,6 +210,7 @@ class Variational:
         columns, free = y.reshape(count, -1, n), 1 + len(self.free)
         none = codes[:, 1] == NO_EVENT
         way.after[none] = y[none, :n]
+        way.margin[none], way.jump[none] = 0.0, 0.0
         way.jump[none, :, 1 : n + 1] = np.eye(n)
         arcs = Arc(
             end=columns[:, 0],
@@ -258,6 +266,11 @@ class Variational:
     ) -> tuple[Arc, Event]:
         segments = np.array([[mode, code]], dtype=np.int64)
         return self.traverse(segments, np.asarray(y)[None], np.array([times]), motions)
+
+
+def constraints(automaton: Automaton) -> NDArray[np.int64]:
+    """Return for each mode whether its states lie on a manifold: 1, or 0."""
+    return np.array([int(i in automaton.constrained) for i in range(len(automaton.modes))])
 
 
 def free_components(automaton: Automaton) -> tuple[int, ...]:

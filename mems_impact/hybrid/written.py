@@ -72,6 +72,10 @@ class Definition:
     jacobian : callable or None
         ``jacobian(mode, t, y, p, J)``, as of an `Automaton`.
     cyclic : tuple of int
+    constrained : tuple of int
+        Modes whose states lie on a manifold.
+    projection : callable or None
+        ``projection(mode, t, y, p)`` returns the mode, and the state put onto the manifold.
     """
 
     states: tuple[str, ...]
@@ -82,6 +86,8 @@ class Definition:
     settle: Callable[..., Any] | None = None
     jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
+    constrained: tuple[int, ...] = ()
+    projection: Callable[..., Any] | None = None
 
     def __reduce__(self) -> Any:
         """Pickle functions by their names where they can be imported, and else with their code."""
@@ -105,6 +111,7 @@ def written(definition: Definition) -> Automaton:
         modes=definition.modes,
         guards=guards or (Guard(NO_GUARD, order=0),),
         cyclic=definition.cyclic,
+        constrained=definition.constrained,
         recipe=(written, (definition,)),
         **_Text(definition, guards).functions(),
     )
@@ -271,6 +278,7 @@ class _Text:
                 else:
                     lines += self.case(self.m + i, f"rest_{i}", guard.rest)
         lines += self.case(2 * self.m, "settle", self.definition.settle)
+        lines += self.case(2 * self.m + 1, "projection", self.definition.projection)
         return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
 
     def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:

@@ -9,7 +9,7 @@ import numpy as np
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.orbit import PeriodicOrbit, reduced_components
 
 LARGEST = 1e-2  # step of the differences with which the extrapolation begins
@@ -61,7 +61,7 @@ def audit(orbit: PeriodicOrbit) -> Audit:
     problem = replace(problem, options=replace(problem.options, rtol=rtol, atol=atol))
     kept = reduced_components(orbit.shooting, orbit.point)
     components = [orbit.shooting.free[c] for c in kept]
-    columns = [_column(problem, orbit.instant, orbit.periods, c, components) for c in components]
+    columns = [_column(problem, orbit, c, components) for c in kept]
     computed = orbit.shooting.monodromy(orbit.point)[np.ix_(kept, kept)]
     if not columns:  # nothing is free at the start: the orbit forgets everything
         return Audit(computed, computed, np.zeros(0), (-1, -1), 0.0)
@@ -79,14 +79,23 @@ def audit(orbit: PeriodicOrbit) -> Audit:
 
 
 def _column(
-    problem: Problem, start: Instant, periods: int, component: int, components: list[int]
+    problem: Problem, orbit: PeriodicOrbit, c: int, components: list[int]
 ) -> tuple[Floats, float]:
-    """Return a column of the differences by Ridders' method, and its estimated error."""
+    """Return a column of the differences by Ridders' method, and its estimated error.
+
+    All starts fulfil the constraints of the first mode, and have the sums that the orbit pins.
+    """
+    start, shooting, automaton = orbit.instant, orbit.shooting, problem.automaton
+    p = np.asarray(problem.parameters, dtype=float)
 
     def end(shift: float) -> Floats:
         y = start.y.copy()
-        y[component] += shift
-        return np.asarray(run(problem, replace(start, y=y), periods).final.y[components])
+        y[shooting.free[c]] += shift
+        for pinned, factors in shooting.pinned.items():
+            y[shooting.free[pinned]] -= factors[c] * shift
+        if start.mode in automaton.constrained:
+            automaton.transition(start.mode, automaton.projection_code, start.time, y, p)
+        return np.asarray(run(problem, replace(start, y=y), orbit.periods).final.y[components])
 
     h, error = LARGEST, np.inf
     best = np.full(len(components), np.nan)

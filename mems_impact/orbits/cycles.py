@@ -139,7 +139,8 @@ def check_moving(shooting: Shooting, before: Point, after: Point) -> None:
         )
     if slow < SLOWER * fast:
         raise OrbitError(
-            reason=f"the cycle all but stops on its way, its period of {after.period:.3g} growing",
+            reason="the cycle all but stops on its way, its period of "
+            f"{shooting.family.amount('period', after.period)} growing",
             remedy="take shorter steps; it may end in an equilibrium on the cycle",
         )
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import structural_rank
 
@@ -19,6 +20,7 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
 STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
+CANCELLED = 1e-11  # part of a row's largest entry below which another one is rounding
 SLACK = 1e-9  # by which a margin may be violated before an equilibrium is called virtual
 
 
@@ -33,7 +35,8 @@ class Balance:
     values : float array, shape (k,)
         Of the active parameters.
     residual : float array, shape (f,)
-        Their time derivatives.
+        Their time derivatives. In a mode whose states lie on a manifold: those where they are put
+        onto it, and what that changes; beside it everything decays at the rate one.
     jacobian : float array, shape (f, f)
     by_parameter : float array, shape (f, k)
     """
@@ -82,10 +85,10 @@ class Balancing:
         """
 
         def by_state(u: Floats) -> Floats:
-            return self._flow(u, parameters)
+            return self._rates(u, parameters)
 
         def by_value(p: Floats) -> Floats:
-            return self._flow(unknowns, self._parameters(p))
+            return self._rates(unknowns, self._parameters(p))
 
         try:
             parameters = self._parameters(values)
@@ -110,10 +113,67 @@ class Balancing:
         changes = dict(zip(self.active, values.tolist(), strict=True))
         return np.asarray(self.family.numbers(**changes).parameters, dtype=float)
 
+    def _rates(self, unknowns: Floats, parameters: Floats) -> Floats:
+        held = self._held(unknowns, parameters)
+        return self._flow(held, parameters) + (held - unknowns)
+
     def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
         y, slope = self.state(unknowns), np.zeros(len(self.family.automaton.states))
         self.family.automaton.flow(self.mode, 0.0, y, parameters, slope)
         return slope[list(self.free)]
+
+    def _held(self, unknowns: Floats, parameters: Floats) -> Floats:
+        """Return unknowns, put onto the manifold on which the mode's states lie."""
+        automaton = self.family.automaton
+        if self.mode not in automaton.constrained:
+            return unknowns
+        y = self.state(unknowns)
+        automaton.transition(self.mode, automaton.projection_code, 0.0, y, parameters)
+        return y[list(self.free)]
+
+    def held(self, balance: Balance) -> Balance:
+        """Return an evaluation whose unknowns fulfil the constraints of the mode to rounding."""
+        unknowns = self._held(balance.unknowns, self._parameters(balance.values))
+        return replace(balance, unknowns=unknowns)
+
+    def linearised(self, balance: Balance) -> tuple[Floats, int]:
+        """Return the derivative of the flow, and the dimension of its kernel that is structural.
+
+        Where the mode's states lie on a manifold, in coordinates of its tangent space.
+        """
+        # By where it is exactly zero, not by its size: at a fold an eigenvalue is small, not
+        # missing.
+        matrix = balance.jacobian
+        zero = matrix == 0.0
+        if self.mode in self.family.automaton.constrained:
+            parameters, u = self._parameters(balance.values), balance.unknowns
+            vectors = self._tangent(u, parameters)
+            # As many of the components tell where on the manifold a state is.
+            places = qr(vectors.T, mode="r", pivoting=True)[1][: vectors.shape[1]]
+            matrix, zero = self._along(u, parameters, vectors, places)
+            # What forces of contacts cancel is rounding. What is zero here by accident, as at a
+            # fold, is not so beside it.
+            away = u + STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(np.arange(u.size))
+            vectors = self._tangent(away, parameters)
+            zero &= self._along(away, parameters, vectors, places)[1]
+        rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
+        return matrix, len(matrix) - rank
+
+    def _tangent(self, unknowns: Floats, parameters: Floats) -> Floats:
+        """Return vectors that span the tangent space of the manifold, shape (f, d)."""
+        projection = differentiate(lambda u: self._held(u, parameters), unknowns)
+        return np.linalg.svd(projection)[0][:, : round(float(np.trace(projection)))]
+
+    def _along(
+        self, unknowns: Floats, parameters: Floats, vectors: Floats, places: NDArray[np.int64]
+    ) -> tuple[Floats, NDArray[np.bool_]]:
+        """Return the derivative on the manifold, and which of its entries are rounding."""
+        basis = vectors @ np.linalg.inv(vectors[places])
+        held = self._held(unknowns, parameters)
+        rows = differentiate(lambda u: self._flow(u, parameters), held)[places]
+        matrix = rows @ basis
+        sizes = (np.abs(rows) @ np.abs(basis)).max(axis=1, keepdims=True, initial=0.0)
+        return matrix, np.abs(matrix) <= CANCELLED * sizes
 
 
 @dataclass(frozen=True)
@@ -127,7 +187,8 @@ class StationaryState:
     mode : int
     balance : Balance
     eigenvalues : complex array
-        Of the flow's derivative, largest real part first, without the zeros of `neutral`.
+        Of the flow's derivative, largest real part first, without the zeros of `neutral`; where
+        contacts hold or a surface slides, of that on what they hold.
     neutral : int
         Dimension of the set of equilibria in which it lies: of a stuck or resting body, every
         place may be one. 0 for an isolated one.
@@ -196,15 +257,13 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryStat
         reason=f"no equilibrium of mode {family.automaton.modes[mode]!r} near the guess",
         remedy="take another guess",
     )
-    return make_equilibrium(equations, found)
+    return make_equilibrium(equations, equations.held(found))
 
 
 def make_equilibrium(equations: Balancing, balance: Balance) -> StationaryState:
     """Return the equilibrium of solved equations, with stability and admissibility."""
     changes = dict(zip(equations.active, balance.values.tolist(), strict=True))
-    matrix = balance.jacobian
-    # By where it is exactly zero, not by its size: at a fold an eigenvalue is small, not missing.
-    neutral = len(matrix) - int(structural_rank(csr_array(matrix))) if matrix.size else 0
+    matrix, neutral = equations.linearised(balance)
     eigenvalues = np.linalg.eigvals(matrix).astype(complex)
     eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][neutral:]
     return StationaryState(

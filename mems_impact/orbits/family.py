@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.problem import Numbers, Problem
@@ -35,7 +35,8 @@ class Family:
     Where `build` has an attribute ``automaton``, this is the automaton of all its problems. Where
     it has a method ``numbers(values)``, this returns the `Numbers` of a problem without making one:
     corrections and differences by a parameter ask for them by thousands. Where it has a method
-    ``by(method)``, this returns what builds the same problems for another method of integration.
+    ``by(method)``, this returns what builds the same problems for another method of integration;
+    ``amount(heading, value)`` and ``convert(error)`` tell numbers in the units of the user.
     """
 
     build: Callable[[Mapping[str, float]], Problem]
@@ -48,7 +49,7 @@ class Family:
         """Pickle the values as a dict: a mapping proxy cannot be."""
         return Family, (self.build, dict(self.values))
 
-    def at(self, **changes: float) -> Family:
+    def at(self, /, **changes: float) -> Family:
         """Return the family at other values.
 
         Raises
@@ -89,6 +90,17 @@ class Family:
             raise InvalidParameter(field="parameter", value=name, allowed=f"one of {known}")
         return self.values[name]
 
+    def amount(self, heading: str, value: float) -> str:
+        """Return a number in the units of the user, to be printed."""
+        known: Callable[[str, float], str] | None = getattr(self.build, "amount", None)
+        return f"{value:.9g}" if known is None else known(heading, value)
+
+    def convert(self, error: RunError) -> None:
+        """Let an error of a run tell all in the units of the user."""
+        known: Callable[[RunError], None] | None = getattr(self.build, "convert", None)
+        if known is not None:
+            known(error)
+
     @property
     def automaton(self) -> Automaton:
         """The automaton, which does not depend on the values."""
@@ -99,7 +111,7 @@ class Family:
         """Return the problem at the present values."""
         return self.build(self.values)
 
-    def numbers(self, **changes: float) -> Numbers:
+    def numbers(self, /, **changes: float) -> Numbers:
         """Return what of the problem depends on the values, at some other ones."""
         values = {**self.values, **changes}
         return _numbers_of(self.build, values)

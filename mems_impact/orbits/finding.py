@@ -122,19 +122,21 @@ def find_cycle(
     """
     shooting, read = cycle_near(family, guess, transient=transient, period=period, active=active)
     found = _corrected(shooting, read)
-    speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
-    first = Instant(0, 0.0, read.segments[0].mode, read.states[0])
-    before = np.linalg.norm(flow_at(found.problem, first)[shooting.free])
-    if not speed > COLLAPSED * before:
-        raise OrbitError(
-            reason="an equilibrium was reached, not a cycle",
-            remedy="take a guess farther away, or other parameters",
-            partial=found.point,
-        )
     lasted = float(read.times[-1])
+    if found.point.period > 0.0:
+        speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
+        first = Instant(0, 0.0, read.segments[0].mode, read.states[0])
+        before = np.linalg.norm(flow_at(found.problem, first)[shooting.free])
+        if not speed > COLLAPSED * before:
+            raise OrbitError(
+                reason="an equilibrium was reached, not a cycle",
+                remedy="take a guess farther away, or other parameters",
+                partial=found.point,
+            )
     if not 0.5 < found.point.period / lasted < 2.0:
         raise OrbitError(
-            reason=f"the motion returns after {lasted:.6g}, but no cycle of such a period is near",
+            reason=f"the motion returns after {family.amount('period', lasted)}, but no cycle of "
+            "such a period is near",
             remedy="let transients die out (transient=…, in units of time), or give a guess nearer "
             "to a cycle",
             partial=found.point,

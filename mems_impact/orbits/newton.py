@@ -12,6 +12,7 @@ from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
 
 TOLERANCE = 1e-11  # of a Newton step
+ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, as a part of the terms that it is a sum of
 LARGEST = 1e6  # a longer step leads nowhere
 ITERATIONS = 20
 NEARER = (
@@ -89,7 +90,9 @@ def newton(
     derivatives.
 
     Done is where the next step would be below `TOLERANCE`, or where steps no longer shrink while no
-    residual is above `ACCEPTED`: they are at the level of the integration error then.
+    residual is above `ACCEPTED`: they are at the level of the integration error then. Where the
+    matrix is nearly singular, rounding alone may make steps of any length; so residuals that are
+    rounding are the end, too.
 
     Raises
     ------
@@ -101,6 +104,9 @@ def newton(
     for iteration in range(iterations):
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
+        rounding = ROUNDING * (np.abs(matrix) @ np.abs(unknowns))
+        if np.all(np.abs(residual) <= np.minimum(rounding, ACCEPTED)):
+            return Solution(unknowns, point, min(needed, iteration))
         try:
             change = np.linalg.solve(matrix, -residual)
         except np.linalg.LinAlgError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,7 +100,7 @@ class PeriodicOrbit:
         self,
         active: tuple[str, ...],
         segments: tuple[Segment, ...] | None = None,
-        pinned: Sequence[int] | None = None,
+        pinned: Mapping[int, tuple[float, ...]] | None = None,
     ) -> Shooting:
         """Return the equations of its neighbours, in other parameters or of another signature."""
         return Shooting(

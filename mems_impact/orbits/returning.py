@@ -15,12 +15,15 @@ from mems_impact.hybrid.run import run
 from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
 from mems_impact.hybrid.variational import free_components
 from mems_impact.orbits.bounded import check_bounded
+from mems_impact.orbits.timing import unread
 
 CLOSE = 1e-3  # distance of a return, as a part of the extent of the motion
 SETTLED = 1e-8  # distance, as a part of the state, at which nothing more is to be looked at
 FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
 MULTIPLES = 4  # of the first return that are looked at for a closer one
 MOST = 16  # forcing periods after which an orbit is recognised
+SAME = 1e-7  # distance, as a part of the motion, of what comes back and not just near
+ROUNDING = 1e2  # absolute tolerances by which states differ that are one
 SAMPLES = 256  # by which the extent of a motion is measured
 LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
 SHORTEST = 1e-6  # piece of a run, in units of the problem's time
@@ -124,7 +127,8 @@ def own_period(problem: Problem, start: Instant) -> tuple[Instant, float]:
     OrbitError
         If it does not, or comes to rest; the last `Instant` is in it.
     """
-    free = list(free_components(problem.automaton))
+    free = [i for i in free_components(problem.automaton) if not unread(problem, start, i)]
+    free = free or list(free_components(problem.automaton))
     largest = np.zeros(len(free))
     length, steps, elapsed = _first_length(problem, start), 0, 0.0
     while steps < STEPS:
@@ -218,6 +222,29 @@ def _section(
     slope = flow_at(problem, start)[free] / np.where(extent > 0.0, extent, 1.0)
     place = int(np.argmax(np.abs(slope)))
     return free[place], float(start.y[free[place]]), 0
+
+
+def returns(problem: Problem, start: Instant, *, forced: bool) -> bool:
+    """Return whether a motion comes back to where it is, after some periods, to many digits."""
+    free = list(free_components(problem.automaton))
+    try:
+        if forced:
+            longer = run(problem, start, MOST)
+            grid = longer.samples(1, start.cycle + start.time / problem.period)
+            states, modes = grid.y, grid.mode
+        else:
+            start, length = own_period(problem, replace(start, cycle=0, time=0.0))
+            longer = run(problem, start, length / problem.period)
+            states, modes = (
+                np.stack([start.y, longer.final.y]),
+                np.array([start.mode, longer.final.mode]),
+            )
+    except (OrbitError, RunError):
+        return False
+    size = np.maximum(extent_of(longer, free), np.abs(states[0, free]))
+    apart = np.abs(states[1:, free] - states[0, free])
+    nothing = ROUNDING * problem.options.atol
+    return bool(((apart <= SAME * size + nothing).all(axis=1) & (modes[1:] == modes[0])).any())
 
 
 def flow_at(problem: Problem, instant: Instant) -> Floats:

@@ -12,6 +12,8 @@ from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.family import Family
 
 NEAREST = 1e-9  # room that is left to differences in time beside a switch
+FACTOR = 4.0 / 3.0  # a period that jumps changes by more: a sine without bias has half the period
+HALVINGS = 40  # of the way between two values, after which a period that differs has jumped
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +32,8 @@ class Setting:
     period_rates : float array, shape (k,)
     switches : float array, shape (s,)
     switch_rates : float array, shape (k, s)
+    time_scale : float
+        Within which whatever acts on the system shows all that it does.
     """
 
     values: Floats
@@ -40,27 +44,13 @@ class Setting:
     period_rates: Floats
     switches: Floats
     switch_rates: Floats
+    time_scale: float
 
     @classmethod
-    def of(
-        cls, family: Family, active: tuple[str, ...], values: Floats, period: float | None
-    ) -> Setting:
-        """Return the setting at `values` of the parameters `active`; `period` is one near it.
-
-        None: nothing forces the system.
-
-        Raises
-        ------
-        OrbitError
-            If the period is another one altogether.
-        """
+    def of(cls, family: Family, active: tuple[str, ...], values: Floats) -> Setting:
+        """Return the setting at `values` of the parameters `active`."""
         there = family.at(**dict(zip(active, values.tolist(), strict=True)))
         numbers = there.numbers()
-        if period is not None and not 0.5 < numbers.period / period < 2.0:
-            raise OrbitError(
-                reason=f"the period jumps to {numbers.period:.6g} here",
-                remedy="stay on this side (a sine without bias has half the period)",
-            )
         p, switches = np.asarray(numbers.parameters, dtype=float), np.array(numbers.switches)
         k = len(active)
         directions = np.zeros((max(1, k), p.size))
@@ -70,8 +60,37 @@ class Setting:
             switch_rates[j] = rates[: switches.size]
             scales[j] = float(np.abs(p_rate).max()) or 1.0
             directions[j] = p_rate / scales[j]
+        scale = numbers.time_scale or numbers.period
         return cls(
-            values, p, directions, scales, numbers.period, period_rates, switches, switch_rates
+            values, p, directions, scales, numbers.period, period_rates, switches, switch_rates,
+            scale,
+        )  # fmt: skip
+
+    def check_period(self, family: Family, active: tuple[str, ...], near: Setting) -> None:
+        """Check that the forcing period changes continuously on the way from `near`.
+
+        Raises
+        ------
+        OrbitError
+            If it jumps on the way.
+        """
+        if _alike(near.period, self.period):
+            return
+        (begin, first), (end, last) = (near.values, near.period), (self.values, self.period)
+        for _ in range(HALVINGS):
+            middle = 0.5 * (begin + end)
+            between = dict(zip(active, middle.tolist(), strict=True))
+            period = family.numbers(**between).period
+            if not _alike(first, period):
+                end, last = middle, period
+            elif not _alike(period, last):
+                begin, first = middle, period
+            else:
+                return
+        raise OrbitError(
+            reason=f"the period jumps from {family.amount('period', first)} to "
+            f"{family.amount('period', last)} here",
+            remedy="stay on this side (a sine without bias has half the period)",
         )
 
     def lasting(self, period: float) -> Setting:
@@ -103,3 +122,7 @@ class Setting:
         slope = (rates[:, last] - rates[:, first]) / (times[last] - times[first])
         offset = rates[:, first] - slope * times[first]
         return np.column_stack([offset, slope]) / self.scales[:, None]
+
+
+def _alike(one: float, other: float) -> bool:
+    return 1.0 / FACTOR < other / one < FACTOR

@@ -11,12 +11,13 @@ one more equation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import qr
 
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.passage import NO_EVENT
@@ -31,7 +32,9 @@ from mems_impact.orbits.setting import Setting
 from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
 
 ACCEPTED = 1e-8  # residual that the error of an integration may leave
+BESIDE = 1e-3  # of a state, by which it is moved to see what an orbit conserves
 NOTHING = 1e-14  # a component of a state smaller than this is zero
+OTHER_SCALE = 1.5  # factor by which a time scale changes before steps are bounded anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +92,9 @@ class Shooting:
     segments : tuple of Segment
     active : tuple of str
         Names of the parameters by which to differentiate.
-    pinned : sequence of int, optional
-        Free components of the first state that keep their values (see `pin`).
+    pinned : mapping of int to tuple of float, optional
+        Sums of the free components of the first state that keep their values, by one component of
+        each, whose factor is 1 (see `pin`).
     phase : Phase, optional
         Where a cycle begins, in a system without forcing: its period is then an unknown.
     """
@@ -100,7 +104,7 @@ class Shooting:
         family: Family,
         segments: tuple[Segment, ...],
         active: tuple[str, ...],
-        pinned: Sequence[int] = (),
+        pinned: Mapping[int, tuple[float, ...]] | None = None,
         phase: Phase | None = None,
     ) -> None:
         self.family, self.segments, self.active = family, segments, active
@@ -110,7 +114,8 @@ class Shooting:
         self.n, self.m = len(self.automaton.states), len(self.automaton.guards)
         switch = self.automaton.switch_code
         self.events = [i for i, s in enumerate(segments) if s.code not in (BOUNDARY, switch)]
-        self.pinned = list(pinned)
+        self.pinned = dict(pinned or {})
+        self._levels: dict[int, float] = {}  # of the sums, where the equations are first evaluated
         self.layout = Layout(self)
         self._last: Setting | None = None
 
@@ -121,14 +126,12 @@ class Shooting:
         return other
 
     @cached_property
-    def _near(self) -> float | None:
-        """A forcing period of the family, from which others are not far."""
-        return self.family.numbers().period if self.phase is None else None
-
-    @cached_property
     def _variational(self) -> Variational:
         """The engine of arcs and their sensitivities, made when it is first needed."""
-        problem = self.family.problem()
+        return self._engine(self.family)
+
+    def _engine(self, family: Family) -> Variational:
+        problem = family.problem()
         count = np.asarray(problem.parameters).size
         return Variational(problem, np.zeros((max(1, len(self.active)), count)))
 
@@ -170,15 +173,28 @@ class Shooting:
         Raises
         ------
         OrbitError
-            If the period is another one altogether.
+            If the forcing period jumps on the way from the values that were asked for before.
         """
         # Corrections at fixed values ask again and again.
         if self._last is None or not np.array_equal(self._last.values, values):
-            self._last = Setting.of(self.family, self.active, values, self._near)
+            setting = Setting.of(self.family, self.active, values)
+            if self.phase is None:
+                setting.check_period(self.family, self.active, self._last or self._first)
+            self._last = setting
         return self._last
+
+    @cached_property
+    def _first(self) -> Setting:
+        """The setting of the family as it was given."""
+        values = np.array([self.family.value(name) for name in self.active])
+        return Setting.of(self.family, self.active, values)
 
     def variational(self, setting: Setting) -> Variational:
         """Return arcs and events at a setting."""
+        there = setting.time_scale / self._variational.time_scale
+        if not 1.0 / OTHER_SCALE < there < OTHER_SCALE:
+            values = dict(zip(self.active, setting.values.tolist(), strict=True))
+            vars(self)["_variational"] = self._engine(self.family.at(**values))
         return self._variational.at(setting.parameters, setting.directions)
 
     def evaluate(self, unknowns: Floats, values: Floats) -> Point:
@@ -230,10 +246,12 @@ class Shooting:
         jacobian[rows] += events.margin_by_time[of, guards][:, None] * layout.by_end[of]
         by_parameter[rows] = (gradient @ end_by_parameter[of])[:, 0]
         by_parameter[rows] += events.margin_by_parameter[of, guards, :k] * scales
-        for c in self.pinned:
+        for c, factors in self.pinned.items():
             row = layout.state_rows[-1, c]
-            residual[row], jacobian[row], by_parameter[row] = 0.0, 0.0, 0.0
-            jacobian[row, c] = 1.0
+            level = float(np.array(factors) @ states[0, free])
+            residual[row] = level - self._levels.setdefault(c, level)
+            jacobian[row], by_parameter[row] = 0.0, 0.0
+            jacobian[row, : len(factors)] = factors
         if self.phase is not None:
             start, normal = states[0, free], np.array(self.phase.normal)
             residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
@@ -268,9 +286,11 @@ class Shooting:
 
         At an event with margin h and jump R, a perturbation is carried over by the saltation
         matrix ``DR + (f_after - DR f_before - R_t) (grad h)^T / (grad h . f_before + h_t)``.
+
+        A component by which a sum is pinned goes with the others, so that the sum stays as it is.
         """
         free = self.free
-        total = np.eye(len(free))
+        total: Floats = np.eye(len(free))
         for i, segment in enumerate(self.segments[:first]):
             arc, event = point.arcs[i], point.events[i]
             moved = arc.by_state  # (n, f)
@@ -288,6 +308,10 @@ class Shooting:
                     saltation = jump + np.outer(kick, gradient) / rate
                 moved = saltation @ moved
             total = moved[free] @ total
+        for c, factors in self.pinned.items():
+            others = np.array(factors)
+            others[c] = 0.0
+            total = total - np.outer(total[:, c], others)
         return total
 
     def _slope_after(self, i: int, point: Point) -> Floats:
@@ -295,30 +319,60 @@ class Shooting:
         return following.slope_start
 
     def pin(self, point: Point) -> None:
-        """Fix the components of the first state that the orbit can't determine.
+        """Fix what of the first state the orbit can't determine.
 
-        A component that no segment changes, such as the velocity of a frame that is stuck all
-        along, has a row of the identity in the monodromy matrix; it keeps its value.
+        Sums of components that nothing changes, such as the velocity of a frame that is stuck all
+        along, or the distance of two bodies that stick to each other: they keep their values.
         """
-        monodromy = self.monodromy(point)
-        identity = np.eye(len(self.free))
-        self.pinned = [
-            c
-            for c in range(len(self.free))
-            if np.abs(monodromy[c] - identity[c]).max() < ACCEPTED
-            and all(
-                arc.slope_start[self.free[c]] == 0.0 == arc.slope_end[self.free[c]]
-                for arc in point.arcs
-            )
-        ]
-        if self.pinned:
-            last, event = point.arcs[-1], point.events[-1]
-            end = last.end if event is None else event.after
-            states, _ = self.unpack(point.unknowns)
-            for c in self.pinned:
-                i = self.free[c]
-                if abs(end[i] - states[0][i]) > ACCEPTED:
-                    raise OrbitError(
-                        reason=f"{self.automaton.states[i]} does not come back to its start",
-                        remedy="declare it cyclic if nothing depends on it",
-                    )
+        self.pinned, self._levels = {}, {}
+        sums = self._conserved(point)
+        if not len(sums):
+            return
+        places = qr(sums, mode="r", pivoting=True)[1][: len(sums)]
+        sums = np.asarray(np.linalg.solve(sums[:, places], sums), dtype=float)
+        sums[np.abs(sums) < ACCEPTED] = 0.0
+        states, _ = self.unpack(point.unknowns)
+        pairs = zip(point.arcs, point.events, strict=True)
+        ends = [arc.end if event is None else event.after for arc, event in pairs]
+        gained = np.sum(ends - states, axis=0)
+        for c, factors in zip(places.tolist(), sums, strict=True):
+            if abs(float(factors @ gained[self.free])) > ACCEPTED:
+                raise OrbitError(
+                    reason=f"{self.automaton.states[self.free[c]]} does not come back to its start",
+                    remedy="declare it cyclic if nothing depends on it",
+                )
+            self.pinned[c] = tuple(factors.tolist())
+
+    def _conserved(self, point: Point) -> Floats:
+        """Return sums of the free components that nothing but time changes.
+
+        Left eigenvectors of the monodromy matrix, with the eigenvalue 1, along which flows do not
+        depend on the state, and of a cycle are zero.
+        """
+        whole = self.monodromy(point) - np.eye(len(self.free))
+        if not np.isfinite(whole).all() or not len(_kernel(whole)):
+            return np.zeros((0, len(self.free)))
+        columns, (states, _) = [whole.T], self.unpack(point.unknowns)
+        for segment, time, state in zip(self.segments, point.starts, states, strict=True):
+            here = self._slope(point, segment.mode, time, state)
+            away = BESIDE * max(1.0, float(np.abs(state).max()))
+            shifted = state + away * np.eye(self.n)[self.free]
+            beside = [self._slope(point, segment.mode, time, y) for y in shifted]
+            columns.append((np.array(beside) - here) / away)
+            if self.phase is not None:
+                columns.append(here[None])
+        return _kernel(np.vstack(columns).T)
+
+    def _slope(self, point: Point, mode: int, time: float, y: Floats) -> Floats:
+        """Return the flow of the free components at a state, put onto what its mode holds."""
+        y, slope, p = y.copy(), np.zeros(self.n), point.setting.parameters
+        if mode in self.automaton.constrained:
+            self.automaton.transition(mode, self.automaton.projection_code, time, y, p)
+        self.automaton.flow(mode, time, y, p, slope)
+        return slope[self.free]
+
+
+def _kernel(matrix: Floats) -> Floats:
+    """Return the sums of rows that are zero, shape (k, rows)."""
+    vectors, sizes, _ = np.linalg.svd(matrix)
+    return np.asarray(vectors[:, sizes < ACCEPTED].T)

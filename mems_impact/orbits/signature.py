@@ -155,7 +155,8 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
     for (one, earlier), (two, later) in pairwise(zip(segments, times, strict=True)):
         if two.cycle == one.cycle and later <= earlier:
             raise OrbitError(
-                reason=f"two transitions fall into one instant (t = {later:.6g})",
+                reason="two transitions fall into one instant, "
+                f"{later / period:.6g} of the period after its start",
                 remedy="move the parameter a little",
             )
     return Guess(tuple(segments), np.array(states), np.array(times), trajectory.stiff)

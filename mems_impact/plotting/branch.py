@@ -48,7 +48,7 @@ def plot_branch(
 
     Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones left out.
     Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is touched; LP, H,
-    BP, BE of equilibria.
+    BP, BE of equilibria, and ? where stability changes at no such point that is found.
 
     Parameters
     ----------

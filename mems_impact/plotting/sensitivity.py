@@ -11,6 +11,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import Label, label_axis, symbol
 from mems_impact.plotting.placing import legend_above
 from mems_impact.plotting.style import color, new_figure, styled
+from mems_impact.studies.tolerance import deviations
 
 if TYPE_CHECKING:
     from mems_impact.studies.sensitivity import Sensitivity
@@ -27,7 +28,7 @@ def plot_sensitivity(
     quantity: str,
     ax: Any = None,
     *,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
 ) -> Any:
     """Draw by how much a quantity of an orbit changes with each parameter, the most moving first.
 
@@ -67,14 +68,14 @@ def plot_sensitivity(
     >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
     """
     gradient = found.gradient(quantity)
-    for name, value in (tolerances or {}).items():
-        if name not in found.parameters:
-            raise InvalidParameter("tolerances", name, f"of one of {', '.join(found.parameters)}")
-        if not value > 0.0:
-            raise InvalidParameter(f"tolerance of {name}", value, "> 0")
     system, symbols = found.system, found.system.symbols
-    sizes = {name: 0.01 * abs(system.value(name)) for name in found.parameters}
-    sizes = dict(sizes if tolerances is None else tolerances)
+    if tolerances is None:
+        sizes = {name: 0.01 * abs(system.value(name)) for name in found.parameters}
+    else:
+        sizes = deviations(tolerances, system, found.parameters)
+        for name, size in sizes.items():
+            if not size > 0.0:
+                raise InvalidParameter(f"tolerance of {name}", tolerances[name], "> 0")
     change = np.array([gradient[name] * size for name, size in sizes.items()])
     longest = np.nanmax(np.abs(change), initial=0.0)
     if not longest > 0.0:

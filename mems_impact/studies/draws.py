@@ -13,6 +13,7 @@ from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.studies.sampling import digest_of, unit_sample
+from mems_impact.studies.tolerance import relative_distribution
 
 __all__ = ["FIRST", "SECOND", "Draws", "Making", "distributions", "draw", "matrices"]
 
@@ -47,16 +48,23 @@ class Draws:
     identity: dict[str, Any]
 
 
-def distributions(over: Any) -> dict[str, Any]:
-    """Return distributions by name; InvalidParameter unless they are frozen ones of scipy.stats."""
-    allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02)}'
+def distributions(over: Any, system: System) -> dict[str, Any]:
+    """Return distributions by name, those that are told as a part of a parameter about its value.
+
+    InvalidParameter unless the others are frozen ones of scipy.stats.
+    """
+    allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02), "d": "5%"}'
     if not isinstance(over, Mapping) or not over:
         raise InvalidParameter("over", over, allowed)
-    for name, given in over.items():
+    found = {
+        name: relative_distribution(name, given, system) if isinstance(given, str) else given
+        for name, given in over.items()
+    }
+    for name, given in found.items():
         if not (callable(getattr(given, "ppf", None)) and hasattr(given, "dist")):
-            frozen = "a frozen distribution of scipy.stats, such as norm(0.62, 0.02)"
+            frozen = 'a frozen distribution of scipy.stats, such as norm(0.62, 0.02), or "5%"'
             raise InvalidParameter(f"over.{name}", given, frozen)
-    return dict(over)
+    return found
 
 
 def draw(

@@ -20,7 +20,7 @@ from mems_impact.orbits.shooting import Shooting
 
 __all__ = ["BIFURCATIONS", "moved"]
 
-BIFURCATIONS = ("G", "CF", "PD", "NS", "BP")
+BIFURCATIONS = ("G", "CF", "PD", "NS", "BP", "?")
 """Labels of special points at which an orbit becomes another one, or loses its stability."""
 PART = "part"
 FARTHEST = 0.3  # part of the size of an orbit by which its states may move in one stride

@@ -54,7 +54,7 @@ def optimize_from(
     maximize: str | Sequence[str] = (),
     minimize: str | Sequence[str] = (),
     subject_to: Limits | None = None,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
     points: int = 12,
     initial: State | Mapping[str, float] | None = None,
     transient: float = TRANSIENT,

@@ -20,12 +20,14 @@ from mems_impact.analysis.values import Value
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.interruptions import OptimizationInterrupted
+from mems_impact.orbits.signature import BOUNDARY
 from mems_impact.studies.derivatives import chosen_quantities, derivatives
 from mems_impact.studies.limits import Constraint, limits_of
 from mems_impact.studies.margins import margins
 from mems_impact.studies.moving import moved
 from mems_impact.studies.searching import HOLDS, Local, Search, search
-from mems_impact.studies.sensitivity import check_tolerances, scatter
+from mems_impact.studies.sensitivity import scatter
+from mems_impact.studies.tolerance import deviations
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -114,6 +116,7 @@ class Optimum(Value):
             "system": repr(self.system),
             self.quantity: self.value,
             **{label(name): value for name, value in self.values.items()},
+            "impacts": len(self.orbit.impacts),
             "held by": "; ".join(self.active) or "nothing",
             "ended": self.ended,
         }
@@ -126,7 +129,7 @@ def optimize(
     maximize: str | Quantity | None = None,
     minimize: str | Quantity | None = None,
     subject_to: Limits | None = None,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
     iterations: int = 100,
     progress: bool | Callable[[float], None] = False,
 ) -> Optimum:
@@ -239,14 +242,14 @@ class _Aim:
         maximize: str | Quantity | None,
         minimize: str | Quantity | None,
         subject_to: Limits,
-        tolerances: Mapping[str, float],
+        tolerances: Mapping[str, float | str],
     ) -> _Aim:
         if (maximize is None) == (minimize is None):
             raise InvalidParameter("maximize", maximize, "given, or minimize; and not both")
         system = orbit.system
         if not (orbit.stable and orbit.admissible):
             raise InvalidParameter("orbit", orbit, "stable and admissible")
-        check_tolerances(tolerances, tuple(system.parameters))
+        deviations(tolerances, system)
         wanted = maximize if maximize is not None else minimize
         assert wanted is not None
         first = _quantity(system, wanted, tolerances)
@@ -301,6 +304,7 @@ class _Aim:
             gradient=self.sign * gradients[0] / self.scale,
             margins=np.concatenate([margin for margin, _ in parts]),
             by_margin=np.vstack([rates for _, rates in parts]),
+            piece=_piece(orbit),
         )
 
     def optimum(self, found: Search[Orbit], taken: list[Search[Orbit]]) -> Optimum:
@@ -343,7 +347,12 @@ class _Aim:
         ]
 
     def _end(self, found: Search[Orbit]) -> list[str]:
-        return [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
+        words = [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
+        here = _sequence(found.item)
+        return words + [
+            f"a corner, beyond which the events are {_sequence(other)} in place of {here}"
+            for other in found.edge
+        ]
 
     def _history(self, taken: list[Search[Orbit]], system: System) -> pd.DataFrame:
         import pandas as pd
@@ -363,7 +372,22 @@ class _Aim:
         return table
 
 
-def _quantity(system: System, wanted: str | Quantity, tolerances: Mapping[str, float]) -> Quantity:
+def _piece(orbit: Orbit) -> tuple[tuple[int, int], ...]:
+    """Return the modes and events of an orbit, wherever its forcing period begins."""
+    ends = [(s.mode, s.code) for s in orbit.found.segments if s.code != BOUNDARY]
+    return min((tuple(ends[i:] + ends[:i]) for i in range(len(ends))), default=())
+
+
+def _sequence(orbit: Orbit) -> str:
+    """Return the events of an orbit in words."""
+    segments, ended = orbit.found.segments, orbit.segments["ends with"]
+    names = [name for name, s in zip(ended, segments, strict=True) if s.code != BOUNDARY]
+    return ", ".join(names) or "none"
+
+
+def _quantity(
+    system: System, wanted: str | Quantity, tolerances: Mapping[str, float | str]
+) -> Quantity:
     """Return a quantity, or the scatter of one with the parameters."""
     if isinstance(wanted, Quantity) or not wanted.startswith(SCATTER):
         return chosen_quantities(system, [wanted])[0]
@@ -373,7 +397,7 @@ def _quantity(system: System, wanted: str | Quantity, tolerances: Mapping[str, f
 
     def deviation(orbit: Orbit) -> float:
         _, gradients = derivatives(orbit, [inner], tuple(tolerances))
-        return float(scatter(gradients, tolerances)[0])
+        return float(scatter(gradients, deviations(tolerances, orbit.system))[0])
 
     return Quantity(wanted, deviation, inner.unit, solved=True)
 

@@ -104,7 +104,7 @@ def pareto_front(
     over: Bounds,
     points: int = 9,
     subject_to: Limits | None = None,
-    tolerances: Mapping[str, float] | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
     iterations: int = 60,
     progress: bool | Callable[[float], None] = False,
 ) -> ParetoFront:

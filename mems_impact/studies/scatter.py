@@ -165,7 +165,9 @@ def scatter(
     system : System, or Actuator and Drive
     over : mapping of str to distribution
         Frozen distributions of ``scipy.stats`` by the names of parameters, in the units of the
-        system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other.
+        system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other. ``"5%"`` is
+        the normal distribution about the system's own value with 5 % of it as standard deviation,
+        ``"uniform: 5%"`` the uniform one of as much to either side.
     parameters : callable, optional
         What depends on one thing together is made of it here: a function that takes what is drawn
         by name and returns parameters by name. `over` may then have any names, such as that of a
@@ -236,7 +238,7 @@ def scatter(
     >>> found.yields["share"].tolist()
     [1.0, 1.0]
     """
-    given = distributions(over)
+    given = distributions(over, system)
     count = check_sample(samples, sampling, seed)
     if indices and count & (count - 1):
         nearest = 2 ** round(math.log2(count))

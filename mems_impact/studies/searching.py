@@ -3,11 +3,15 @@
 Sequential quadratic programming with a trust region. Its models are exact to first order, and get
 their curvature by symmetric rank-one updates. A line search would have to cross what lies between
 two points; here a trial that cannot be evaluated shrinks the region, and the point stays.
+
+Functions may be smooth in pieces, which the points tell apart. Where two pieces meet in an edge
+from which the value rises on both sides, the model is the larger of theirs, so that the search goes
+along the edge (Womersley and Fletcher, J. Optim. Theory Appl. 50 (1986) 493).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -25,6 +29,8 @@ FIRST, SMALLEST = 0.1, 1e-9  # size of the trust region, in parts of the ranges
 GOOD, POOR = 0.75, 0.25  # what a step brings by what it promised, to widen or narrow the region
 GAIN = 1e-8  # that a model must promise for the search to go on
 HOLDS = 1e-6  # within which a constraint is met
+NEAR = 1e-5  # of an edge, in parts of the ranges: from here it is known
+EQUAL = 1e-3  # of what a step promises: pieces that differ by no more meet there
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +43,15 @@ class Local:
         Of what is minimized; float, float array of shape (n,).
     margins, by_margin
         Of the constraints, which hold where margins are 0 or more; shapes (m,), (m, n).
+    piece
+        On which the functions are smooth; hashable.
     """
 
     value: float
     gradient: Floats
     margins: Floats
     by_margin: Floats
+    piece: Hashable = None
 
     def merit(self, penalty: float) -> float:
         """Return the value and a penalty for constraints that are violated."""
@@ -72,6 +81,8 @@ class Search(Generic[T]):
         rounding), "spent" (the number of iterations); "" while it goes on.
     lost : str
         Why the last point that could not be evaluated could not.
+    edge : tuple of object
+        What was made of points on other pieces, where the end lies on an edge.
     """
 
     x: Floats
@@ -79,6 +90,25 @@ class Search(Generic[T]):
     local: Local
     ended: str = ""
     lost: str = ""
+    edge: tuple[T, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class _Beyond(Generic[T]):
+    """The model of another piece: the nearest point on it, and its curvature."""
+
+    there: Search[T]
+    curvature: Floats
+
+    def at(self, x: Floats) -> tuple[float, Floats]:
+        """Return value and gradient at a point."""
+        way, local = x - self.there.x, self.there.local
+        bent = self.curvature @ way
+        return float(local.value + local.gradient @ way + 0.5 * way @ bent), local.gradient + bent
+
+    def excess(self, here: Search[T]) -> float:
+        """Return by how much the model is above the value at a point of a piece of its own."""
+        return max(0.0, self.at(here.x)[0] - here.local.value)
 
 
 def search(
@@ -112,22 +142,42 @@ def search(
     """
     here = Search(start, item, look(item))
     report(here)
-    curvature, radius, lost, penalty = np.zeros((start.size, start.size)), FIRST, "", 0.0
+    flat = np.zeros((start.size, start.size))
+    curvatures: dict[Hashable, Floats] = {}
+    others: dict[Hashable, Search[T]] = {}
+    radius, lost, penalty = FIRST, "", 0.0
     for _ in range(iterations):
         penalty = max(penalty, ENOUGH * float(_multipliers(here.local).max(initial=0.0)))
-        step, gained, met = _model_step(here, curvature, radius)
+        curvature = curvatures.get(here.local.piece, flat)
+        beyond = [
+            _Beyond(other, curvatures.get(piece, flat))
+            for piece, other in others.items()
+            if _is_edge(here, other)
+        ]
+        step, gained, met, edge = _model_step(here, curvature, radius, beyond)
+        least = GAIN * max(1.0, abs(here.local.merit(penalty)))
         if met > 0.0:
             penalty = max(penalty, -gained / ((1.0 - SHARE) * met))
         promised = gained + penalty * met
         length = float(np.abs(step).max())
-        if promised < GAIN * max(1.0, abs(here.local.merit(penalty))) or length < SMALLEST:
+        away = max((float(np.abs(each.there.x - here.x).max()) for each in edge), default=0.0)
+        if promised < least and away > NEAR:
+            # Where an edge is, points as far from it as these do not know: look again, nearer.
+            others.clear()
+            radius = 0.25 * min(radius, away)
+            continue
+        if promised < least or length < SMALLEST:
             held = length > 0.99 * radius  # by the region alone, which has shrunk
             ended = ("lost" if lost else "small") if held else "converged"
-            return replace(here, ended=ended, lost=lost if held else "")
+            met_there = tuple(each.there.item for each in edge)
+            return replace(here, ended=ended, lost=lost if held else "", edge=met_there)
         try:
             there = _at(here, _boxed(here.x + step), move, look)
             ratio = (here.local.merit(penalty) - there.local.merit(penalty)) / promised
-            curvature = _updated(curvature, here, there)
+            if there.local.piece == here.local.piece:
+                curvatures[here.local.piece] = _updated(curvature, here, there)
+            else:
+                others[there.local.piece] = there
             if ratio < POOR and there.local.violation > here.local.violation:
                 # Constraints bend, and the model does not know by how much: step back onto them.
                 back = _boxed(there.x + _back(here.local, there.local))
@@ -142,9 +192,20 @@ def search(
         elif ratio < POOR:
             radius = 0.25 * length
         if ratio > 1e-4:
+            if there.local.piece != here.local.piece:
+                others[here.local.piece] = here
+                others.pop(there.local.piece, None)
             here, lost = there, ""
             report(here)
     return replace(here, ended="spent", lost=lost)
+
+
+def _is_edge(here: Search[T], other: Search[T]) -> bool:
+    """Return whether values rise from an edge between two points, on either side of it."""
+    way = other.x - here.x
+    bends = float((other.local.gradient - here.local.gradient) @ way)
+    seen = other.local.value - float(other.local.gradient @ way) - here.local.value
+    return bends > 0.0 and seen < 0.1 * bends
 
 
 def _boxed(x: Floats) -> Floats:
@@ -166,15 +227,18 @@ def _at(
     return Search(x, item, look(item))
 
 
-def _model_step(here: Search[T], curvature: Floats, radius: float) -> tuple[Floats, float, float]:
+def _model_step(
+    here: Search[T], curvature: Floats, radius: float, beyond: Sequence[_Beyond[T]]
+) -> tuple[Floats, float, float, list[_Beyond[T]]]:
     """Return the step that minimizes the model in the trust region.
 
     Where constraints are violated, they come first: they are met as far as the region allows. With
-    it comes by how much it lessens value and violations, as far as the model knows.
+    it comes by how much it lessens value and violations, as far as the model knows, and the pieces
+    at whose edges it ends.
     """
     from scipy.optimize import minimize  # which need not be read before
 
-    local = here.local
+    local, n = here.local, here.x.size
     # In parts of the region and of what it promises at most, lest small steps drown in rounding.
     unit = radius * max(float(np.abs(local.gradient).max()), 1e-30)
     slope, bend = local.gradient * radius / unit, curvature * radius**2 / unit
@@ -184,21 +248,58 @@ def _model_step(here: Search[T], curvature: Floats, radius: float) -> tuple[Floa
     )
     first = _towards_constraints(local.margins, rows, box)
     allowed = local.margins + np.maximum(0.0, -(local.margins + rows @ first))
-    held = {"type": "ineq", "fun": lambda z: allowed + rows @ z, "jac": lambda _: rows}
-    solved = minimize(
-        lambda z: float(slope @ z + 0.5 * z @ bend @ z),
-        first,
-        jac=lambda z: slope + bend @ z,
-        bounds=box,
-        constraints=[held] if local.margins.size else [],
-        method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": 200},
-    )
-    part = np.clip(solved.x, box[:, 0], box[:, 1])
-    gained = -unit * float(slope @ part + 0.5 * part @ bend @ part)
+
+    def own(z: Floats) -> tuple[float, Floats]:
+        return float(slope @ z + 0.5 * z @ bend @ z), slope + bend @ z
+
+    def of(piece: _Beyond[T]) -> Callable[[Floats], tuple[float, Floats]]:
+        excess = piece.excess(here)
+
+        def model(z: Floats) -> tuple[float, Floats]:
+            value, gradient = piece.at(here.x + radius * z)
+            return (value - excess - local.value) / unit, gradient * radius / unit
+
+        return model
+
+    pieces = [own, *map(of, beyond)]
+    held = [
+        {"type": "ineq", "fun": lambda z: allowed + rows @ z[:n], "jac": lambda z: _wide(rows, z)}
+    ]
+    ends = {"ftol": 1e-12, "maxiter": 200}
+    if not beyond:
+        solved = minimize(
+            lambda z: own(z)[0], first, jac=lambda z: own(z)[1], bounds=box,
+            constraints=held if local.margins.size else [], method="SLSQP", options=ends,
+        )  # fmt: skip
+    else:
+        # The largest of the pieces is one more unknown, which none of them exceeds.
+        below = [
+            {
+                "type": "ineq",
+                "fun": lambda z, model=model: z[n] - model(z[:n])[0],
+                "jac": lambda z, model=model: np.append(-model(z[:n])[1], 1.0),
+            }
+            for model in pieces
+        ]
+        top = max(model(first)[0] for model in pieces)
+        solved = minimize(
+            lambda z: z[n], np.append(first, top), jac=lambda z: np.append(np.zeros(n), 1.0),
+            bounds=[*map(tuple, box), (None, None)],
+            constraints=below + (held if local.margins.size else []), method="SLSQP", options=ends,
+        )  # fmt: skip
+    part = np.clip(solved.x[:n], box[:, 0], box[:, 1])
+    values = np.array([model(part)[0] for model in pieces])
+    gained = -unit * float(values.max())
     met = local.merit(1.0) - local.value
     met -= float(np.maximum(0.0, -(local.margins + rows @ part)).sum())
-    return radius * part, gained, met
+    at = values[1:] > values.max() - EQUAL
+    edge = [piece for piece, yes in zip(beyond, at.tolist(), strict=True) if yes]
+    return radius * part, gained, met, edge
+
+
+def _wide(rows: Floats, z: Floats) -> Floats:
+    """Return rows with columns of zeros for unknowns that they do not know."""
+    return np.hstack([rows, np.zeros((len(rows), z.size - rows.shape[1]))])
 
 
 def _towards_constraints(margins: Floats, rows: Floats, box: Floats) -> Floats:

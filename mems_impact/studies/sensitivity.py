@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,17 +12,17 @@ import numpy as np
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.quantity import Quantity
 from mems_impact.analysis.special import check_kind
-from mems_impact.analysis.state import is_number
 from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.studies.derivatives import chosen_quantities, derivatives
+from mems_impact.studies.tolerance import deviations
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Sensitivity", "check_tolerances", "scatter", "sensitivity"]
+__all__ = ["Sensitivity", "scatter", "sensitivity"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,7 +115,7 @@ class Sensitivity(Value):
             raise InvalidParameter("quantity", quantity, f"one of {', '.join(self.quantities)}")
         return self.quantities.index(quantity)
 
-    def scatter(self, tolerances: Mapping[str, float]) -> pd.DataFrame:
+    def scatter(self, tolerances: Mapping[str, float | str]) -> pd.DataFrame:
         """Return how the quantities scatter with independent parameters, to first order.
 
         The variance is the sum of (dq/dp sigma)^2.
@@ -124,7 +123,7 @@ class Sensitivity(Value):
         Parameters
         ----------
         tolerances : mapping of str to float
-            Standard deviations of parameters, in their units.
+            Standard deviations of parameters, in their units, or as a part: ``"5%"``.
 
         Returns
         -------
@@ -144,10 +143,10 @@ class Sensitivity(Value):
         """
         import pandas as pd
 
-        check_tolerances(tolerances, self.parameters)
-        places = [self.parameters.index(name) for name in tolerances]
-        parts = (self.derivatives[:, places] * np.array(list(tolerances.values()))) ** 2
-        deviation = scatter(self.derivatives[:, places], tolerances)
+        sizes = deviations(tolerances, self.system, self.parameters)
+        places = [self.parameters.index(name) for name in sizes]
+        parts = (self.derivatives[:, places] * np.array(list(sizes.values()))) ** 2
+        deviation = scatter(self.derivatives[:, places], sizes)
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = parts / parts.sum(axis=1, keepdims=True)
             relative = deviation / np.abs(self.values)
@@ -243,15 +242,6 @@ def sensitivity(
 def scatter(gradients: Floats, tolerances: Mapping[str, float]) -> Floats:
     """Return standard deviations to first order; the last axis of `gradients` is the parameters."""
     return np.asarray(np.sqrt(((gradients * np.array(list(tolerances.values()))) ** 2).sum(-1)))
-
-
-def check_tolerances(tolerances: Mapping[str, float], known: Sequence[str]) -> None:
-    """Raise InvalidParameter unless each is a standard deviation of a known parameter."""
-    for name, value in tolerances.items():
-        if name not in known:
-            raise InvalidParameter("tolerances", name, f"of one of {', '.join(known)}")
-        if not (is_number(value) and math.isfinite(value) and value >= 0.0):
-            raise InvalidParameter(f"tolerance of {name}", value, "a finite number >= 0")
 
 
 def _all_parameters(system: System) -> tuple[str, ...]:

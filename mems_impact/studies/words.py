@@ -133,11 +133,14 @@ def distributions(name: str, value: Any) -> dict[str, Any]:
     """Return distributions, each written as its name in scipy.stats and its arguments."""
     from scipy import stats
 
-    allowed = 'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02]}'
+    allowed = 'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02], d = "5%"}'
     if not isinstance(value, dict):
         raise InvalidParameter(name, value, allowed)
     found = {}
     for parameter, words in value.items():
+        if isinstance(words, str):  # a part of the parameter's own value
+            found[parameter] = words
+            continue
         match words:
             case [str(kind), *numbers] if all(map(is_number, numbers)):
                 made = getattr(stats, kind, None)

@@ -212,17 +212,36 @@ def test_tables_far_within_tables(folder, load, text):
     assert "\n" not in str(caught.value)
 
 
+OSCILLOSCOPES = {
+    "settings above": "x-axis,1\nsecond,Volt\n-1e-3,0\n0,1\n1e-3,0.5\n",
+    "a table of segments": "LECROY,12345,Waveform\nSegments,1,SegmentSize,3\n#1,19-Nov-2012,0\n"
+    "Time,Ampl\n-0.001,0\n0,1\n0.001,0.5\n",
+    "analog": "Record Length,Analog:3\n\nSource,CH1\nSecond,Value\n-0.001,0\n0,1\n0.001,0.5\n",
+    "settings beside": "Record Length,3,,-0.001,0,\nTrigger Point,1.25e3,Samples,0,1,\n"
+    ",,,0.001,0.5,\n",
+}
+
+
+@pytest.mark.parametrize("text", OSCILLOSCOPES.values(), ids=OSCILLOSCOPES)
+def test_a_record_of_an_oscilloscope(folder, text):
+    (folder / "scope.csv").write_text(text)
+    drive = mi.load_drive("scope.csv")
+    assert drive.times == (-0.001, 0.0, 0.001)
+    assert drive.voltages == (0.0, 1.0, 0.5)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "a list of 3"),
+        ("X,CH1,Start,Increment\nSequence,V,-1e-3,1e-3\n0,0\n1,1\n2,0\n", "counts samples"),
+        ("", "no line begins with a number"),
         ("0 0\n1 1\n", "a list of 3"),
         ("0 0\n1 x\n2 0", "line 2 holds 'x'"),
         ("0 0\n1 nan\n2 0", "line 2 holds 'nan'"),
         ("0 0\n1 1 1\n2 0", "line 2 holds 3 columns"),
         ("0 0\n2 1\n1 0", "ascending"),
-        ("a b\nc d\n", "line 2 holds 'c'"),
-        ("\x00\x01", "a list of 3"),
+        ("a b\nc d\n", "no line begins with a number"),
+        ("\x00\x01", "no line begins"),
         (b"\xff\xfe0", "not UTF-8"),
     ],
 )

@@ -213,3 +213,18 @@ def test_a_square_wave_whose_force_changes_does_not_warn():
         mi.Pulse(amplitude=0.3, period=5.0, width=1.0, low=-0.3, fall=0.1)
         mi.Pulse(amplitude=0.3, period=5.0, width=1.0)
         mi.Square(amplitude=0.0, omega=0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "told"),
+    [
+        (lambda: mi.Sine(65, 3770), r"Sine\(amplitude=65, omega=3770\)"),
+        (lambda: mi.Sine(65, omega=3770), r"Sine\(amplitude=65, omega=3770\)"),
+        (lambda: mi.Tilt(0.05), r"Tilt\(angle=0\.05\)"),
+        (lambda: mi.Sine(1, 2, 3, 4, 5), "they are amplitude, omega, bias, phase"),
+        (lambda: mi.Actuator(1.0), r"Actuator\(m1=1\.0\)"),
+    ],
+)
+def test_values_without_names(make, told):
+    with pytest.raises(TypeError, match=rf"takes its parameters by name: .*{told}"):
+        make()

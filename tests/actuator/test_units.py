@@ -1,6 +1,7 @@
 """SI and dimensionless: there and back, and what a drive says of itself."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def test_unknown_units_are_refused(units):
 
 
 def test_units_in_a_file(tmp_path):
-    body = "".join(f"{n} = {v}\n" for n, v in mi.load_actuator("zhao2004") if n != "units")
+    body = "".join(f"{n} = {v}\n" for n, v in mi.load_actuator("mita2003") if n != "units")
     path = tmp_path / "device.toml"
     path.write_text(f'units = "SI"\n[parameters]\n{body}')
     assert mi.load_actuator(path).units == "SI"
@@ -111,3 +112,50 @@ def test_a_file_that_looks_like_si_without_saying_so(tmp_path, recwarn):
     for name in preset_names():
         mi.load_actuator(name)
     assert not recwarn.list
+
+
+def test_an_error_of_a_run_is_in_the_units_of_the_device():
+    """One step of a device at rest: the same error, in its own units and in SI."""
+    mita = mi.load_actuator("mita2003")
+    options = mi.Options(max_steps=10, engine="interpreted", method="dop853")
+    drive = mi.Sine(amplitude=60.0, omega=1885.0)
+    with pytest.raises(mi.RunError) as caught:
+        mi.simulate(mita, drive, 10, options=options)
+    told, reached = caught.value, caught.value.trajectory.final
+    assert told.state == {name: getattr(reached, name) for name in ("x1", "v1", "x2", "v2")}
+    assert 0.0 < told.phase_time < drive.period
+    assert f"phase time {told.phase_time:.9g} s, mode" in str(told)
+    assert f"x2 = {told.state['x2']:.9g} m, v2 = {told.state['v2']:.9g} m/s" in str(told)
+    assert str(pickle.loads(pickle.dumps(told))) == str(told)
+
+
+def test_why_a_branch_ends_is_in_the_units_of_the_device():
+    system = mi.load_actuator("mita2003").under(mi.Sine(amplitude=60.0, omega=1885.0))
+    family = system.family(mi.Options())
+    inner = family.value("amplitude")
+    assert inner != pytest.approx(60.0)
+    assert family.amount("amplitude", inner) == "60 V"
+    assert system.margin_amount("right impact", 0.5) == "2.5e-06 m"
+    assert system.margin_amount("slip end", 1.0, rate=True).endswith(" m/s/s")
+
+
+@pytest.mark.parametrize("name", ["mita2003", "zhao2004"])
+def test_results_show_six_digits_and_units_where_there_are_any(name):
+    si = name == "mita2003"
+    unit = " m" if si else ""
+    blows = mi.Blows(count=3, per_period=1 / 3, displacement_per_blow=0.1 / 3, displacement_std=0.0,
+                     si=si)  # fmt: skip
+    told = f"Blows(count=3, per_period=0.333333, displacement_per_blow=0.0333333{unit}, "
+    assert repr(blows) == f"{told}displacement_std=0{unit})"
+    run = mi.simulate(
+        mi.load_actuator(name), mi.Sine(amplitude=0.1, omega=1885.0 if si else 0.5), 1,
+        initial=mi.State(x2=1e-7 / 3),
+        options=mi.Options(engine="interpreted", method="dop853"),
+    )  # fmt: skip
+    assert f"x1=0{unit}, " in repr(run)
+    assert str(mi.State(x2=0.1 / 3)) == "State(x2=0.0333333)"
+
+
+def test_a_margin_without_a_unit_is_told_as_it_is():
+    system = mi.load_actuator("mita2003").under(mi.Sine(amplitude=1.0, omega=1.0))
+    assert system.margin_amount("switch", -0.25) == "-0.25"

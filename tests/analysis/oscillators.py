@@ -152,13 +152,14 @@ def _lorenz(mode, t, y, p):
     return p.s * (y.y - y.x), y.x * (p.r - y.z) - y.y, y.x * y.y - p.b * y.z
 
 
-def lorenz() -> mi.System:
+def lorenz(time_scale: float | None = None) -> mi.System:
     """Lorenz's system, with a chaotic attractor full of unstable cycles."""
     return mi.System(
         states=("x", "y", "z"),
         flow=_lorenz,
         parameters={"s": 10.0, "r": 28.0, "b": 8.0 / 3.0},
         initial={"x": 1.0, "y": 1.0, "z": 1.0},
+        time_scale=time_scale,
     )
 
 

@@ -47,7 +47,7 @@ def test_measures_are_the_statistics_of_a_settled_run():
 
 def test_a_motion_that_wanders_is_measured_after_the_transient():
     # In the chaotic band; statistics over the same periods as an ordinary run gathers.
-    amplitude, omega = 0.2, 0.45
+    amplitude, omega = 0.24, 0.45
     settle = Settling(transient=20, periods=15, longest=2, tolerance=1e-12)
     settle = replace(settle, exponents="none")
     (found,) = attractors([Case(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST)
@@ -181,3 +181,50 @@ def test_a_failing_point_says_why():
     few = mi.Options(method="dop853", max_steps=3)
     (failed,) = attractors([Case(good, mi.State(v2=1.0))], SHORT, few)
     assert "max_steps = 3" in failed.status
+
+
+def mapped(settle, value, x=0.4):
+    """A map, once a period; nothing moves in between."""
+    return mi.System(
+        states=("x",), flow=lambda mode, t, y, p: (0.0,), settle=settle, switches=(0.5,),
+        period=1.0, parameters={"a": value}, initial={"x": x},
+    )  # fmt: skip
+
+
+def _logistic(mode, t, y, p):
+    return mode, (p.a * y.x * (1.0 - y.x),)
+
+
+def _circle(mode, t, y, p):
+    return mode, ((y.x + p.a - 0.5 / math.tau * math.sin(math.tau * y.x)) % 1.0,)
+
+
+def _found(system, **settle):
+    options = replace(FAST, engine="interpreted")
+    settle = Settling(**{"transient": 60, "periods": 20, "exponents": "none", **settle})
+    return attractors([Case(system)], settle, options)[0]
+
+
+@pytest.mark.parametrize(("a", "motion", "period"), [(2.97, "resting", 1), (3.012, "periodic", 2)])
+def test_what_comes_nearer_and_nearer_is_followed_until_it_arrives(a, motion, period):
+    """Multipliers of -0.97 and 0.95: 80 periods are not enough, as their rate tells."""
+    found = _found(mapped(_logistic, a), tolerance=1e-4)
+    assert (found.motion, found.period) == (motion, period)
+    assert 80 < found.returns < 500
+    apart = math.sqrt((a - 3.0) * (a + 1.0)) / (2.0 * a) if period == 2 else 0.0
+    middle = (a + 1.0) / (2.0 * a) if period == 2 else 1.0 - 1.0 / a
+    expected = {1: [middle], 2: [middle - apart, middle + apart]}[period]
+    assert sorted(found.states[:, 0]) == pytest.approx(expected, abs=1e-4)
+
+
+def test_what_does_not_come_nearer_is_no_orbit():
+    """On a circle; and beside the ghost of a fold, where returns differ least in the middle."""
+    assert _found(mapped(_circle, 0.3), tolerance=1e-4).motion == "unsettled"
+    ghost = mapped(_circle, 0.5 / math.tau + 1e-5, x=0.25)
+    assert _found(ghost, tolerance=1e-5).motion == "unsettled"
+
+
+def test_a_map_between_whose_iterations_nothing_moves_does_not_rest():
+    found = _found(mapped(_logistic, 3.2))
+    assert (found.motion, found.period) == ("periodic", 2)
+    assert _found(mapped(_logistic, 3.9)).motion == "unsettled"

@@ -58,7 +58,7 @@ def test_a_contact_that_fails_ends_the_branch_where_it_is_grazed(rebound, reason
 
 
 def rattle(mode, t, y, p):
-    drag = 0.05 * (y.v2 - y.v1)
+    drag = 0.05 * (y.v2 - y.v1) + p.c * (y.v2 - y.v1) ** 3
     return y.v1, p.A * math.cos(p.w * t) - y.x1 - 0.1 * y.v1 + 0.2 * drag, y.v2, -drag
 
 
@@ -76,18 +76,32 @@ def knock(mode, t, y, p):
     return mode, (y.x1, together - apart / 6.0, y.x2, together + apart / 1.2)
 
 
-@pytest.mark.slow
-def test_orbits_that_lie_side_by_side_are_told():
-    """A rattler that touches neither stop may swing about any place between them."""
-    rattler = mi.System(
+def rattler(c):
+    return mi.System(
         states=("x1", "v1", "x2", "v2"),
         flow=rattle,
         period=lambda p: 2.0 * math.pi / p.w,
-        parameters={"A": 0.05, "w": 1.3, "e": 0.9},
+        parameters={"A": 0.05, "w": 1.3, "e": 0.9, "c": c},
         guards=[mi.Impact("right", right, knock), mi.Impact("left", left, knock)],
     )
-    orbit = mi.find_orbit(mi.simulate(rattler, periods=300))
+
+
+@pytest.mark.slow
+def test_orbits_that_lie_side_by_side_are_told():
+    """A rattler that touches neither stop may swing about any place between them."""
+    orbit = mi.find_orbit(mi.simulate(rattler(0.01), periods=300))
     assert np.abs(orbit.multipliers - 1.0).min() < 1e-9
     branch = mi.continue_orbit(orbit, "w", 2.5, steps=mi.Steps(largest=0.05, most=20))
     assert len(branch)
     assert "lie side by side" in branch.ended
+
+
+@pytest.mark.slow
+def test_orbits_that_lie_side_by_side_are_followed_at_what_they_conserve():
+    """With a linear drag v2 + 0.05 (x2 - x1) never changes, and tells one from the other."""
+    orbit = mi.find_orbit(mi.simulate(rattler(0.0), periods=300))
+    assert np.abs(orbit.multipliers - 1.0).min() > 0.1
+    branch = mi.continue_orbit(orbit, "w", 2.0)
+    assert branch.ended == "w reached its bound"
+    kept = [q.state.v2 + 0.05 * (q.state.x2 - q.state.x1) for q in branch.orbits]
+    np.testing.assert_allclose(kept, kept[0], atol=1e-12)

@@ -6,6 +6,7 @@ Whatever the engine, since what is tried here is the text of the functions.
 import functools
 import math
 import random
+import types
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ import mems_impact as mi
 from mems_impact.errors import FunctionError, InvalidParameter
 from tests.analysis.systems import FREE, HELD, ball
 
+helpers = types.ModuleType("helpers")
+exec("def count(g):\n    global COUNT\n    COUNT = g\n    return g", vars(helpers))
+helpers.g = helpers.count  # which no flow reads
 CALLS = [0]
 TOTAL = 0.0
 HERE = r"\(test_checks\.py, line \d+\)"
@@ -90,6 +94,33 @@ def changes_a_global(mode, t, y, p):
     return y.v, -p.g
 
 
+def g():
+    changes_a_global(FREE, 0.0, None, None)
+
+
+def reads_a_parameter_of_that_name(mode, t, y, p):
+    return y.v, -p.g
+
+
+def changes_a_global_through_a_module(mode, t, y, p):
+    return y.v, -helpers.count(p.g)
+
+
+def changes_a_global_within(mode, t, y, p):
+    return y.v, -sum(helpers.count(p.g) for _ in range(1))
+
+
+def changes_its_own(mode, t, y, p):
+    total = 0.0
+
+    def add():
+        nonlocal total
+        total += p.g
+
+    add()
+    return y.v, -total
+
+
 def changes_a_closure():
     total = 0.0
 
@@ -146,6 +177,8 @@ FLOWS = [
     ({"flow": counts}, "two results .* no random numbers, no counters"),
     ({"flow": changes_a_global}, "changes TOTAL, which lives outside"),
     ({"flow": changes_a_closure()}, "changes total, which lives outside"),
+    ({"flow": changes_a_global_through_a_module}, "changes COUNT, which lives outside"),
+    ({"flow": changes_a_global_within}, "changes COUNT, which lives outside"),
     ({"flow": endless}, "calls itself without end"),
     ({"flow": unknown_name}, "raises NameError: name 'gravity' is not defined"),
     ({"flow": drifting}, r"no period .*; give the forcing period"),
@@ -156,6 +189,21 @@ FLOWS = [
 @pytest.mark.parametrize(("changes", "sentence"), FLOWS)
 def test_a_flow_is_tried(changes, sentence):
     refused(changes, sentence, FunctionError)
+
+
+def test_a_state_and_a_parameter_may_be_called_self():
+    system = mi.System(
+        states=("self",), flow=lambda mode, t, y, p: (-p.self * y.self,), parameters={"self": 2.0}
+    )
+    start = mi.State(self=1.0).replace(self=2.0)
+    run = mi.simulate(system.changed(self=1.0), initial=start, duration=1.0, options=INTERPRETED)
+    assert run.final.self == pytest.approx(2.0 * math.exp(-1.0), rel=1e-7)
+
+
+@pytest.mark.parametrize("flow", [reads_a_parameter_of_that_name, changes_its_own])
+def test_a_global_of_the_name_of_an_attribute_refuses_nothing(flow):
+    """Functions g, of this module and of one that it knows, change globals; p.g is neither."""
+    ball(flow=flow)
 
 
 def refused(changes, sentence, kind):

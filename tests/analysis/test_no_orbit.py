@@ -105,3 +105,91 @@ def test_a_diverged_run_is_no_guess():
     run = mi.simulate(runaway(repelled, 2.0 * math.pi), periods=20, options=PLAIN)
     with pytest.raises(mi.OrbitError, match=r"diverged: v = .* in the guess; give a guess near"):
         mi.find_orbit(run, options=PLAIN)
+
+
+def drags(mode, t, y, p):
+    return y.v, -0.5 * y.v + math.cos(t) + p.load
+
+
+def weakly_held(mode, t, y, p):
+    return y.v, -1e-3 * y.x - 0.5 * y.v + math.cos(t) + p.load
+
+
+def two(mode, t, y, p):
+    pull = y.x - y.z
+    return y.v, -0.4 * y.v + math.cos(t) + p.load - pull, y.w, -0.3 * y.w + pull
+
+
+def rotates(mode, t, y, p):
+    return y.w, -0.2 * y.w - math.sin(y.angle) + 1.5 + p.load * math.cos(t)
+
+
+def pushed(flow, states, period=2.0 * math.pi, **more):
+    return mi.System(states=states, flow=flow, period=period, parameters={"load": 0.3}, **more)
+
+
+def test_a_state_that_drifts_is_to_be_cyclic():
+    """Its mean speed is the load by the damping: 0.6, 1.2 pi a period."""
+    with pytest.raises(mi.OrbitError, match=r"x grows by 3\.77 a period, .* in cyclic=\['x'\]"):
+        mi.find_orbit(pushed(drags, ("x", "v")), transient=10, options=PLAIN)
+    orbit = mi.find_orbit(pushed(drags, ("x", "v"), cyclic=("x",)), transient=10, options=PLAIN)
+    assert orbit.gains["x"] == pytest.approx(1.2 * math.pi, rel=1e-9)
+
+
+def test_what_drifts_is_told_in_the_units_of_the_system():
+    def fast(mode, t, y, p):
+        return y.v, -0.5e6 * y.v + 1e9 * math.cos(1e6 * t) - p.load * 1e9
+
+    typical = {"x": 1e-3, "v": 1e3, "time": 1e-6}
+    system = pushed(fast, ("x", "v"), 2e-6 * math.pi, typical=typical, units={"x": "m"})
+    with pytest.raises(mi.OrbitError, match=r"x falls by 0\.00377 m a period"):
+        mi.find_orbit(system, periods=1, options=PLAIN)
+
+
+def test_two_bodies_that_drift_together():
+    """Mean speed: the load by the sum of both dampings."""
+    rate = 0.3 / 0.7 * 2.0 * math.pi
+    told = rf"x grows by {rate:.4g} and z grows by {rate:.4g} a period, .* distances"
+    with pytest.raises(mi.OrbitError, match=told):
+        mi.find_orbit(pushed(two, ("x", "v", "z", "w")), options=PLAIN)
+
+
+@pytest.mark.slow
+def test_an_angle_that_goes_round_is_not_cyclic():
+    system = pushed(rotates, ("angle", "w"), initial={"w": 8.0})
+    with pytest.raises(mi.OrbitError, match=r"angle grows by 47\.12 a period, .* guards at pi and"):
+        mi.find_orbit(system, periods=2, options=PLAIN)
+
+
+def test_a_weak_spring_holds():
+    """It is no drift: the orbit lies where the spring bears the load."""
+    found = mi.find_orbit(pushed(weakly_held, ("x", "v")), transient=40, options=PLAIN)
+    assert found.samples(64)["x"].mean() == pytest.approx(300.0, abs=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("period", [None, 1.7])
+def test_drift_without_forcing(period):
+    """A body at its final speed, one behind a cycle, a pendulum that goes round."""
+
+    def behind_a_cycle(mode, t, y, p):
+        return p.load + y.w * y.w, y.w, (1.0 - y.u * y.u) * y.w - y.u
+
+    def even(mode, t, y, p):
+        return y.v, -0.5 * y.v + p.load
+
+    systems = {
+        r"x grows by 0\.6 in a unit of time, .* cyclic": pushed(even, ("x", "v"), None),
+        r"x grows by 2\.\d+ in a unit of time, .* cyclic": pushed(
+            behind_a_cycle, ("x", "u", "w"), None, initial={"u": 1.0}
+        ),
+        r"angle grows by 7\.\d+ in a unit of time, .* guards at pi": pushed(
+            lambda mode, t, y, p: (y.w, -0.2 * y.w - math.sin(y.angle) + 1.5),
+            ("angle", "w"),
+            None,
+            initial={"w": 4.0},
+        ),
+    }
+    for told, system in systems.items():
+        with pytest.raises(mi.OrbitError, match=told):
+            mi.find_orbit(system, period=period, options=PLAIN)

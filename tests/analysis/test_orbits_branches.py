@@ -305,18 +305,11 @@ def test_a_chart_without_a_band_says_what_it_found():
         mi.operating_chart(ZHAO.to_si(SCALES), omega=(1000.0, 1100.0), crises=0)
 
 
-@pytest.mark.parametrize(
-    ("changed", "reason"),
-    [
-        ({"mu_d": 1e-6}, "a weak contact does not lead back"),
-        ({"k": 1000.0, "mu_s": 0.04, "mu_d": 0.03}, "no orbit with this signature"),
-    ],
-)
-def test_what_keeps_a_chart_from_being_made_is_told_in_the_units_of_the_device(changed, reason):
-    device = ZHAO.replace(**changed).to_si(SCALES)
-    resonance = math.sqrt(changed.get("k", 1.0)) / SCALES.time
+def test_what_keeps_a_chart_from_being_made_is_told_in_the_units_of_the_device():
+    device = ZHAO.replace(mu_d=1e-6).to_si(SCALES)
+    resonance = 1.0 / SCALES.time
     where = r"at omega \[rad/s\] = \d+(\.\d+)? and amplitude \[V\] = \d+(\.\d+)?: "
-    with pytest.raises(mi.OrbitError, match=where + reason):
+    with pytest.raises(mi.OrbitError, match=where + "a weak contact does not lead back"):
         mi.operating_chart(device, omega=(0.5 * resonance, 0.505 * resonance), crises=0)
 
 

@@ -13,6 +13,7 @@ from validation.campaign.comparing import END, Answer, Row
 from validation.campaign.drawn import Drawn
 from validation.campaign.integrating import Follower
 from validation.campaign.scales import Valve
+from validation.judges.contacts import Bodies, Judge, Rub
 
 SEED = 2
 
@@ -230,3 +231,35 @@ def test_the_comparison_ends_where_the_reference_parts_from_itself():
     assert found.quiet == pytest.approx(3.0)
     for rows in (ROWS, ROWS[:2]):
         assert comparing.compare(found, Answer([*rows, Row(4.0, END, 0, np.zeros(2))], "")) == ""
+
+
+def rubbing(rubs, loads, springs=0.0, drive=0.0):
+    n = len(loads)
+    return Judge(
+        Bodies(
+            np.ones(n),
+            springs * np.eye(n),
+            np.zeros((n, n)),
+            np.array(loads),
+            drive * np.eye(n)[0],
+            1.0,
+            tuple(rubs),
+        )
+    )
+
+
+def test_the_judge_of_contacts_loses_four_mu_of_amplitude_a_cycle():
+    judge = rubbing([Rub(0, None, 0.04, 0.04)], [0.0], springs=1.0)
+    judge.follow(np.array([1.01, 0.0]), 60.0)
+    exact = [(-1.0) ** k * (1.01 - 0.08 * k) for k in range(1, 14)]
+    assert [arc.y[0] for arc in judge.arcs[1:]] == pytest.approx(exact, abs=1e-9)
+    assert judge.arcs[-1].modes == (0,)
+
+
+def test_the_judge_of_contacts_breaks_a_ring_where_its_limits_are_spent():
+    ring = [Rub(0, None, 0.15, 0.3), Rub(1, None, 0.05, 0.2), Rub(1, 0, 0.3, 0.4)]
+    judge = rubbing(ring, [-1.0, 0.0], drive=1.0)  # -1 + cos t on the first body
+    judge.follow(np.zeros(4), 3.0)
+    # In all 0.5, where the ring goes on as one.
+    assert judge.arcs[1].t == pytest.approx(math.acos(0.5), abs=1e-12)
+    assert judge.arcs[1].modes == (-1, -1, 0)

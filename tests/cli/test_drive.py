@@ -1,13 +1,14 @@
 """Drives from the command line."""
 
+import click
 import pandas as pd
 import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import drives
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.cli import COMMANDS
-from mems_impact.cli.drives import FIELDS, NUMBERS, described_by_options
+from mems_impact.cli import COMMANDS, _group
+from mems_impact.cli.drives import FIELDS, NUMBERS, described_by_options, drive_from
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -73,6 +74,56 @@ def test_files(cli, tmp_path):
     assert "Burst" in done.out
     done = cli("drive", "zhao2004", "--drive", "wave.csv", "--drive-period", "4", "--no-figure")
     assert "forcing period     4" in done.out
+
+
+@pytest.fixture
+def own(tmp_path):
+    """The file of a device with a voltage of its own."""
+    told = mi.load_actuator("zhao2004").model_dump(exclude={"units", "terms"})
+    text = "[parameters]\n" + "".join(f"{name} = {value}\n" for name, value in told.items())
+    drive = '[drive]\nkind = "square"\namplitude = 0.3\nomega = 0.5\nduty = 0.3\n'
+    (tmp_path / "own.toml").write_text(text + drive)
+    return "own.toml"
+
+
+COMMANDS_WITH_DRIVE = [
+    ["drive"],
+    ["simulate", "--periods", "2"],
+    ["sweep", "--parameter", "duty", "--start", "0.3", "--stop", "0.4", "--points", "2",
+     "--transient", "1", "--periods", "1"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("words", COMMANDS_WITH_DRIVE, ids=lambda words: words[0])
+def test_a_device_file_tells_its_own_drive(cli, own, words):
+    name, *rest = words
+    assert cli(name, own, *rest, "--no-figure").status == 0
+
+
+def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
+    """All make it in one place, of the argument that they call DEVICE."""
+    for name in COMMANDS:
+        command = _group.get_command(None, name)
+        if any(each.name == "drive_choice" for each in command.params):
+            with click.Context(command) as context:
+                context.params["device"] = own
+                assert drive_from() == mi.load_drive(own), name
+                assert any(each.name == "device" for each in command.params), name
+
+
+def test_numbers_change_the_drive_of_the_device(cli, own):
+    assert "0 to 0.16" in cli("drive", own, "--amplitude", "0.4", "--no-figure").out
+    done = cli("drive", own, "--width", "0.4", "--no-figure")
+    assert "no parameter of the drive in own.toml" in done.err
+    assert "--drive KIND takes another one" in done.err
+    sine = ["--drive", "sine", "--amplitude", "0.2", "--omega", "1"]
+    assert "Sine" in cli("drive", own, *sine, "--no-figure").out
+
+
+def test_a_study_file_takes_the_drive_of_its_device(own, tmp_path):
+    study = 'device = "own.toml"\n[study]\nkind = "map"\nx = ["e", [0.8]]\ny = ["duty", [0.3]]\n'
+    (tmp_path / "map.toml").write_text(study)
+    assert mi.load_study(tmp_path / "map.toml").system.drive == mi.load_drive(tmp_path / own)
 
 
 def test_a_frequency_is_omega_over_two_pi(cli, tmp_path):

@@ -19,7 +19,7 @@ def test_a_device_runs_as_it_is(cli, tmp_path):
     assert cli(*first, "--periods", "2", "--no-figure").status == 0
     assert mi.load_actuator("mine.toml").units == "SI"
     text = (tmp_path / "mine.toml").read_text()
-    assert "simulate mine.toml --drive mine.toml" in text
+    assert "simulate mine.toml" in text
 
 
 def test_a_system_runs_as_it_is(cli):

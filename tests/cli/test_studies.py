@@ -29,7 +29,7 @@ def test_basins_of_a_grid(cli, tmp_path):
 
 
 def test_scatter_with_a_specification(cli, tmp_path):
-    over = ["--over", "e=norm:0.8:0.01"]
+    over = ["--over", "e=norm:0.8:0.01", "--over", "d=uniform:1%"]
     wish = ["--specification", "displacement per period=1e-4:"]
     drive = ["--amplitude", "0.24", "--omega", "0.5"]
     done = cli(

@@ -28,7 +28,8 @@ def errors(caught: BaseException) -> str:
 
 WARNINGS: tuple[type[Warning], ...] = (
     mi.EngineFallbackWarning, mi.FitWarning, mi.PluginWarning, mi.ScaleWarning,
-    mi.StiffnessWarning, mi.UnitsWarning, mi.ValidityWarning,
+    mi.DiscontinuityWarning, mi.StartWarning, mi.StiffnessWarning,
+    mi.UnitsWarning, mi.ValidityWarning,
 )  # fmt: skip
 
 

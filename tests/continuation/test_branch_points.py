@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import mems_impact as mi
@@ -40,3 +41,69 @@ def test_the_branch_that_crosses_turns_round_there_in_no_fold():
     assert [special.label for special in branch.special_points] == ["BP"]
     assert abs(branch.special_points[0].value) < 1e-9
     assert branch.orbits[-1].state.x == pytest.approx(-off.state.x, abs=1e-9)
+
+
+def of_equilibrium(flow, start, **values):
+    (found, *_) = mi.find_equilibria(
+        mi.System(states=("x",), flow=flow, parameters=values), guess={"x": start}
+    )
+    return found
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-10])
+def test_an_error_of_the_equations_neither_moves_a_branch_point_nor_adds_a_fold(error):
+    def fork(mode, t, y, p):
+        return (p.a * y.x - y.x**3 + p.error,)
+
+    rest = of_equilibrium(fork, 0.0, a=-1.0, error=error)
+    off = of_equilibrium(fork, 0.9, a=1.0, error=error)
+    for begin, stop in ((rest, 1.0), (off, -1.0)):
+        branch = mi.continue_equilibrium(begin, "a", stop, back=begin.system.parameters["a"])
+        assert [point.label for point in branch.special_points] == ["BP"]
+        assert abs(branch.special_points[0].value) < 1e-12
+
+
+def test_branches_that_cross_at_an_angle():
+    begin = of_equilibrium(lambda mode, t, y, p: ((p.a - 0.3) * y.x - y.x**2,), 0.0, a=-1.0)
+    (crossing,) = mi.continue_equilibrium(begin, "a", 1.0).special_points
+    assert crossing.label == "BP"
+    assert crossing.value == pytest.approx(0.3, abs=1e-13)
+
+
+MAP = ("q", "c", "d", "t11", "t12", "t21", "t22", "r", "l", "k1", "k2", "k3", "k4")
+MAP += ("s11", "s12", "s21", "s22")
+
+
+def oblique(mode, t, y, p):
+    """A map whose fixed point (c q, d q) another one crosses where (0.95 + r q) is one."""
+    a, b = y.x - p.c * p.q, y.y - p.d * p.q
+    u, w = p.t11 * a + p.t12 * b, p.t21 * a + p.t22 * b
+    u, w = (
+        (0.95 + p.r * p.q) * u + p.k1 * u * u + p.k2 * u * w,
+        p.l * w + p.k3 * u * u + p.k4 * w * w,
+    )
+    return mode, (p.c * p.q + p.s11 * u + p.s12 * w, p.d * p.q + p.s21 * u + p.s22 * w)
+
+
+@pytest.mark.parametrize(
+    "seed", [13, pytest.param(18, marks=pytest.mark.slow), pytest.param(41, marks=pytest.mark.slow)]
+)
+def test_branch_points_of_maps_where_residuals_are_rounding(seed):
+    random = np.random.default_rng(seed)
+    t = random.standard_normal((2, 2))
+    s, (c, d) = np.linalg.inv(t), 0.5 * random.standard_normal(2)
+    r, slow, k = random.uniform(0.1, 0.5), random.uniform(-0.9, 0.6), random.standard_normal(4)
+    values = dict(zip(MAP, [0.0, c, d, *t.ravel(), r, slow, *k, *s.ravel()], strict=True))
+    system = mi.System(
+        states=("x", "y"),
+        flow=lambda mode, t, y, p: (0.0, 0.0),
+        settle=oblique,
+        switches=(0.5,),
+        period=1.0,
+        parameters={name: float(value) for name, value in values.items()},
+    )
+    options = mi.Options(method="dop853", engine="interpreted")
+    rest = mi.find_orbit(system, periods=1, options=options, guess=mi.State(x=0.0, y=0.0))
+    branch = mi.continue_orbit(rest, "q", 0.09 / r, back=-1.0)
+    (crossing,) = (point for point in branch.special_points if point.label == "BP")
+    assert crossing.value == pytest.approx(0.05 / r, rel=1e-10)

@@ -235,7 +235,8 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
     def nothing(*_):
         raise OrbitError("there is nothing", "look elsewhere")
 
-    monkeypatch.setattr("mems_impact.continuation.branch.reconnect", nothing)
+    for way in ("reconnect", "neighbour"):
+        monkeypatch.setattr(f"mems_impact.continuation.branch.{way}", nothing)
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25)
     assert branch.ended == "grazing: there is nothing; look elsewhere"
     assert branch.points[-1].value == pytest.approx(GRAZING_5, abs=1e-10)
@@ -264,8 +265,8 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
     walker = _Walker(found, 0.1, 0.3, Steps(), True)
-    before = {Monitor(kind): 1.0 for kind in ("fold", "period-doubling", "Neimark-Sacker")}
-    walker._rename(met, special, before, {**before, fold.monitor: -0.1})
+    along = first.direction if listed else -first.direction
+    walker._rename(met, first.orbit.point, first.orbit.shooting, first.orbit.point, along)
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
         ("fold", 0.16, fold.monitor)
     ]

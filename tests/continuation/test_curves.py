@@ -11,6 +11,7 @@ from mems_impact.continuation.branch import follow
 from mems_impact.continuation.conditions import Condition
 from mems_impact.continuation.corrector import Steps
 from mems_impact.continuation.curve import _Curve, follow_curve
+from mems_impact.continuation.monitors import Monitor
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.family import Family
 from tests.continuation import free_block
@@ -162,7 +163,7 @@ def test_fold_curve_of_silent_orbits_ends_at_the_grazing_fold(at_nine_twentieths
 
 
 def test_multipliers_of_plus_and_minus_one_in_closed_form():
-    """Along a curve of the oscillator off its stop: det(M - 1), det(M + 1) over the size of M."""
+    """Along a curve of the oscillator off its stop: det(M - 1), det(M + 1) in parts of one."""
     c, k, omega = 0.1, 9.0, 0.8
     compiled = oscillator(amplitude=0.1, omega=omega, c=c, k=k)
 
@@ -175,9 +176,8 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
     shooting = orbit.equations(("amplitude", "omega"))
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))
     matrix = expm(np.array([[0.0, 1.0], [-k, -c]]) * 2.0 * np.pi / omega)
-    size = float(np.abs(matrix).max())
-    assert size > 1.0
-    curve = SimpleNamespace(shooting=shooting)
+    size = float(np.prod(1.0 + np.abs(np.linalg.eigvals(matrix))))
+    curve = SimpleNamespace(shooting=shooting, monitor=Monitor("grazing", "approach"))
     for test, multiplier in (("multiplier +1", 1.0), ("multiplier -1", -1.0)):
         expected = np.linalg.det(matrix - multiplier * np.eye(2)) / size
         assert _Curve._test(curve, test, point) == pytest.approx(expected, abs=1e-9)

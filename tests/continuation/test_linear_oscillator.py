@@ -187,3 +187,17 @@ def test_period_doubling_in_the_frequency_of_a_square_wave():
     branch = follow(impacting(beside, start), "omega", low=2.37, high=2.43, direction=-1)
     assert branch.ended == "omega reached its bound"
     assert values(branch, "period-doubling") == pytest.approx([2.4], abs=1e-9)
+
+
+def test_a_branch_crosses_octaves_of_the_period():
+    """The amplitude of an oscillator without a wall, from a tenth of the resonance to thrice it."""
+    far = {"amplitude": 0.3, "c": 0.1, "d": 100.0}
+    orbit = find_orbit(oscillator(omega=0.8, **far), at((0.0, 0.0)), transient=300)
+    for low, high, direction in ((0.8, 3.0, 1), (0.1, 0.8, -1)):
+        branch = follow(orbit, "omega", low=low, high=high, direction=direction)
+        assert branch.ended == "omega reached its bound"
+        for point in branch.points[:: max(1, len(branch.points) // 20)]:
+            w = point.value
+            exact = 0.3 / np.hypot(1.0 - w * w, 0.1 * w)
+            x, v = point.orbit.state
+            assert np.hypot(x, v / w) == pytest.approx(exact, rel=1e-9)

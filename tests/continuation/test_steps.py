@@ -8,14 +8,7 @@ import pytest
 from mems_impact.continuation import locating
 from mems_impact.continuation.corrector import Step, Steps
 from mems_impact.continuation.ending import spent
-from mems_impact.continuation.monitors import (
-    BRANCH_POINT,
-    FOLD,
-    NEIMARK_SACKER,
-    Closest,
-    Monitor,
-    without_folds_at_crossings,
-)
+from mems_impact.continuation.monitors import NEIMARK_SACKER, Closest, Monitor
 from mems_impact.orbits.newton import Solution
 
 
@@ -69,13 +62,6 @@ def test_a_neimark_sacker_point_has_a_pair_on_the_circle(monkeypatch, angle, siz
     here = SimpleNamespace(values=np.array([0.7]))
     found = locating.special_at(Monitor(NEIMARK_SACKER), None, here, np.ones(2))
     assert (found is not None) == (size == 1.0)
-
-
-def test_folds_where_a_branch_crosses_are_left_out():
-    kinds = [(0.1, FOLD), (0.5, BRANCH_POINT), (0.5, FOLD), (0.5, NEIMARK_SACKER)]
-    found = [(place, SimpleNamespace(kind=kind)) for place, kind in kinds]
-    kept = [(place, each.kind) for place, each in without_folds_at_crossings(found)]
-    assert kept == [kinds[0], kinds[1], kinds[3]]
 
 
 def test_what_is_said_where_the_points_are_used_up():

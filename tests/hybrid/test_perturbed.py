@@ -11,6 +11,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.hybrid.lyapunov import Stretching, largest, standard_errors
 from mems_impact.hybrid.run import run
+from tests.analysis.oscillators import lorenz
 from tests.analysis.systems import oscillator
 
 FAST = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
@@ -175,6 +176,15 @@ def test_at_rest_nothing_is_left():
     assert stretching.result.errors.tolist() == [0.0, 0.0]
 
 
+def test_the_state_that_carries_perturbations_is_that_of_the_run():
+    """On its own it would be another one after 30 units of time: neighbours part by exp(0.9 t)."""
+    system = lorenz()
+    problem = system.problem(PLAIN)
+    one = Stretching(problem, system.instant(None, problem), chunk=30)
+    one.go_on()
+    assert one._at.y[:3].tolist() == one.final.y.tolist()
+
+
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
     problem = system.problem(FAST)
@@ -199,6 +209,15 @@ def test_errors_of_parts_that_depend_on_each_other():
     # The sum of what one kick leaves behind is 1/(1 - 0.95).
     assert 0.7 * 20.0 < standard_errors(slow, np.ones(4096))[0] * 64.0 < 2.0 * 20.0
     assert np.isnan(standard_errors(noise[:15], np.ones(15))).all()
+
+
+def test_errors_of_what_has_not_settled():
+    """Growth in proportion to time has a rate of log(t)/t; one that is the same throughout none."""
+    ends = np.arange(1.0, 18.0) * 60.0
+    grown = np.diff(np.log(ends))[:, None]
+    told = standard_errors(grown, np.full(16, 60.0))[0]
+    assert 0.5 * grown.sum() / 960.0 < told < 2.0 * grown.sum() / 960.0
+    assert standard_errors(np.full((16, 1), -3.0), np.full(16, 60.0))[0] < 1e-9
 
 
 @pytest.mark.slow

@@ -26,6 +26,17 @@ def test_steps_are_counted_until_the_next_is_as_small_as_the_error(power, guess,
     assert found.iterations == iterations
 
 
+def test_a_residual_that_is_rounding_is_the_end_whatever_steps_it_makes():
+    """Beside a branch point the matrix is nearly singular."""
+
+    def equations(x):
+        residual = np.array([0.3 * x[0] - 0.3, 1e-17 + 1e-18 * x[1]])
+        return SimpleNamespace(), residual, np.diag([0.3, 1e-18])
+
+    found = newton(equations, np.array([2.0, 10.0]), reason="no root", remedy="")
+    assert found.unknowns[0] == pytest.approx(1.0, abs=1e-15)
+
+
 UP, DOWN = mi.modes("up", "down")
 
 

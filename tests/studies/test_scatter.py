@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 import mems_impact as mi
-from mems_impact.studies.draws import draw
+from mems_impact.studies.draws import distributions, draw
 from mems_impact.studies.indices import indices_table
 from mems_impact.studies.sampling import unit_sample
 from tests.studies.toys import bits
@@ -182,3 +182,17 @@ def test_indices_of_ishigami():
     lost = table[table["quantity"] == "g"]
     assert lost["first"].isna().all()
     assert (lost["missing"] == 1).all()
+
+
+def test_distributions_about_the_value_of_the_system():
+    """As a part of it: normal of that deviation, or even to either side."""
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+    e, d = distributions({"e": "5%", "d": "uniform: 2%"}, system).values()
+    assert (e.mean(), e.std()) == pytest.approx((0.8, 0.04))
+    size = system.parameters["d"]
+    assert d.support() == pytest.approx((0.98 * size, 1.02 * size))
+    for given, told in [("5", "e"), ("beta: 5%", "5%"), ("-5%", "5%")]:
+        with pytest.raises(mi.InvalidParameter, match=told):
+            distributions({"e": given}, system)
+    with pytest.raises(mi.InvalidParameter, match="bias is 0, of which no part can be taken"):
+        distributions({"bias": "5%"}, system)

@@ -51,6 +51,23 @@ def test_a_minimum_at_a_side():
     assert found.ended == "converged"
 
 
+@pytest.mark.parametrize("start", [[0.1, 0.9], [0.9, 0.05]])
+def test_a_minimum_in_an_edge_between_two_pieces(start):
+    def look(x):
+        above = x[1] - 0.3 - 0.2 * x[0] ** 2
+        sign = 1.0 if above > 0.0 else -1.0
+        value = (x[0] - 0.6) ** 2 + sign * (2.0 + sign) * above
+        gradient = np.array([2.0 * (x[0] - 0.6), 0.0])
+        gradient += sign * (2.0 + sign) * np.array([-0.4 * x[0], 1.0])
+        return Local(value, gradient, np.zeros(0), np.zeros((0, 2)), sign)
+
+    found, _ = searched(start, look)
+    assert found.x == pytest.approx([0.6, 0.372], abs=1e-3)
+    assert found.local.value == pytest.approx(0.0, abs=1e-6)
+    assert len(found.edge) == 1
+    assert look(found.edge[0]).piece == -found.local.piece
+
+
 def test_points_that_do_not_exist():
     def move(_, x):
         if x[0] > 0.7:

@@ -192,6 +192,13 @@ def test_bad_input(orbit, arguments, named):
         mi.sensitivity(orbit, **arguments)
 
 
+def test_tolerances_as_parts_of_values(found):
+    at = found.system.parameters
+    relative = found.scatter({"delta": "2%", "mu_d": 0.02})
+    absolute = found.scatter({"delta": 0.02 * at["delta"], "mu_d": 0.02})
+    assert relative.equals(absolute)
+
+
 def test_bad_tolerances(found):
     with pytest.raises(mi.InvalidParameter, match="stiffness"):
         found.scatter({"stiffness": 1.0})

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from validation.campaign import automata, corrugated, cradles, pool, scales, tables, terms
+from validation.campaign import automata, contacts, corrugated, cradles, pool, scales, tables, terms
 from validation.campaign.comparing import Unit, Verdict
 
 
@@ -29,6 +29,7 @@ FAMILIES = {
     "cradles": Family(cradles.check, 1000, 12),
     "automata": Family(automata.check, 15_600, 20),
     "scales": Family(scales.check, 1000, 10),
+    "contacts": Family(contacts.check, 5000, 8),
     "terms": Family(terms.check, 5000, 13),
 }
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["BlowCounter", "Blows", "EachBlow", "blow_of", "blows", "contacts", "each_blow"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Blows(Summarized):
     """What the blows of a run's window do, in the units of the device.
 
@@ -41,6 +41,8 @@ class Blows(Summarized):
     displacement_std : float
         Standard deviation of the displacements of the single blows, over their number; NaN
         without a blow.
+    si : bool
+        Whether these are in SI, those of a device that is.
 
     See Also
     --------
@@ -56,10 +58,13 @@ class Blows(Summarized):
     ('20.0 nm', 1.0)
     """
 
+    si_units = {"displacement_per_blow": "m", "displacement_std": "m"}  # noqa: RUF012 - ClassVar in Summarized
+
     count: int
     per_period: float
     displacement_per_blow: float
     displacement_std: float
+    si: bool = False
 
 
 def blows(run: ActuatorRun) -> Blows:
@@ -92,6 +97,7 @@ def blows(run: ActuatorRun) -> Blows:
         per_period=found.blows_per_period,
         displacement_per_blow=0.0 if still else scales.out(found.displacement_per_blow, "m"),
         displacement_std=scales.out(found.displacement_per_blow_std, "m"),
+        si=scales.named,
     )
 
 

@@ -7,9 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, Chart, Point
+from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, SLIP, Chart, Point
 from mems_impact.actuator.design.crisis import crisis
 from mems_impact.actuator.design.estimates import pull_in_voltage
+from mems_impact.actuator.design.thresholds import onset, switching_off
 from mems_impact.actuator.modes import BREAK_AWAY, GUARDS
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.curve import curve_of
@@ -27,6 +28,8 @@ from mems_impact.orbits.finding import find_orbit
 __all__ = ["Boundaries"]
 
 CRISIS = "crisis"
+SLIPS = GUARDS[BREAK_AWAY].name
+COLUMNS = 9  # frequencies at which thresholds are looked for, if nothing is simulated to its end
 FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
 ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the fold
@@ -66,13 +69,16 @@ class Boundaries:
         self.special_points: tuple[CodimensionTwo, ...] = ()
         self.marks: set[float] = set()  # frequencies of these
         self.regions: list[tuple[GrazingType, float, float]] = []
-        self.pieces: list[tuple[str, GrazingType, str, Sequence[Point]]] = []
+        self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
         self.done = self.total = 0  # pieces that are whole, and that there will be
         self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
         """Compute the parts, those last that take longest; `chart` gives what is done."""
         low, high = self.omega
+        if SLIPS in (self._first(low)[1], self._first(high)[1]):
+            self._thresholds(crises, periods, workers)
+            return
         curve = self._grazings(low, high)
         marks = [s for s in curve.special_points if s.kind in SEPARATING]
         marks.sort(key=lambda s: s.values[1])
@@ -108,7 +114,7 @@ class Boundaries:
 
     def chart(self) -> Chart:
         """Return the chart of what is done."""
-        order = {ON: 0, OFF: 1}
+        order = {ON: 0, OFF: 1, SLIP: 2}
         pieces = [(side, region, kind, tuple(sorted(points)))
                   for side, region, kind, points in self.pieces]  # fmt: skip
         pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
@@ -174,11 +180,50 @@ class Boundaries:
             f"{self._not_grazing(low)}, and {self._not_grazing(high)}", self._remedy(low, high)
         )
 
+    def _first(self, omega: float) -> tuple[float, str]:
+        """Return the amplitude at which frame or block begin to move at one frequency, and how."""
+
+        def wanted(special: BranchEvent) -> bool:
+            return _grazes(special) or special.kind == SLIPS
+
+        try:
+            met = [special for special in self._special(omega, wanted) if wanted(special)]
+        except OrbitError:  # the frame moves at the smallest voltage
+            return FIRST * self.pull_in, SLIPS
+        return (met[0].value, met[0].kind) if met else (self.pull_in, "")
+
+    def _thresholds(self, crises: int, periods: int, workers: int) -> None:
+        """Find where the frame slips, and the block strikes or not, at equal distances."""
+        omegas = np.linspace(*self.omega, crises or COLUMNS).tolist()
+        found: dict[tuple[str, str], list[Point]] = {}
+        self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
+
+        def one(omega: float) -> Iterator[tuple[str, str, float]]:
+            first, kind = self._first(omega)
+            if kind == SLIPS:
+                yield SLIP, kind, first
+            here = self.system.changed(omega=self.system.out(OMEGA, omega))
+            begin = self.system.out(AMPLITUDE, first)
+            try:
+                on, kind, state = onset(here, begin, most, watch)
+                yield ON, kind, self.system.into(AMPLITUDE, on)
+                if crises:
+                    off = min(on, switching_off(here, on, state, periods, watch))
+                    yield OFF, CRISIS, self.system.into(AMPLITUDE, off)
+            except OrbitError as error:
+                self.notes.append(f"at {self._at(omega)}: {error}")
+
+        self.tell(f"slip and impacts, at {len(omegas)} frequencies")
+        with stoppable_threads(workers) as (threads, watch):
+            for omega, points in zip(omegas, threads.map(lambda w: [*one(w)], omegas), strict=True):
+                for side, kind, value in points:
+                    if (side, kind) not in found:
+                        self.pieces.append((side, None, kind, found.setdefault((side, kind), [])))
+                    found[side, kind].append((omega, value))
+                self.done += 1
+
     def _remedy(self, *omegas: float) -> str:
         """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
-        met = {s.kind for omega in omegas for s in self._special(omega, lambda special: False)}
-        if GUARDS[BREAK_AWAY].name in met:
-            return f"the frame slides before the block strikes: {SLIDES}"
         return "lower the damping c, or take another range of omega"
 
     def _grazing(self, omega: float) -> BranchEvent:

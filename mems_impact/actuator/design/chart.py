@@ -14,10 +14,10 @@ from mems_impact.analysis.values import Value
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AMPLITUDE", "OFF", "OMEGA", "ON", "Chart", "Point"]
+__all__ = ["AMPLITUDE", "OFF", "OMEGA", "ON", "SLIP", "Chart", "Point"]
 
 AMPLITUDE, OMEGA = "amplitude", "omega"
-ON, OFF = "on", "off"
+ON, OFF, SLIP = "on", "off", "slip"
 
 Point = tuple[float, float]  # omega and amplitude
 
@@ -55,7 +55,7 @@ class Chart(Value):
     special_points: tuple[CodimensionTwo, ...]
     notes: tuple[str, ...]
     regions: tuple[tuple[GrazingType, float, float], ...]
-    pieces: tuple[tuple[str, GrazingType, str, tuple[Point, ...]], ...] = field(repr=False)
+    pieces: tuple[tuple[str, GrazingType | None, str, tuple[Point, ...]], ...] = field(repr=False)
 
     def __repr__(self) -> str:
         low, high = self.omega
@@ -81,14 +81,15 @@ class Chart(Value):
     def table(self) -> pd.DataFrame:
         """One row a point of a boundary, each boundary in ascending omega.
 
-        Columns: boundary ("on", "off"), omega, amplitude, type of the paper (I, II, III), kind
-        (what happens there: grazing, fold, crisis).
+        Columns: boundary ("on", "off"; "slip" where the frame begins to move before the block
+        strikes), omega, amplitude, type of the paper (I, II, III; none where the frame slips
+        first), kind (what happens there: grazing, fold, crisis, break-away, …).
         """
         rows = [
             {
                 "boundary": boundary,
                 "values": (self.system.out(OMEGA, omega), self.system.out(AMPLITUDE, amplitude)),
-                "type": region.paper,
+                "type": region.paper if region is not None else "",
                 "kind": kind,
             }
             for boundary, region, kind, points in self.pieces

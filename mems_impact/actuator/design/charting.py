@@ -48,6 +48,11 @@ def operating_chart(
     grazing; type III goes on at the fold of the orbit without impacts and off in a crisis of the
     chaotic attractor, which no curve gives: it is simulated.
 
+    Where the spring moves the frame before the block strikes, there are no types. The chart then
+    has, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage at which
+    the frame begins to slip; that at which the block begins to strike, on the orbit that slips; and
+    that below which it has ceased to, simulated.
+
     Parameters
     ----------
     actuator : Actuator
@@ -82,8 +87,8 @@ def operating_chart(
         If an argument is out of range, or the device has stoppers that yield or a term that makes
         the sign of the voltage matter.
     OrbitError
-        If the orbit without impacts does not graze at either end of the range, or at a frequency
-        within it; says what it meets instead.
+        If the orbit without impacts meets neither a grazing nor a slip at either end of the range,
+        or does not graze at a frequency within it; says what it meets instead.
     ChartInterrupted
         On Ctrl-C; its ``chart`` holds what was done.
 

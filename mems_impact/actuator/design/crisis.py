@@ -32,6 +32,7 @@ def crisis(
     below: float,
     begin: float | None = None,
     width: float | None = None,
+    start: State | None = None,
     tolerance: float = 1e-6,
     periods: int = 2000,
     options: Options = SIMULATION,
@@ -50,10 +51,12 @@ def crisis(
     below : float
         An amplitude at which there is such an attractor, such as the on-boundary.
     begin : float, optional
-        The amplitude at which it is looked for first, from a kick; `below` by default. Near a fold
+        The amplitude at which it is looked for first; `below` by default. Near a fold
         a run lingers where the orbit has vanished, so that a little above it is better.
     width : float, optional
         How far to look, `below` itself by default.
+    start : State, optional
+        From which it is looked for first; a kick by default.
     tolerance : float, optional
         Width of the last step, as a part of `below`.
     periods : int, optional
@@ -92,7 +95,7 @@ def crisis(
         return []
 
     top, begin = below, below if begin is None else begin
-    states = attractor(begin, [kicked(actuator)])
+    states = attractor(begin, [kicked(actuator) if start is None else start])
     if not states:
         raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
     for amplitude in np.linspace(begin, below, RAMP)[1:].tolist() if begin != below else ():

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 __all__ = ["Duty", "duty_cycle"]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Duty(Value):
     """Shares of the time, between 0 and 1.
 

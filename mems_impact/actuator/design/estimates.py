@@ -18,6 +18,7 @@ from mems_impact.actuator.design.at_rest import AtRest, coasting
 from mems_impact.actuator.design.impacts import frame_steps
 from mems_impact.actuator.modes import RIGHT_IMPACT, V1, V2
 from mems_impact.actuator.parameters import Actuator
+from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.trajectory import Events, Floats
 
 if TYPE_CHECKING:
@@ -192,6 +193,11 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
         One row an impact on the right stopper that struck a frame at rest: period, phase, speed
         v2 before, voltage, step (simulated), formula, and their ratio.
 
+    Raises
+    ------
+    InvalidParameter
+        If no impact of the run makes a step that the formula knows; says what there was instead.
+
     See Also
     --------
     step_length, simulate, blows
@@ -210,7 +216,12 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
     struck = np.zeros(len(log), dtype=bool)
     struck[rows] = True
     hits = log[struck]
-    chosen = (hits.guard == RIGHT_IMPACT) & (hits.before[:, V1] == 0.0) & (steps > 0.0)
+    right = hits.guard == RIGHT_IMPACT
+    at_rest = right & (hits.before[:, V1] == 0.0)
+    chosen = at_rest & (steps > 0.0)
+    if not chosen.any():
+        problem = _stepless(run, int(right.sum()), int(at_rest.sum()))
+        raise InvalidParameter("run", None, "", problem=problem)
     hits, steps = hits[chosen], steps[chosen]
     scales = run.system.scales
     volts = run.drive.value(scales.out(hits.time, "s"))
@@ -221,6 +232,21 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
         formula = step_length(run.actuator, speed, volts)
     return tables.step_lengths(
         hits.cycle, hits.time / period, speed, volts, scales.out(steps, "m"), formula, run.system
+    )
+
+
+def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
+    """Return why no impact of a run makes a step that the formula knows."""
+    if right == 0:
+        return (
+            "no impact on the right stopper; raise the voltage, or start with a kick (see kicked)"
+        )
+    if at_rest:
+        return f"no step of {at_rest} that begin at rest has ended; simulate more periods"
+    return (
+        f"each of {right} impacts on the right stopper strikes a frame that slips already, as it "
+        f"does for {run.measured.share_slipping:.3g} of the time, so that no step ends before the "
+        "next; take displacement_per_blow of blows(run)"
     )
 
 

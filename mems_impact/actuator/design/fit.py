@@ -14,6 +14,7 @@ from mems_impact.actuator import tables
 from mems_impact.actuator.design.targets import Target
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.ranges import look_at_target
 from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.state import State
 from mems_impact.analysis.values import Summarized
@@ -178,6 +179,8 @@ def fit(
     free = _checked_free(actuator, free)
     if not targets or not all(isinstance(target, Target) for target in targets):
         raise InvalidParameter("targets", targets, "one or more Target(…)")
+    for target in targets:
+        look_at_target(actuator, target.quantity, target.value, target.unit)
     for name, given in (bounds or {}).items():
         if name not in free:
             raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")

@@ -19,7 +19,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["Life", "life", "normal_force"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Life(Summarized):
     """What wears a device, and for how long it lasts, in the units of the device.
 
@@ -37,6 +37,8 @@ class Life(Summarized):
         How long that takes [s].
     distance : float
         How far the device has walked then [m].
+    si : bool
+        Whether these are in SI, those of a device that is.
 
     See Also
     --------
@@ -52,6 +54,11 @@ class Life(Summarized):
     ('81 m', '20.0 nm')
     """
 
+    si_units = {  # noqa: RUF012 - ClassVar in Summarized
+        "normal_force": "N", "slip_per_period": "m", "slip_per_blow": "m",
+        "volume_per_blow": "m^3", "time": "s", "distance": "m",
+    }  # fmt: skip
+
     normal_force: float
     slip_per_period: float
     slip_per_blow: float
@@ -59,6 +66,7 @@ class Life(Summarized):
     blows: float
     time: float
     distance: float
+    si: bool = False
 
 
 def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth: float) -> Life:
@@ -125,6 +133,7 @@ def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth
         blows=periods * blows if blows > 0.0 else math.inf,
         time=periods * period,
         distance=periods * walked if walked != 0.0 else 0.0,
+        si=found.system.scales.named,
     )
 
 

@@ -12,9 +12,9 @@ from mems_impact.actuator import tables
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.summing import accounted_problem
 from mems_impact.actuator.drives import Drive
-from mems_impact.actuator.modes import BREAK_AWAY, direction_of
+from mems_impact.actuator.modes import BREAK_AWAY, V1, X1, direction_of
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.actuator.results import ActuatorOrbit
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.actuator.terms.frame_load import FrameLoad
 from mems_impact.analysis.finding import ORBIT_OPTIONS, find_orbit
@@ -32,7 +32,10 @@ __all__ = ["LoadCurve", "load_curve"]
 
 LOAD = "frame_load.force"
 WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
-ALWAYS = 0.99  # a frame that slips for this share of the time is not going to stop
+FASTER = 1e3  # so many times as fast a frame that runs away is not held either
+ROUNDS = 8  # orbits, one beyond the other, on which the end of the walk is looked for
+SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in the units of the numerics
+STILL = 1e-12  # of delta: a displacement that is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,7 +57,9 @@ class LoadCurve(Value):
         Up to here static friction holds a device without voltage [N].
     walking_load : float
         Up to here it walks, on the orbit that was followed: there the frame breaks away backwards
-        while it should be at rest [N]; NaN if that lies beyond the loads, or no orbit was followed.
+        while it should be at rest, and runs away [N]; NaN if that lies beyond the loads, or no
+        orbit was followed. A device whose frame slips back in every period has no such load: it
+        walks ever more slowly, stalls, and walks back.
     stall_load : float
         Where the speed is zero, between two rows [N]; NaN if it is nowhere: a device that friction
         holds between its blows still walks at the load that tears it off.
@@ -62,6 +67,11 @@ class LoadCurve(Value):
     See Also
     --------
     load_curve, plot_load
+
+    Notes
+    -----
+    A device runs away where its frame slips one way throughout the periods that are measured, and
+    the forces from outside exceed the friction at any speed.
 
     Examples
     --------
@@ -129,6 +139,8 @@ def load_curve(
     ------
     InvalidParameter
         If an argument is out of range.
+    RunError
+        If a run cannot go on, and the device does not run away.
 
     See Also
     --------
@@ -164,7 +176,7 @@ def load_curve(
         table=table,
         sliding_load=sliding,
         holding_load=holding,
-        walking_load=chain.limit() if values[-1] >= chain.expected else math.nan,
+        walking_load=chain.limit(),
         stall_load=_zero(values, speed),
     )
 
@@ -175,20 +187,52 @@ class _Chain:
     def __init__(
         self, system: ActuatorSystem, start: State, transient: int, periods: int, options: Options
     ) -> None:
-        self.system, self.state = system, start
+        self.system, self.start, self.state = system, start, start
         self.transient, self.periods, self.options = transient, periods, options
         self.tight = replace(ORBIT_OPTIONS, engine=options.engine)
         self.orbit: ActuatorOrbit | None = None
         self.load, self.expected = math.nan, math.inf
-        self.away = False
+        self.away = False  # backwards, which no larger load ends
 
     def at(self, load: float) -> _Row:
         """Return what the device does at a load."""
         if self.away:
             return _Row(math.nan, AWAY, "run")
         system = self.system.changed(**{LOAD: load})
-        if self.orbit is not None and load < self.expected and self._follow(system, load):
-            return self._of_orbit()
+        known = self.orbit is not None and load < self.expected
+        if known and (row := self._follow(system, load)):
+            return row
+        run, way = self._run(system)
+        if way != 0:
+            self.away, self.state = way < 0, self.start
+            return _Row(math.nan, AWAY, "run")
+        self.state, self.expected = run.final, math.inf
+        row = self._follow(system, load)
+        return row or self._row(float(run.statistics["displacement per period"]), "run")
+
+    def limit(self) -> float:
+        """Return the load at which the orbit ends, from one close below; NaN if it was not met.
+
+        Where a run beyond it walks on, with one slip more, the orbit that it comes to is asked.
+        """
+        for _ in range(ROUNDS):
+            expected = self.expected
+            if not self.away or self.orbit is None or not math.isfinite(expected):
+                return math.nan
+            load = self.load + 0.999 * (expected - self.load)
+            self._follow(self.system.changed(**{LOAD: load}), load)
+            expected = self.expected
+            beyond = expected + 1e-6 * abs(expected)
+            system = self.system.changed(**{LOAD: beyond})
+            _, way = self._run(system)
+            if way != 0:
+                return expected
+            if not self._follow(system, beyond):
+                return math.nan
+        return math.nan
+
+    def _run(self, system: ActuatorSystem) -> tuple[ActuatorRun, int]:
+        """Return a run from the last state, and the way in which the frame runs away; 0 if not."""
         length = self.transient + self.periods
         first = self.state.time / system.forcing_period + self.transient
         try:
@@ -198,48 +242,37 @@ class _Chain:
             )  # fmt: skip
         except RunError as error:
             run = error.trajectory
-        if not run.measured.share_slipping < ALWAYS:
-            self.away = True
-            return _Row(math.nan, AWAY, "run")
-        self.state = run.final
-        if load < self.expected and self._follow(system, load):
-            return self._of_orbit()
-        moved = float(run.statistics["displacement per period"])
-        return _Row(moved, _does(moved), "run")
+            way = _runaway(run, self.periods)
+            if way == 0:
+                raise
+            return run, way
+        return run, _runaway(run, self.periods)
 
-    def limit(self) -> float:
-        """Return the load at which the orbit ends, from one close below."""
-        expected = self.expected
-        if self.orbit is not None and math.isfinite(expected):
-            load = self.load + 0.999 * (expected - self.load)
-            self._follow(self.system.changed(**{LOAD: load}), load)
-        return self.expected
-
-    def _follow(self, system: ActuatorSystem, load: float) -> bool:
-        """Look for the orbit near the last state; return whether there is a stable one."""
+    def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
+        """Look for the stable orbit near the last state; return what it does."""
         periods = None if self.orbit is None else self.orbit.periods
         try:
             found: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
         except (OrbitError, RunError):
             self.orbit = None
-            return False
+            return None
         if not (found.stable and found.admissible):
             self.orbit = None
-            return False
+            return None
         self.orbit, self.state, self.load = found, found.state, load
-        # What acts on a frame at rest grows with the load, all else being the same.
+        # What acts on a frame at rest grows with the load, all else being the same. Where a rest
+        # ends by breaking away, it does so without more load.
         margins = [
             float(arc.minima[BREAK_AWAY])
             for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
-            if direction_of(segment.mode) == 0
+            if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
         ]
         self.expected = load + _unheld(system, min(margins)) if margins else math.inf
-        return True
+        return self._row(found.step / found.periods, "orbit")
 
-    def _of_orbit(self) -> _Row:
-        assert self.orbit is not None
-        moved = self.orbit.step / self.orbit.periods
-        return _Row(moved, _does(moved), "orbit")
+    def _row(self, moved: float, by: str) -> _Row:
+        moved = 0.0 if abs(moved) < STILL * self.system.actuator.delta else moved
+        return _Row(moved, STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK, by)
 
 
 def _unheld(system: ActuatorSystem, margin: float) -> float:
@@ -250,10 +283,26 @@ def _unheld(system: ActuatorSystem, margin: float) -> float:
     return float(system.scales.out(limit - push, "N"))
 
 
-def _does(moved: float) -> str:
-    if moved == 0.0:
-        return STANDS
-    return WALKS if moved > 0.0 else BACK
+def _runaway(run: ActuatorRun, periods: int) -> int:
+    """Return the way in which the frame runs away in the last periods of a run: 1, -1; 0 if not."""
+    trajectory = run.trajectory
+    log, final = trajectory.events, trajectory.final
+    way = direction_of(final.mode)
+    first = final.cycle + final.time / trajectory.period - periods
+    late = log[log.cycle + log.time / trajectory.period >= first]
+    modes = {*late.mode_before.tolist(), *late.mode_after.tolist()}
+    if way == 0 or any(direction_of(mode) != way for mode in modes):
+        return 0
+    system = run.system
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters
+    for factor in (1.0, FASTER):
+        y = final.y.copy()
+        y[[X1, V1]] *= factor
+        outside = model.on_frame(y, p) + model.on_block(y, p)
+        if way * (outside - model.sliding_friction(way, y[V1], p)) <= 0.0:
+            return 0
+    return way
 
 
 def _held(system: ActuatorSystem) -> tuple[float, float]:
@@ -262,7 +311,10 @@ def _held(system: ActuatorSystem) -> tuple[float, float]:
     p = accounted_problem(system, Options()).parameters
     y = np.zeros(len(model.layout.states))
     outside = model.on_frame(y, p) + model.on_block(y, p)
-    sliding, static = model.sliding_friction(1, 0.0, p) + outside, model.static_limit(p) + outside
+    # Where friction falls and rises with the speed, it holds no more than at its lowest.
+    speeds = SPEEDS if model.sticks else SPEEDS[-1:]
+    friction = [model.sliding_friction(1, speed, p) for speed in speeds.tolist()]
+    sliding, static = min(friction) + outside, model.static_limit(p) + outside
     return float(system.scales.out(sliding, "N")), float(system.scales.out(static, "N"))
 
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mems_impact.actuator import tables
-from mems_impact.actuator.design.impacts import is_impact, is_release, yields
+from mems_impact.actuator.composing import compose
+from mems_impact.actuator.design.impacts import SLIPPING, is_impact, is_release, yields
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.modes import X2
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, state_from
 from mems_impact.analysis.system import System
@@ -29,12 +31,16 @@ if TYPE_CHECKING:
 
 __all__ = ["RingDown", "ring_down"]
 
-PERIODS, MOST = 64, 8192  # half natural periods of the first run, and of the last
+PERIODS, MOST = 64, 131072  # half natural periods of the first run, and of the last
+HALVINGS = 40
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class RingDown(Value):
     """The free swing of the block, in the units of the device.
+
+    It is measured from the first swing on that strikes nothing and leaves the frame at rest: a
+    frame that slips takes energy out of it.
 
     Attributes
     ----------
@@ -48,9 +54,11 @@ class RingDown(Value):
         In which the amplitude falls to 1/e [s], on average.
     time : float
         From switching off until the amplitude is down to the share that was asked for, of that of
-        the first swing that strikes nothing [s].
+        the first swing that is measured [s].
     table : DataFrame
-        One row a swing after the last impact: t (since switching off) and amplitude.
+        One row a swing that is measured: t (since switching off) and amplitude.
+    si : bool
+        Whether these are in SI, those of a device that is.
 
     See Also
     --------
@@ -65,6 +73,8 @@ class RingDown(Value):
     ('0.1000', '5.00')
     """
 
+    si_units = {"frequency": "Hz", "time_constant": "s", "time": "s"}  # noqa: RUF012 - ClassVar in Summarized
+
     frequency: float
     decrement: float
     damping_ratio: float
@@ -72,6 +82,7 @@ class RingDown(Value):
     time_constant: float
     time: float
     table: pd.DataFrame = field(repr=False)
+    si: bool = False
 
 
 @takes_system(start="initial")
@@ -89,9 +100,11 @@ def ring_down(
     system : Actuator and Drive, or Run or Orbit
         A run or an orbit stands for its device, and for the state in which it is switched off.
     initial : State or mapping of str to float, optional
-        The state at that time; with a kick by default (see `kicked`).
+        The state at that time; by default a kick (see `kicked`), or a weaker one where after it
+        the block strikes, or the frame slips, for long.
     share : float, optional
-        Of the first amplitude, down to which it shall be followed; between 0 and 1.
+        Of the first amplitude that is measured, down to which it shall be followed; between 0 and
+        1.
     options : Options, optional
 
     Returns
@@ -128,24 +141,30 @@ def ring_down(
     actuator = system.actuator
     quiet = Sine(amplitude=0.0, omega=math.sqrt(actuator.k / actuator.m2))
     off = ActuatorSystem(actuator, quiet)
+    sticks = comes_to_rest(off)
     start: Any = system.start_of("down") if initial is None else initial
     if isinstance(start, State):
         start = start.replace(time=0.0)
     begin = 0.0
     if yields(actuator):
         off, start, begin = after_contacts(off, start, options)
+    if initial is None:
+        start, options = gentle(off, start, sticks, options)
     periods = PERIODS
     while True:
         run = simulate(off, periods, initial=start, options=options)
-        t, amplitude = swings(run.trajectory)
+        t, amplitude = swings(run.trajectory, sticks)
         t = begin + t
         low = np.flatnonzero(amplitude <= share * amplitude[:1].max(initial=0.0))
-        fallen = math.log(amplitude[0] / amplitude[-1]) if amplitude.size > 1 else 0.0
-        if low.size or fallen * MOST < periods * math.log(1.0 / share):
+        fallen = math.log(amplitude[0]) - math.log(amplitude[-1]) if amplitude.size > 1 else 0.0
+        slow = fallen * MOST < periods * math.log(1.0 / share)
+        if low.size or (slow and not (disturbed(run, sticks) and periods < MOST)):
             break
         periods *= 4
     if not low.size:
         problem = "the block does not swing, or its swing does not die out"
+        if disturbed(run, sticks):
+            problem = "the block goes on striking, or the frame slipping; start with less speed"
         raise InvalidParameter("initial", start, "", problem=problem)
     last = int(low[0])
     decrement = math.log(amplitude[0] / amplitude[last]) / last
@@ -163,6 +182,7 @@ def ring_down(
         time_constant=float(off.scales.out(swing / decrement, "s")),
         time=float(off.scales.out(reached, "s")),
         table=tables.swings(t[: last + 1], amplitude[: last + 1], off),
+        si=off.scales.named,
     )
 
 
@@ -192,15 +212,50 @@ def after_contacts(
     return rigid, state_from(values), begin
 
 
-def swings(trajectory: Trajectory) -> tuple[Floats, Floats]:
+def comes_to_rest(system: ActuatorSystem) -> bool:
+    """Return whether friction can hold the frame."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    return model.sticks and bool(model.static_limit(system.numbers().parameters) > 0.0)
+
+
+def gentle(
+    off: ActuatorSystem, start: State, sticks: bool, options: Options
+) -> tuple[State, Options]:
+    """Return a kick after which the block soon swings freely, and options as fine as it is weak."""
+    for _ in range(HALVINGS):
+        if not disturbed(simulate(off, PERIODS, initial=start, options=options), sticks):
+            break
+        start = start.replace(v2=0.5 * start["v2"])
+        options = replace(options, atol=0.5 * options.atol)
+    return start, options
+
+
+def disturbed(run: Run, sticks: bool) -> bool:
+    """Return whether the block does not swing freely for the second half of a run."""
+    return free_from(run.trajectory, sticks) > 0.5 * run.periods * run.trajectory.period
+
+
+def free_from(trajectory: Trajectory, sticks: bool) -> float:
+    """Return the time from which on the block strikes nothing and a frame that `sticks` rests."""
+    log, final = trajectory.events, trajectory.final
+    disturbed = is_impact(log) | (log.kind == loop.ACCUMULATION)
+    if sticks:
+        if SLIPPING[final.mode]:
+            return final.cycle * trajectory.period + final.time
+        disturbed |= SLIPPING[log.mode_before]
+    rows = np.flatnonzero(disturbed)
+    return float(log.cycle[rows[-1]] * trajectory.period + log.time[rows[-1]]) if rows.size else 0.0
+
+
+def swings(trajectory: Trajectory, sticks: bool) -> tuple[Floats, Floats]:
     """Return when the block turns back on the right, and half its way to where it does next.
 
-    From the last impact on; in the units of the numerics.
+    From where it swings freely on (see `free_from`); in the units of the numerics.
     """
     log, period = trajectory.events, trajectory.period
-    struck = np.flatnonzero(is_impact(log) | (log.kind == loop.ACCUMULATION))
-    log = log[struck[-1] + 1 :] if struck.size else log
-    turned = log[log.kind == loop.APPROACH]
-    right = np.flatnonzero((turned.guard[:-1] == 0) & (turned.guard[1:] == 1))
-    x2 = turned.before[:, X2]
-    return (turned.cycle * period + turned.time)[right], 0.5 * (x2[right] - x2[right + 1])
+    time = log.cycle * period + log.time
+    turned = (log.kind == loop.APPROACH) & (time > free_from(trajectory, sticks))
+    log, time = log[turned], time[turned]
+    right = np.flatnonzero((log.guard[:-1] == 0) & (log.guard[1:] == 1))
+    x2 = log.before[:, X2]
+    return time[right], 0.5 * (x2[right] - x2[right + 1])

@@ -107,6 +107,11 @@ class Target:
             raise InvalidParameter("tolerance", None, "given where the value is 0")
 
     @property
+    def unit(self) -> str:
+        """The SI unit of the quantity."""
+        return {**OF_RUN, **OF_DEVICE}[self.quantity][1]
+
+    @property
     def weight(self) -> float:
         """What the difference is divided by."""
         return self.tolerance if self.tolerance is not None else 0.01 * abs(self.value)
@@ -119,5 +124,4 @@ class Target:
 
     def label(self, actuator: Actuator) -> str:
         """Return the quantity with its unit, if the actuator is in SI."""
-        unit = {**OF_RUN, **OF_DEVICE}[self.quantity][1]
-        return actuator.scales.label(self.quantity, unit)
+        return actuator.scales.label(self.quantity, self.unit)

@@ -20,7 +20,14 @@ from mems_impact.actuator.terms.files import term_names
 from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidFile, InvalidParameter
 
-__all__ = ["TABLES", "drive_in_table", "drive_kinds", "drive_of_kind", "load_drive"]
+__all__ = [
+    "TABLES",
+    "drive_in_table",
+    "drive_kinds",
+    "drive_of_kind",
+    "holds_drive",
+    "load_drive",
+]
 
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
@@ -102,6 +109,19 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
         return drive_in_table(content["drive"], Path(source), allow_code)
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
+
+
+def holds_drive(name_or_path: str) -> bool:
+    """Return whether that is the path of a TOML file with a table ``[drive]``."""
+    from mems_impact.actuator.parameters import preset_names
+
+    if name_or_path in preset_names() or not Path(name_or_path).is_file():
+        return False
+    try:
+        raw = read_bytes(name_or_path, REMEDY, largest=_LARGEST_FILE, kind="drive file")
+        return "drive" in parse_toml(raw, name_or_path, REMEDY)
+    except InvalidFile:
+        return False  # let the device say what is wrong
 
 
 def drive_kinds() -> tuple[str, ...]:

@@ -101,8 +101,8 @@ class Sampled(PiecewiseDrive):
         Parameters
         ----------
         path : str or os.PathLike
-            Columns separated by comma, semicolon, tab or blanks; one line of headings is allowed,
-            and lines that begin with # are left out.
+            Columns separated by comma, semicolon, tab or blanks. Headings, what an oscilloscope
+            tells of its settings, and lines that begin with # are left out.
         period, phase : float, optional
             As for the class.
 

@@ -41,7 +41,8 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
     """Draw the amplitudes of switching on (solid) and off (dotted) over the frequency.
 
     Crosses are values that were simulated, not followed. The types of the paper are shaded, and
-    the points of codimension two between them marked. Where the boundaries lie so near each other
+    the points of codimension two between them marked; of a device whose frame slips before the
+    block strikes, a line shows where it begins to. Where the boundaries lie so near each other
     that they are not told apart, an inset shows by how much they differ.
 
     Parameters
@@ -74,6 +75,12 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
     boundaries = {
         name: table[table["boundary"] == name].sort_values(omega) for name in ("on", "off")
     }
+    slips = table[table["boundary"] == "slip"].sort_values(omega)
+    if len(slips):
+        ax.plot(
+            slips[omega], slips[amplitude], color=color("guide"), linewidth=thickness(1.0),
+            label="the frame slips", zorder=2,
+        )  # fmt: skip
     for name, rows in boundaries.items():
         ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
     simulated = table[table["kind"] == "crisis"]
@@ -84,11 +91,12 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
             simulated[omega], simulated[amplitude], linestyle="none", marker="x", markersize=3.5,
             color=color("down"), label="off, simulated (crisis)", zorder=5, clip_on=False,
         )  # fmt: skip
-    first, last = chart.types[f"{omega} from"].min(), chart.types[f"{omega} to"].max()
-    ax.set_xlim(first, last)
+    types = chart.types
+    edges = types[[f"{omega} from", f"{omega} to"]] if len(types) else table[omega]
+    ax.set_xlim(edges.to_numpy().min(), edges.to_numpy().max())
     low, high = ax.get_ylim()
     ax.set_ylim(low - 0.22 * (high - low), high + 0.08 * (high - low))  # for labels
-    for _, row in chart.types.iterrows():
+    for _, row in types.iterrows():
         low, high = row[f"{omega} from"], row[f"{omega} to"]
         ax.axvspan(low, high, color=SHADES[row["type"]], linewidth=0.0, zorder=0)
         ax.annotate(

@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
+from mems_impact.analysis.checks.jumps import tell_of_jump
 from mems_impact.analysis.checks.met import compare
 from mems_impact.analysis.checks.rates import check_jacobian, rate_of
 from mems_impact.analysis.checks.times import Clock
@@ -32,6 +33,8 @@ SEQUENCE = 3  # flights
 ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
 FALLING = 1e-3  # a rate that falls after a transition, of that before it
 BISECTIONS = 50
+SHORT = 1e-6  # steps, of the time scale, before which the flow may jump
+PROBES = 4  # places at which that is looked for
 
 Met = Callable[[int, Place, Place], None]
 
@@ -56,6 +59,7 @@ class Short:
         self.guards = tried.definition.guards
         self.calls = CALLS * FEW // max(FEW, tried.n)
         self.looked: dict[int, int] = {}
+        self.probes = PROBES
         self.hits: dict[int, list[float]] = {}
 
     def go(self, start: Place, *, meant: bool) -> None:
@@ -138,8 +142,11 @@ class Short:
             step = self.step(at, slope, h, stop)
             if step is None or step[2] > 1.0:
                 h *= 0.25 if step is None else max(0.2, 0.9 * step[2] ** (-1.0 / 3.0))
-                if h < 1e-9 * unit:
-                    return
+                stuck = h < 1e-9 * unit
+                if stuck or (h < SHORT * unit and self.probes > 0):
+                    self.probes -= 1
+                    if tell_of_jump(self.tried, self.clock, at, slope, list(now)) or stuck:
+                        return
                 continue
             there, ahead, error = step
             later = self.margins(there)

@@ -27,6 +27,10 @@ class Assembly(NamedTuple):
         Those of the parts, joined by dashes.
     begin : callable
         ``begin(t, y, p)`` returns the mode of a state.
+    constrained : tuple of int
+        The modes in which contacts hold, or a surface slides.
+    projection : callable or None
+        ``projection(mode, t, y, p)`` puts a state onto what holds in its mode.
     """
 
     flow: Callable[..., Any]
@@ -34,6 +38,8 @@ class Assembly(NamedTuple):
     guards: tuple[Guard, ...]
     modes: tuple[str, ...]
     begin: Callable[..., int]
+    constrained: tuple[int, ...]
+    projection: Callable[..., Any] | None
 
 
 def check(
@@ -93,12 +99,12 @@ def assembled(
     text = Text(parts, states, parameters, masses, flow)
     driven = {both.on for _, _, both in text.contacts}
     for words, _, both in text.contacts:
-        if both.against in driven and both.resisting is None:
+        if both.against in driven and both.other is None:
             velocity = states[both.against]
             allowed = f"given for {velocity!r}, on which {words.part.name!r} and another part act"
             raise InvalidParameter("masses", dict(masses), allowed)
     n = len(states)
-    sources = [text.field(), text.slopes(), text.fits(), text.settled()]
+    sources = [text.field(), text.slopes(), text.alike(), text.fits(), text.settled()]
     sources.append(
         function(
             "flow(mode, t, y, p)",
@@ -109,6 +115,8 @@ def assembled(
         function("settle(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"])
     )
     sources.append(function("begin(t, y, p)", ["return settled(0, -1, -1, 1, t, y, p)"]))
+    constrained, lines = text.projection()
+    sources += lines
     watches = [
         (words, watch)
         for words, part in zip(text.words, parts, strict=True)
@@ -146,4 +154,12 @@ def assembled(
         made.append(replace(guard, **found))
     names = itertools.product(*(part.modes for part in reversed(parts)))
     modes = tuple("-".join(reversed(each)) for each in names)
-    return Assembly(space["flow"], space["settle"], tuple(made), modes, space["begin"])
+    return Assembly(
+        space["flow"],
+        space["settle"],
+        tuple(made),
+        modes,
+        space["begin"],
+        constrained,
+        space.get("projection"),
+    )

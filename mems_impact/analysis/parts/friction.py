@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from mems_impact.analysis.parts.contact import Contact, Sides, sides
+from mems_impact.analysis.parts.contact import ROUNDING, Contact, Sides, sides
 from mems_impact.analysis.parts.part import Quantity, Watch, Words
 
 __all__ = ["Friction", "Stribeck"]
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
-ROUNDING = "1e-10"  # of the limit: what is so near to it holds
+NEAR_LIMIT = "1e-10"  # of the limit: what is so near to it holds
 
 
 @dataclass(frozen=True)
@@ -133,37 +133,54 @@ class Friction(Contact):
             BACKWARD: self.sliding(words, f"-{slip}"),
         }
 
+    def bears(self, words: Words) -> tuple[str, str]:
+        """Return the static limit, which is that of both directions."""
+        return self.limit(words), self.limit(words)
+
+    def rests(self, words: Words) -> str:
+        """Return whether there is no relative speed."""
+        near = self.sides(words).near
+        return f"({near} or (jumped == 0 and {words.last} == {STUCK}))"
+
     def fits(self, words: Words) -> list[str]:
         """Return when it sticks, and when it slides forward or backward."""
-        both = self.sides(words)
-        limit, gain = self.limit(words), both.relative("x[{}]")
-        mobility = f"({both.yielding}{f' + {both.resisting}' if both.resisting else ''})"
-        room = f"{ROUNDING} * ({limit}) * {mobility}"
+        both, rests = self.sides(words), self.rests(words)
+        gain, limit = both.relative("x[{}]"), self.limit(words)
+        room = f"({NEAR_LIMIT} * ({limit}) * {both.share} + {both.drift})"
+        rounding = f"({NEAR_LIMIT} * ({limit}) + {ROUNDING} * {words.size})"
+        # At its limit it stays only where others have taken over.
+        least = f"({rounding} if {words.fired} and {words.last} == {STUCK} else -{rounding})"
+        # Where nothing has moved the state it slides as it did, whatever rounding says.
+        slides = f"{words.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
         return [
-            f"{both.near} and abs({words.force}) <= ({limit}) * (1.0 + {ROUNDING})",
-            f"{gain} >= -({room}) if {both.near} else {both.slip} > 0.0",
-            f"{gain} <= {room} if {both.near} else {both.slip} < 0.0",
+            f"{rests} and min({words.back}, {words.front}) >= {least}",
+            f"{gain} >= -{room} if {rests} else ({slides.format(FORWARD, '>')})",
+            f"{gain} <= {room} if {rests} else ({slides.format(BACKWARD, '<')})",
         ]
+
+    def stays(self, words: Words) -> str:
+        """Return the mode before, or stuck where it comes to rest."""
+        return f"({STUCK} if own < 0 and {self.rests(words)} else {words.last})"
 
     def watches(self, words: Words) -> list[Watch]:
         """Return the end of a slip and the break-away."""
         both = self.sides(words)
         sign = f"(1.0 if {words.mode} == {FORWARD} else -1.0)"
-        still = {both.on: both.speed}
+        room = f"min({words.back}, {words.front})"
         return [
             Watch(
                 name=f"{self.name} sticks",
                 modes=(FORWARD, BACKWARD),
                 margin=f"{sign} * {both.slip}",
                 rate=f"{sign} * {both.relative('x[{}]')}",
-                changes=still,
+                rests=True,
             ),
             Watch(
                 name=f"{self.name} slips",
                 modes=(STUCK,),
-                margin=f"{self.limit(words)} - abs({words.force})",
-                changes=still,
+                # Clamped between two stops it bears anything.
+                margin=f"{room} if {room} < math.inf else {self.limit(words)}",
                 # The load is at the limit to rounding: it slips to whichever side that drives it.
-                leads=f"{FORWARD} if {words.force} < 0.0 else {BACKWARD}",
+                leads=f"{FORWARD} if {words.back} < {words.front} else {BACKWARD}",
             ),
         ]

@@ -4,7 +4,8 @@ The parts of a system are put together as source (`text`), of which the compiler
 arithmetic. So a part answers with expressions. In all of them stand ``t``, the time; ``y[j]``,
 component j of the state; ``p.name``, a parameter; and of the part itself its mode, a number, by the
 name `Words.mode`. Where `Watch` says so, ``x`` holds what the flow makes in the current mode:
-``x[j]``, the derivative of component j, and the force of a contact that holds, `Words.force`.
+``x[j]``, the derivative of component j; and of a contact `Words.back`, `Words.front`,
+`Words.needed` and `Words.size`.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any, ClassVar
 from mems_impact.analysis.state import is_number
 from mems_impact.errors import InvalidParameter
 
-__all__ = ["Part", "Quantity", "Watch", "Words"]
+__all__ = ["Constraint", "Part", "Quantity", "Watch", "Words"]
 
 Quantity = float | str | Callable[..., float]
 """A number, the name of a parameter, or a function."""
@@ -43,6 +44,8 @@ class Watch:
         The part's own mode after it, an expression; by default whichever fits the new state.
     rest : mapping of int to str or None
         Of an impact: `changes` where there is no rebound.
+    rests : bool
+        Whether the relative speed of a contact comes to zero in it.
     """
 
     name: str
@@ -52,6 +55,29 @@ class Watch:
     changes: Mapping[int, str] = field(default_factory=dict)
     leads: str = ANY
     rest: Mapping[int, str] | None = None
+    rests: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """An equation that holds as long as a part is in a mode.
+
+    Attributes
+    ----------
+    mode : int
+        The part's own mode.
+    value : str
+        An expression that is zero where the equation holds.
+    slopes : mapping of int to str
+        Its derivatives by components of the state; others are zero.
+    linear : bool
+        Whether these are the same everywhere.
+    """
+
+    mode: int
+    value: str
+    slopes: Mapping[int, str]
+    linear: bool = True
 
 
 @dataclass(frozen=True)
@@ -106,9 +132,24 @@ class Words:
         return f"down{self.place}"
 
     @property
-    def force(self) -> str:
-        """The force of the contact where it holds."""
-        return f"x[{len(self.states)} + {self.contact}]"
+    def back(self) -> str:
+        """How far the force of a contact that holds is from the least that it bears."""
+        return f"back{self.place}"
+
+    @property
+    def front(self) -> str:
+        """How far the force of a contact that holds is from the largest that it bears."""
+        return f"front{self.place}"
+
+    @property
+    def needed(self) -> str:
+        """How much of the force of a stop that holds is needed beside what others bear."""
+        return f"needed{self.place}"
+
+    @property
+    def size(self) -> str:
+        """The forces on all bodies that hang together with a contact, without their signs."""
+        return f"size{self.place}"
 
     def index(self, field: str, state: str) -> int:
         """Return the number of a state."""
@@ -190,6 +231,14 @@ class Part:
         been moved by the event of another part, or a run begins.
         """
 
+    def stays(self, words: Words) -> str:
+        """Return the mode in which it is left where several fit: by default the one before."""
+        return words.last
+
     @abstractmethod
     def watches(self, words: Words) -> list[Watch]:
         """Return its guards."""
+
+    def constraints(self, words: Words) -> list[Constraint]:
+        """Return the equations that hold for good while it is in a mode."""
+        return []

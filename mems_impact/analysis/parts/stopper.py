@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from mems_impact.analysis.parts.contact import Contact, Sides, sides
-from mems_impact.analysis.parts.part import Quantity, Watch, Words
+from mems_impact.analysis.parts.contact import ROUNDING, Contact, Sides, sides
+from mems_impact.analysis.parts.part import Constraint, Quantity, Watch, Words
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Stopper"]
 
 FREE, HELD = 0, 1
-ROUNDING = "1e-14"  # of the positions: a gap below it is closed
+TOUCHES = "1e-14"  # of the positions: a gap below it is closed
 
 
 @dataclass(frozen=True)
@@ -100,17 +100,27 @@ class Stopper(Contact):
             at, size = f"({at} + y[{other}])", f"{size} + abs(y[{other}])"
         return place, at, size
 
+    @property
+    def pushes(self) -> int:
+        """The sign of its force."""
+        return -1 if self.upper is not None else 1
+
+    def bears(self, words: Words) -> tuple[str, str]:
+        """Return that it bears anything in its direction, and pulls nothing."""
+        return ("math.inf", "") if self.upper is not None else ("", "math.inf")
+
     def fits(self, words: Words) -> list[str]:
         """Return when it is free, and when it holds."""
         both = self.sides(words)
         place, at, size = self.places(words)
         gap = self.inwards(f"(y[{place}] - {at})")
-        touches = f"{gap} <= {ROUNDING} * ({size})"
+        touches = f"{gap} <= {TOUCHES} * ({size})"
         closed = f"({words.fired} or {words.last} == {HELD} or {touches})"
-        leaves = f"{self.inwards(both.relative('x[{}]'))} >= 0.0"
+        still = f"({both.near} or (jumped == 0 and {words.last} == {HELD}))"
+        leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
         return [
-            f"{leaves} or not ({both.near} and {closed})",
-            f"{both.near} and {closed} and {self.inwards(words.force)} >= 0.0",
+            f"{leaves} or not ({still} and {closed})",
+            f"{still} and {closed} and {words.needed} >= -{ROUNDING} * {words.size}",
         ]
 
     def watches(self, words: Words) -> list[Watch]:
@@ -129,10 +139,19 @@ class Stopper(Contact):
             Watch(
                 name=f"{self.name} lets go",
                 modes=(HELD,),
-                margin=self.inwards(words.force),
+                margin=words.needed,
                 leads=str(FREE),
             ),
         ]
+
+    def constraints(self, words: Words) -> list[Constraint]:
+        """Return that the gap is closed where it holds, and stays so."""
+        place, at, _ = self.places(words)
+        slopes = {place: "1.0"}
+        if isinstance(self.against, tuple):
+            slopes[words.index("against", self.against[0])] = "-1.0"
+        closed = Constraint(mode=HELD, value=f"(y[{place}] - {at})", slopes=slopes)
+        return [closed, *super().constraints(words)]
 
     def after(self, words: Words, restitution: str) -> dict[int, str]:
         """Return positions and velocities after an impact."""
@@ -141,11 +160,11 @@ class Stopper(Contact):
         if both.against is None:
             return {place: at, both.on: f"-{restitution} * {both.slip}"}
         speed = both.speed
-        if both.resisting is not None:
+        if both.other is not None:
             # Of the impulse (1 + e) u/(1/m + 1/M), the other body's part.
-            share = f"({both.resisting}) / ({both.yielding} + {both.resisting})"
+            share = f"(1.0 / {both.other}) / {both.share}"
             speed = f"({speed} + (1.0 + {restitution}) * {both.slip} * {share})"
         changes = {both.on: f"{speed} - {restitution} * {both.slip}", both.against: speed}
         # Two positions are left as they are: which of them would have to be put right?
-        apart = isinstance(self.against, tuple) and both.resisting is not None
+        apart = isinstance(self.against, tuple) and both.other is not None
         return changes if apart else {place: at, **changes}

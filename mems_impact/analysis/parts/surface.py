@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
+from mems_impact.analysis.parts.part import Constraint, Part, Quantity, Watch, Words
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Surface"]
@@ -87,13 +87,37 @@ class Surface(Part):
     def along(self, words: Words, slopes: str) -> str:
         """Return the derivative of h along slopes, ``slopes[j]``, as an expression."""
         if self.rate is not None:
-            parts = ", ".join(f"{slopes}[{j}]" for j in range(len(words.states)))
-            return words.call(self.rate, f"t, y, State({parts}), p")
+            return self.rate_of(words, [f"{slopes}[{j}]" for j in range(len(words.states))])
+        terms = self.terms(words)
+        return " + ".join(f"{factor} * {slopes}[{place}]" for place, factor in terms)
+
+    def terms(self, words: Words) -> list[tuple[int, str]]:
+        """Return the components of the state of which h is a sum, each with its factor."""
         terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
-        return " + ".join(
-            f"{words.value(f'factor of {state}', factor)} * {slopes}[{words.index('h', state)}]"
+        return [
+            (words.index("h", state), words.value(f"factor of {state}", factor))
             for state, factor in terms
-        )
+        ]
+
+    def rate_of(self, words: Words, slopes: Sequence[str]) -> str:
+        """Return the rate of a callable h where the states have these slopes."""
+        assert self.rate is not None
+        return words.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
+
+    def constraints(self, words: Words) -> list[Constraint]:
+        """Return that it slides along the surface."""
+        height = self.height(words)
+        if self.rate is None:
+            slopes: dict[int, str] = {}
+            for place, factor in self.terms(words):
+                slopes[place] = f"{slopes[place]} + {factor}" if place in slopes else factor
+            return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
+        n = len(words.states)
+        # The rate is linear in the slopes of the states, but for what depends on time itself.
+        still = self.rate_of(words, ["0.0"] * n)
+        units = (["1.0" if i == j else "0.0" for i in range(n)] for j in range(n))
+        slopes = {j: f"({self.rate_of(words, unit)} - {still})" for j, unit in enumerate(units)}
+        return [Constraint(mode=SLIDING, value=height, slopes=slopes, linear=False)]
 
     def fits(self, words: Words) -> list[str]:
         """Return when the state is above, below, or slides."""

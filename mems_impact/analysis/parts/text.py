@@ -1,14 +1,13 @@
 """The flow of parts put together, and the choice of their modes, as source.
 
 Modes multiply: the mode of the system is a number, of which each part's own is a digit. In every
-mode the flow is that of the user with the forces of the parts. A contact that holds has the force
-that takes its relative acceleration away; as many as hold are solved for together, by elimination
-without pivots, since their matrix is symmetric and positive. One that another one makes
-superfluous, as a body that sticks to the ground and lies on a stop besides, has no force of its
-own, and such a mode fits no state.
+mode the flow is that of the user with the forces of the parts; what contacts hold is `holding`.
 
-After an event the modes are chosen that fit the state: at first with all parts but the one that
-caused it left as they are, so that two events of one instant do not undo each other.
+After an event that mode is chosen that fits the state, by the mechanics of all parts at once: what
+sticks or rests is borne by contacts within their limits, what slides or separates does so as its
+acceleration has it, whatever the order of the parts and of their bodies. Where several modes fit,
+as with a static limit above the dynamic one, that one is chosen which leaves most parts as they
+are, the one whose event it is counted last; and among such the one that moves least.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from mems_impact.analysis.parts.contact import Contact, Sides
+from mems_impact.analysis.parts.holding import Holding
 from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
 from mems_impact.analysis.parts.surface import ABOVE, BELOW, SLIDING, Surface
 from mems_impact.hybrid.automaton import Guard
@@ -26,7 +26,9 @@ from mems_impact.hybrid.written import function, indented, named
 
 __all__ = ["Text"]
 
-SUPERFLUOUS = "1e-11"  # of its mobility, what is left of a contact that others hold already
+LESS = "0.999999999"  # of a motion: what is no smaller is no less
+STEPS = 3  # of Newton's method onto a surface that is not flat
+SUPERFLUOUS = "1e-11"  # of its size, what is left of an equation that others imply
 
 
 class Text:
@@ -81,6 +83,7 @@ class Text:
             for words, part in zip(self.words, parts, strict=True)
             if isinstance(part, Contact)
         ]
+        self.holding = Holding(self.contacts, len(states))
         self.surfaces = [
             (words, part)
             for words, part in zip(self.words, parts, strict=True)
@@ -105,59 +108,71 @@ class Text:
 
     def field(self) -> str:
         """Return the source of the flow where no surface slides, and of the forces that hold."""
-        n, k = len(self.states), len(self.contacts)
+        n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
-        for i, (words, part, both) in enumerate(self.contacts):
+        for words, part, both in self.contacts:
             for mode, force in part.law(words).items():
                 lines += [f"if {words.mode} == {mode}:", f"    force = {force}"]
-                lines += indented(self.push(both, "force"))
-            lines.append(f"holds{i} = {words.mode} == {part.holds}")
-        lines += self.constraints()
-        for i, (_, _, both) in enumerate(self.contacts):
-            lines += self.push(both, f"f{i}")
-        # What holds moves alike to the last bit, so that nothing drifts; on the ground first.
-        for i in sorted(range(k), key=lambda i: self.contacts[i][2].against is not None):
-            both = self.contacts[i][2]
-            other = "0.0" if both.against is None else f"d{both.against}"
-            lines += [f"if alone{i}:", f"    d{both.on} = {other}"]
-        results = [f"d{j}" for j in range(n)]
-        results += [f"(f{i} if alone{i} or not holds{i} else math.nan)" for i in range(k)]
+                lines.append(f"    d{both.on} += force * (1.0 / {both.mass})")
+                if both.other is not None:
+                    lines.append(f"    d{both.against} -= force * (1.0 / {both.other})")
+        lines += self.holding.field()
+        results = [*(f"d{j}" for j in range(n)), *self.holding.forces()]
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
 
-    def push(self, both: Sides, force: str) -> list[str]:
-        """Return the lines by which a force of a contact drives both sides."""
-        lines = [f"d{both.on} += {force} * ({both.yielding})"]
-        if both.resisting is not None:
-            lines.append(f"d{both.against} -= {force} * ({both.resisting})")
-        return lines
+    def alike(self) -> str:
+        """Return the source of the state in which what moves alike does so to the last bit."""
+        new = (f"v{j}" if j in self.holding.place else f"y[{j}]" for j in range(len(self.states)))
+        lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
+        return function("alike(mode, fired, t, y, p)", lines)
 
-    def constraints(self) -> list[str]:
-        """Return the lines that find the forces ``f0``, ``f1``, … of the contacts that hold."""
-        k, lines = len(self.contacts), []
-        for i, (_, _, both) in enumerate(self.contacts):
-            lines.append(f"r{i} = -{both.relative('d{}')} if holds{i} else 0.0")
-            for j in range(i, k):
-                gain = mobility(both, self.contacts[j][2])
-                lines.append(f"g{i}_{j} = {gain} if holds{i} and holds{j} else 0.0")
-            lines.append(f"size{i} = g{i}_{i}")
-        for i in range(k):
-            lines.append(f"alone{i} = g{i}_{i} > {SUPERFLUOUS} * size{i}")
-            lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
-            for j in range(i + 1, k):
-                lines.append(f"share = g{i}_{j} * inverse{i}")
-                lines += [f"g{j}_{n} -= share * g{i}_{n}" for n in range(j, k)]
-                lines.append(f"r{j} -= share * r{i}")
-        for i in reversed(range(k)):
-            known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
-            lines.append(f"f{i} = (r{i}{known}) * inverse{i}")
-        return lines
+    def projection(self) -> tuple[tuple[int, ...], list[str]]:
+        """Return the modes that hold constraints, and the source that puts a state onto them.
+
+        ``projection(mode, t, y, p)`` returns mode and state: the next one, by distance, of those
+        that fulfil all equations of the mode together.
+        """
+        held = [
+            (words.place, constraint)
+            for words in self.words
+            for constraint in words.part.constraints(words)
+        ]
+        if not held:
+            return (), []
+        modes = tuple(
+            mode
+            for mode in range(self.count)
+            if any(
+                mode // self.strides[i] % self.counts[i] == constraint.mode
+                for i, constraint in held
+            )
+        )
+        moved = [f"y[{j}]" for j in range(len(self.states))]
+        lines = self.digits()
+        for i, (place, constraint) in enumerate(held):
+            lines.append(f"holds{i} = m{place} == {constraint.mode}")
+            lines.append(f"r{i} = -{constraint.value} if holds{i} else 0.0")
+            lines += [f"a{i}_{s} = {slope}" for s, slope in constraint.slopes.items()]
+            for j, (_, other) in enumerate(held[: i + 1]):
+                shared = [f"a{j}_{s} * a{i}_{s}" for s in constraint.slopes if s in other.slopes]
+                gain = " + ".join(shared) or "0.0"
+                lines.append(f"g{j}_{i} = {gain} if holds{i} and holds{j} else 0.0")
+            for s in constraint.slopes:
+                moved[s] += f" + a{i}_{s} * f{i}"
+        lines += [*elimination(len(held)), f"return State({', '.join(moved)})"]
+        steps = 1 if all(constraint.linear for _, constraint in held) else STEPS
+        whole = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
+        return modes, [
+            function("nearer(mode, t, y, p)", lines),
+            function("projection(mode, t, y, p)", whole),
+        ]
 
     def slopes(self) -> str:
         """Return the source of the flow in every mode: on a surface, Filippov's."""
         lines = [*self.digits()]
         for words, surface in self.surfaces:
-            size = len(self.states) + len(self.contacts)
+            size = len(self.states) + len(self.holding.place)
             mixed = (f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(size))
             sliding = [
                 *self.both_sides(words, surface, "mode", SLIDING),
@@ -188,6 +203,8 @@ class Text:
             own: list[str] = []
             if isinstance(part, Surface):
                 own += self.both_sides(words, part, "mode", words.mode)
+            if isinstance(part, Contact):
+                own += self.holding.room(words)
             for mode, condition in enumerate(part.fits(words)):
                 test = f"if {words.mode} == {mode} and not ({condition}):"
                 own += [test, "    return False"]
@@ -203,21 +220,55 @@ class Text:
         (-1 for none), the own mode in which that leaves it (-1 for any), 1 if the state may have
         been moved.
         """
-        keeps = [f"(fired == {i} or m{i} == last{i})" for i in range(len(self.parts))]
-        taken = [f"(fired != {i} or own < 0 or m{i} == own)" for i in range(len(self.parts))]
+        parts = range(len(self.parts))
+        # What leaves its mode counts most, then what does not come to rest though it could. Whether
+        # stops bear anything follows from the others.
+        many = len(self.parts) + 1
+        moved = []
+        for i, part in enumerate(self.parts):
+            weight = 1 if isinstance(part, Contact) and part.pushes else many**2
+            moved.append(f"{weight} * (fired != {i} and m{i} != stays{i})")
+            if weight > 1:
+                moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
+        taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
+        # Where a contact reaches its limit, a stop in its way may take over.
+        rubs = [words.place for words, part, _ in self.contacts if not part.pushes]
+        taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
+        slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
+        motion = [
+            f"if {both.near}:\n    motion += abs({both.relative('x[{}]')})".splitlines()
+            for _, _, both in self.contacts
+        ]
         search = [
             *self.digits("candidate"),
-            f"kept = {' and '.join(keeps)}",
-            f"if (kept or all_modes == 1) and {' and '.join(taken)}:",
+            f"moved = {' + '.join(moved)}",
+            f"if moved <= most and {' and '.join(taken)}:",
             "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
-            "        return candidate",
+            "        if moved == 0:",
+            "            return candidate",
+            "        x = slopes(candidate, t, y, p)",
+            "        motion = 0.0",
+            *indented(indented([line for lines in motion for line in lines])),
+            f"        if moved < most or best < 0 or motion < {LESS} * least:",
+            "            best, most, least = candidate, moved, motion",
         ]
-        lines = [
-            *self.digits("mode", "last"),
-            "given = fired if own >= 0 else -1",
-            "for all_modes in range(2):",
-            f"    for candidate in range({self.count}):",
-            *indented(indented(search)),
+        lines = [*self.digits("mode", "last")]
+        lines += [
+            f"stays{words.place} = {part.stays(words)}"
+            for words, part in zip(self.words, self.parts, strict=True)
+        ]
+        # What an event leads to fits but for rounding, which is asked of it last.
+        lines += [
+            f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",
+            "    led = own if turn > 0 else 0",
+            "    given = fired if own >= 0 and turn == 2 else -1",
+            "    best, least = -1, 0.0",
+            "    for most in range(2):",
+            f"        most *= {many**3}",
+            f"        for candidate in range({self.count}):",
+            *indented(indented(indented(search))),
+            "        if best >= 0:",
+            "            return best",
         ]
         if len(self.surfaces) > 1:
             # Along two surfaces at a time Filippov's method defines no flow.
@@ -225,7 +276,10 @@ class Text:
             return function("settled(mode, fired, own, jumped, t, y, p)", lines)
         # Some mode fits, but for rounding.
         for i, stride in enumerate(self.strides):
-            lines += [f"if given == {i}:", f"    return mode + (own - last{i}) * {stride}"]
+            lines += [
+                f"if fired == {i} and own >= 0:",
+                f"    return mode + (own - last{i}) * {stride}",
+            ]
         return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
 
     def watch(self, i: int, words: Words, watch: Watch) -> str:
@@ -241,6 +295,7 @@ class Text:
             jumped = int(watch.rest is not None)
             new = (changes.get(j, f"y[{j}]") for j in range(len(self.states)))
             lines = [
+                f"y = alike(mode, {words.place if watch.rests else -1}, t, y, p)",
                 *self.head(words, watch.leads),
                 f"new = State({', '.join(new)})",
                 f"own = {watch.leads}",
@@ -262,6 +317,7 @@ class Text:
                 lines.append(f"return {call}")
             else:
                 new = ", ".join(f"found[{j}]" for j in range(len(self.states)))
+                lines.append("y = alike(mode, -1, t, y, p)")
                 lines += [f"_, found = {call}", f"new = State({new})"]
                 lines.append("return settled(mode, -1, -1, 1, t, new, p), new")
             text.append(function(f"users_{role}_{i}(mode, t, y, p)", lines))
@@ -269,21 +325,33 @@ class Text:
 
     def head(self, words: Words, expression: str) -> list[str]:
         """Return the lines that provide what an expression of a guard uses."""
-        lines = [f"{words.mode} = mode // {self.strides[words.place]} % {len(words.part.modes)}"]
-        if "x[" in expression:
+        lines = [*self.digits()]
+        names = (words.back, words.front, words.needed)
+        room = isinstance(words.part, Contact) and any(name in expression for name in names)
+        if "x[" in expression or room:
             lines.append("x = slopes(mode, t, y, p)")
+        if room:
+            lines += self.holding.room(words)
         asks = words.upper in expression or words.lower in expression
         if isinstance(words.part, Surface) and asks:
             lines += self.both_sides(words, words.part, "mode", words.mode)
         return lines
 
 
-def mobility(one: Sides, other: Sides) -> str:
-    """Return the relative acceleration at one contact that a unit of force at the other makes."""
-    terms = []
-    for velocity, sign in ((one.on, ""), (one.against, "-")):
-        if velocity == other.on:
-            terms.append(f"{sign}({other.yielding})")
-        elif velocity is not None and velocity == other.against and other.resisting is not None:
-            terms.append(f"{'-' if sign == '' else ''}({other.resisting})")
-    return " + ".join(terms) or "0.0"
+def elimination(k: int) -> list[str]:
+    """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
+
+    What others make superfluous is zero.
+    """
+    lines = [f"size{i} = g{i}_{i}" for i in range(k)]
+    for i in range(k):
+        lines.append(f"alone{i} = g{i}_{i} > {SUPERFLUOUS} * size{i}")
+        lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
+        for j in range(i + 1, k):
+            lines.append(f"share = g{i}_{j} * inverse{i}")
+            lines += [f"g{j}_{n} -= share * g{i}_{n}" for n in range(j, k)]
+            lines.append(f"r{j} -= share * r{i}")
+    for i in reversed(range(k)):
+        known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
+        lines.append(f"f{i} = (r{i}{known}) * inverse{i}")
+    return lines

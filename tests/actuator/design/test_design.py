@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from tests.actuator.slipping import PULLED, SLIPPING
 
+INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 PAPER = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
 
@@ -59,6 +61,20 @@ def test_step_formula_of_the_paper_set():
     assert mi.step_length(PAPER, 0.0) == 0.0
     assert mi.step_length(PAPER.replace(mu_d=0.0), 0.1) == math.inf
     assert mi.step_length(PAPER, [0.1, 0.2], 0.3).shape == (2,)
+
+
+def test_no_steps_say_why():
+    run = mi.simulate(SLIPPING, PULLED, 12, options=INTERPRETED)
+    with pytest.raises(mi.InvalidParameter, match=r"strikes a frame that slips .* blows\(run\)"):
+        mi.step_lengths(run)
+    assert mi.blows(run).displacement_per_blow != 0.0
+    quiet = mi.simulate(SLIPPING, PULLED.replace(amplitude=10.0), 2, options=INTERPRETED)
+    with pytest.raises(mi.InvalidParameter, match="no impact on the right stopper; raise"):
+        mi.step_lengths(quiet)
+    struck = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 0.085,
+                         initial=mi.kicked(PAPER), options=INTERPRETED)  # fmt: skip
+    with pytest.raises(mi.InvalidParameter, match=r"no step of 1 .* more periods"):
+        mi.step_lengths(struck)
 
 
 @pytest.mark.slow
@@ -154,3 +170,93 @@ def test_blows_without_rest_are_impacts():
     quiet = mi.blows(mi.simulate(PAPER, mi.Sine(amplitude=0.1, omega=0.5), 10))
     assert (quiet.count, quiet.displacement_per_blow) == (0, 0.0)
     assert math.isnan(quiet.displacement_std)
+
+
+@pytest.mark.slow
+def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
+    omegas = (2.0 * math.pi * 460.0, 2.0 * math.pi * 500.0)
+    chart = mi.operating_chart(SLIPPING, omega=omegas, crises=2, periods=300)
+    assert chart.notes == ()
+    assert len(chart.types) == 0
+    table = chart.table.pivot_table(index="omega", columns="boundary", values="amplitude")
+    assert table.index.to_list() == pytest.approx(omegas)
+    chart.save(tmp_path / "chart.zip")
+    assert mi.load(tmp_path / "chart.zip") == chart
+    labels = {line.get_label() for line in mi.plot_chart(chart).lines}
+    assert labels >= {"on", "off", "the frame slips"}
+
+    def run(omega, amplitude, start):
+        drive = mi.Sine(amplitude=amplitude, omega=omega)
+        return mi.simulate(SLIPPING, drive, 600, initial=start, window=(400, 600))
+
+    for omega, row in table.iterrows():
+        # Raised slowly from rest, lest the block overshoot: the frame is held, and slips above.
+        state = mi.State()
+        for amplitude in np.linspace(0.05, 0.97, 40) * row["slip"]:
+            held = run(omega, float(amplitude), state)
+            state = held.final
+        assert held.statistics["share slipping"] == 0.0
+        slips = run(omega, 1.001 * row["slip"], state)
+        assert slips.statistics["share slipping"] > 0.0
+        # Raised to just below and above from the slip, and lowered from the impacts.
+        state = slips.final
+        for amplitude in np.linspace(row["slip"], 0.999 * row["on"], 20).tolist():
+            below = run(omega, amplitude, state)
+            state = below.final
+        assert below.statistics["impacts"] == 0
+        above = run(omega, 1.001 * row["on"], state)
+        assert above.statistics["impacts"] > 0
+        state = above.final
+        for amplitude in np.linspace(row["on"], 1.002 * row["off"], 20).tolist():
+            down = run(omega, amplitude, state)
+            state = down.final
+        assert down.statistics["impacts"] > 0
+        assert run(omega, 0.99 * row["off"], state).statistics["impacts"] == 0
+
+
+@pytest.mark.slow
+def test_a_window_goes_on_where_only_the_slips_change():
+    # At 51.9 V a slip ends at the impact: before and after it, one impact a period is stable.
+    device = mi.Actuator(m1=1e-6, m2=2e-7, k=11.37, c=5.027e-5, d=4e-6, delta=2.5e-6, e=0.65,
+                         mu_s=0.35, mu_d=0.28, alpha=2.2e-20, g=9.81, units="SI")  # fmt: skip
+    ends = []
+    for amplitude in (50.0, 60.0):
+        drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
+        window = mi.period_one_window(device, drive, low=40.0, high=95.0)
+        assert (window.low_kind, window.high_kind) == ("period-doubling", "period-doubling")
+        ends.append((window.low, window.high))
+    assert ends[0] == pytest.approx(ends[1], rel=1e-8)
+    # As runs know it: the same step in every period within, and two in turn beyond.
+    low, high = ends[0]
+    for amplitude, doubled in ((1.01 * low, False), (0.99 * low, True), (0.99 * high, False)):
+        drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
+        run = mi.simulate(device, drive, 1200, window=(1100, 1200))
+        steps = run.impacts["step"].to_numpy()[-20:-1]
+        assert (abs(steps[-1] - steps[-2]) > 1e-3 * abs(steps[-1])) == doubled
+
+
+@pytest.mark.slow
+def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
+    """The frame no longer rests before the blow: with static friction above dynamic, a jump."""
+    device = mi.Actuator(
+        m1=1.55e-6, m2=2.064e-7, k=8.3167, c=6.0304e-5, d=5.9128e-6, delta=3.7902e-6, e=0.4971,
+        mu_s=0.36546, mu_d=0.25008, alpha=2.2e-20, g=9.81, units="SI",
+    )  # fmt: skip
+    drive = mi.Sine(amplitude=109.0, omega=3105.0)
+    window = mi.period_one_window(device, drive, low=50.0, high=120.0)
+    assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
+    orbit = mi.find_orbit(device, drive, guess=mi.kicked(device), transient=300)
+    branch = mi.continue_orbit(orbit, "amplitude", stop=50.0)
+    assert branch.ended.startswith("slip end: no orbit was found near this one")
+    last = branch.orbits[-1].system.value("amplitude")
+    assert last > 1.2 * window.low
+    state = orbit.state
+    for volts in np.linspace(109.0, 1.002 * window.low, 30):
+        run = mi.simulate(
+            device, mi.Sine(amplitude=float(volts), omega=3105.0), periods=150, initial=state
+        )
+        state = run.final
+    found = mi.find_orbit(run)
+    assert (found.periods, found.stable, len(found.impacts)) == (1, True, 1)
+    lower = mi.Sine(amplitude=0.995 * window.low, omega=3105.0)
+    assert mi.find_orbit(device, lower, guess=state, transient=600).periods > 1

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from tests.actuator.slipping import PULLED, SLIPPING
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -71,6 +72,40 @@ def test_steps_are_those_of_runs(curve):
     run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked(ZHAO), options=OPTIONS)
     moved = run.statistics["displacement per period"]
     assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
+
+
+def test_a_frame_that_always_slips_is_not_running_away():
+    # Beyond the friction on a frame that slips, 2.47 uN, nothing ends a slip; below, all do.
+    loads = [-2.6e-6, 0.0, 0.5e-6, 2.6e-6, 3e-6]
+    curve = mi.load_curve(SLIPPING, PULLED, loads, transient=20, periods=5, options=OPTIONS)
+    does = ["runs away", "walks", "walks back", "runs away", "runs away"]
+    assert curve.table["does"].tolist() == does
+    assert curve.sliding_load == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-12)
+    assert 0.0 < curve.stall_load < 0.5e-6
+    assert math.isnan(curve.walking_load)
+    # The speed is that of a run of the device without load, in which the frame never rests.
+    run = mi.simulate(SLIPPING, PULLED, 60, window=(50, 60), options=OPTIONS)
+    assert run.statistics["share slipping"] > 0.99
+    assert curve.table["mean speed"].iloc[1] == pytest.approx(
+        run.statistics["mean speed"], rel=1e-5
+    )
+
+
+@pytest.mark.slow
+def test_friction_that_rises_with_the_speed_holds_in_the_end():
+    # 0.3 at rest, 0.24 once the frame slips, and 1 s/m more: 3 uN are held at a slow slip back.
+    rising = SLIPPING.adding(mi.StribeckFriction(speed=1e-4, viscous=10.0))
+    curve = mi.load_curve(rising, PULLED, [3.2e-6], initial=mi.State(v1=-0.01), options=OPTIONS)
+    assert curve.table["does"].tolist() == ["walks back"]
+    falling = SLIPPING.adding(mi.StribeckFriction(speed=1e-4))
+    curve = mi.load_curve(falling, PULLED, [3.2e-6], transient=5, periods=5,
+                          initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
+    assert curve.table["does"].tolist() == ["runs away"]
+    assert curve.sliding_load == pytest.approx(0.24 * 1.05e-6 * 9.81, rel=1e-9)
+    spring = SLIPPING.adding(mi.FrameSpring(k1=1e-4))
+    curve = mi.load_curve(spring, PULLED, [3.2e-6], transient=0, periods=2,
+                          initial=mi.State(v1=-0.01), options=OPTIONS)  # fmt: skip
+    assert curve.table["does"].tolist() != ["runs away"]
 
 
 @pytest.mark.slow

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from tests.actuator.slipping import SLIPPING
 
 ZHAO = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
@@ -115,6 +116,19 @@ def test_ring_down_of_a_run_in_si(tmp_path):
     assert found.table.attrs["units"] == {"t": "s", "amplitude": "m"}
     found.save(tmp_path / "ring.zip")
     assert mi.load(tmp_path / "ring.zip") == found
+
+
+@pytest.mark.parametrize("friction", [0.3, pytest.param(0.001, marks=pytest.mark.slow)])
+def test_ring_down_is_measured_with_the_frame_at_rest(friction):
+    # The spring moves the frame; with hardly any friction it coasts for longer than a swing lasts.
+    soft = SLIPPING.replace(c=7.5e-5, mu_s=friction, mu_d=0.8 * friction)
+    found = mi.ring_down(soft, mi.Sine(amplitude=50.0, omega=3000.0), options=OPTIONS)
+    zeta = soft.c / (2.0 * math.sqrt(soft.k * soft.m2))
+    assert found.quality == pytest.approx(0.5 / zeta, rel=1e-5)
+    natural = math.sqrt(soft.k / soft.m2 * (1 - zeta**2)) / (2.0 * math.pi)
+    assert found.frequency == pytest.approx(natural, rel=1e-5)
+    # The spring alone holds more than friction beyond this amplitude.
+    assert found.table["amplitude"].max() <= friction * (soft.m1 + soft.m2) * soft.g / soft.k
 
 
 def test_a_block_that_does_not_swing():

@@ -1,0 +1,274 @@
+"""Where stability changes along a branch: eigenvalues, or multipliers, that cross its border.
+
+Those at the two ends of a step are paired, each with the one that it becomes. Nothing depends on
+how many there are, or on how large.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eig
+from scipy.optimize import brentq, linear_sum_assignment
+
+from mems_impact.hybrid.trajectory import Floats
+
+Complexes = NDArray[np.complex128]
+
+FINEST = 1e-9  # part of a step within which crossings are one
+EXACT = 1e-14  # of the place of a crossing
+TOUCHING = 1e-2  # part of a step within which no value is looked for that crosses and comes back
+SAFE = 2.0  # for how much a growth may bend beyond what parabolas say
+ON_BORDER = 1e-6  # of the growth of a value on the border, by its size
+
+
+@dataclass(frozen=True)
+class Border:
+    """A line in the complex plane beyond which eigenvalues are unstable.
+
+    Attributes
+    ----------
+    growth : callable
+        Of each of an array of values: negative within the border, positive beyond.
+    size : callable
+        What a growth is to be compared with.
+    apart : callable
+        The distance between values, by which they are paired.
+    center : float
+        Where it crosses the real axis at a singular matrix of the equations.
+    accuracy : float
+        Relative one of the entries of a matrix.
+    """
+
+    growth: Callable[[Complexes], Floats]
+    size: Callable[[Complexes], Floats]
+    apart: Callable[[Complexes, Complexes], Floats]
+    center: float
+    accuracy: float
+
+    def spectrum(self, matrix: Floats) -> Spectrum:
+        """Return the eigenvalues of a matrix, with their growth."""
+        if not matrix.size:
+            return Spectrum(np.zeros(0, complex), np.zeros(0), np.zeros(0))
+        values, left, right = eig(matrix, left=True, right=True)
+        # To first order, by errors of each entry relative to itself: so units do not matter.
+        moved = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(matrix), np.abs(right))
+        aligned = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            unsure = self.accuracy * moved / aligned * self.size(values) / np.abs(values)
+        return Spectrum(values, self.growth(values), np.nan_to_num(unsure, nan=np.inf))
+
+    def crossed(self, before: Spectrum, after: Spectrum) -> list[tuple[int, int]]:
+        """Return which values cross the border, as indices before and after."""
+        rows, columns = self.paired(before, after)
+        passing = (before.growth[rows] < 0.0) != (after.growth[columns] < 0.0)
+        sure = np.abs(before.growth[rows]) > before.unsure[rows]
+        sure |= np.abs(after.growth[columns]) > after.unsure[columns]
+        both = passing & sure
+        return list(zip(rows[both].tolist(), columns[both].tolist(), strict=True))
+
+    def paired(
+        self, before: Spectrum, after: Spectrum
+    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return indices before and after of values that are the same."""
+        apart = self.apart(before.values[:, None], after.values)
+        rows, columns = linear_sum_assignment(np.nan_to_num(apart))
+        return rows, columns
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Eigenvalues or multipliers.
+
+    Attributes
+    ----------
+    values : complex array, shape (n,)
+    growth : float array, shape (n,)
+        Positive for those that are unstable.
+    unsure : float array, shape (n,)
+        How much of it may be error.
+    """
+
+    values: Complexes
+    growth: Floats
+    unsure: Floats
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where in a step an eigenvalue and its conjugate cross the border, or several in one place.
+
+    Attributes
+    ----------
+    begin, end : float
+        Between which they do, without distance if they are located. Real positive ones are not:
+        there the equations may be singular.
+    value : complex
+        Of one of them.
+    """
+
+    begin: float
+    end: float
+    value: complex
+
+
+def _chord(one: Complexes, other: Complexes) -> Floats:
+    """Return the distance on the sphere, on which infinity is a point like others."""
+    return np.asarray(
+        np.abs(one - other) / np.hypot(1.0, np.abs(one)) / np.hypot(1.0, np.abs(other))
+    )
+
+
+def _log_size(values: Complexes) -> Floats:
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log(np.abs(values)))
+
+
+AXIS = Border(
+    growth=lambda values: np.asarray(values.real),
+    size=lambda values: np.asarray(np.abs(values)),
+    apart=lambda one, other: np.asarray(np.abs(one - other)),
+    center=0.0,
+    accuracy=1e-9,
+)
+"""The imaginary axis, for the eigenvalues of equilibria."""
+
+CIRCLE = Border(
+    growth=_log_size,
+    size=lambda values: np.ones(values.shape),
+    apart=_chord,
+    center=1.0,
+    accuracy=1e-7,
+)
+"""The unit circle, for the multipliers of orbits."""
+
+
+class Crossings:
+    """The search for crossings in a step.
+
+    Parameters
+    ----------
+    border : Border
+    matrix : callable
+        Whose eigenvalues they are, at a place in the step. It may raise an OrbitError.
+    behind : tuple, optional
+        A place before the step, negative, with the spectrum there.
+    """
+
+    def __init__(
+        self,
+        border: Border,
+        matrix: Callable[[float], Floats],
+        behind: tuple[float, Spectrum] | None = None,
+    ) -> None:
+        self._border, self._matrix, self._behind = border, matrix, behind
+        self._spectra: dict[float, Spectrum] = {}
+
+    def spectrum(self, s: float) -> Spectrum:
+        """Return the eigenvalues at a place in the step."""
+        if s not in self._spectra:
+            self._spectra[s] = self._border.spectrum(self._matrix(s))
+        return self._spectra[s]
+
+    def within(self, length: float) -> list[Crossing]:
+        """Return all in the first part of a step, in order."""
+        if self._behind is None:
+            half = 0.5 * length
+            first, last = (0.0, self.spectrum(0.0)), (length, self.spectrum(length))
+            return self._between(0.0, half, length, last) + self._between(
+                half, length, length, first
+            )
+        return self._between(0.0, length, length, self._behind)
+
+    def _between(
+        self, begin: float, end: float, length: float, third: tuple[float, Spectrum]
+    ) -> list[Crossing]:
+        """Return those between two places, with the spectrum at a third one."""
+        before, after = self.spectrum(begin), self.spectrum(end)
+        passing = self._border.crossed(before, after)
+        ways = [(complex(before.values[i]), complex(after.values[j])) for i, j in passing]
+        only = self._only(begin, end, ways)
+        if only is not None:
+            return [only]
+        part = (end - begin) / length
+        if part > FINEST if passing else part > TOUCHING and self._bends((begin, end), third):
+            middle = 0.5 * (begin + end)
+            found = self._between(begin, middle, length, (end, after))
+            found += self._between(middle, end, length, (begin, before))
+            if found:
+                return found
+        # In one place, as those of equal parts side by side; unless they were paired wrongly.
+        if sum(np.sign(after.growth[j]) for _, j in passing) == 0:
+            return []
+        middle, center = 0.5 * (begin + end), self._border.center
+        kinds = {(there.imag == 0.0, there.real >= center): there for _, there in ways}
+        return [
+            Crossing(begin, end, complex(center))
+            if real and (beyond or center == 0.0)
+            else Crossing(middle, middle, value)
+            for (real, beyond), value in kinds.items()
+        ]
+
+    def _bends(self, ends: tuple[float, float], third: tuple[float, Spectrum]) -> bool:
+        """Return whether one may cross the border and come back, by parabolas."""
+        (a, b), (c, other) = ends, third
+        first, last = self.spectrum(a), self.spectrum(b)
+        rows, columns = self._border.paired(first, last)
+        one, two = first.growth[rows], last.growth[columns]
+        same = dict(
+            zip(*(each.tolist() for each in self._border.paired(first, other)), strict=True)
+        )
+        three = np.array([other.growth[same[i]] if i in same else np.nan for i in rows.tolist()])
+        with np.errstate(invalid="ignore"):
+            curvature = ((three - one) / (c - a) - (two - one) / (b - a)) / (c - b)
+            bent = 0.25 * np.abs(curvature) * (b - a) ** 2  # at the most, of a parabola
+            near = np.minimum(np.abs(one), np.abs(two)) < SAFE * bent
+        return bool(np.any(near & np.isfinite(bent)))
+
+    def _only(
+        self, begin: float, end: float, ways: Sequence[tuple[complex, ...]]
+    ) -> Crossing | None:
+        """Return the crossing of one value with its conjugate; None if it is not the only one."""
+        if len(ways) == 2 and all(v.conjugate() == w for v, w in zip(*ways, strict=True)):
+            ways = [tuple(complex(v.real, abs(v.imag)) for v in ways[0])]
+        if len(ways) != 1:
+            return None
+        ((first, last),) = ways
+        if (first.imag == 0.0) != (last.imag == 0.0):
+            return None
+        center = self._border.center
+        if first.imag == 0.0 and (first.real < center) != (last.real < center):
+            return Crossing(begin, end, complex(center))
+
+        def value(s: float) -> complex:
+            likely = first + (s - begin) / (end - begin) * (last - first)
+            values = self.spectrum(s).values
+            return complex(values[np.argmin(np.abs(values - likely))])
+
+        def growth(s: float) -> float:
+            return float(self._border.growth(np.array(value(s))))
+
+        place = float(brentq(growth, begin, end, xtol=EXACT, rtol=EXACT))
+        found = value(place)
+        if abs(growth(place)) > ON_BORDER * float(self._border.size(np.array(found))):
+            return None  # another one was taken for it on the way
+        return Crossing(place, place, found)
+
+
+def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
+    """Return the crossings of real positive values that belong to no fold or branch point.
+
+    Parameters
+    ----------
+    found : list of Crossing
+    places : list of float
+        Of the folds and branch points of the step.
+    """
+    return [
+        each
+        for each in found
+        if each.begin < each.end and not any(each.begin <= s <= each.end for s in places)
+    ]
