@@ -145,7 +145,9 @@ class Crew:
             with ctrl_c_for_us_alone():  # for processes that are started now
                 # Numbered, since Dask takes a second call with the same arguments for the first.
                 return self._executor.submit(_there, self._packed, *where, next(self._calls))
-        except RuntimeError as error:  # broken, or shut down by others
+        except (RuntimeError, OSError) as error:
+            # RuntimeError: broken, or shut down by others. OSError: a pool that starts a worker
+            # while another one dies finds its queue closed; or the system starts no process.
             raise Gone(str(error)) from None
 
     def say_if_nobody_comes(self) -> None:
@@ -185,7 +187,7 @@ class Crew:
                 with ctrl_c_for_us_alone():
                     trial = self._executor.submit(_ready, self._packed)
                 trial.result()
-        except (BrokenExecutor, CancelledError) as error:
+        except (BrokenExecutor, CancelledError, OSError) as error:
             raise Gone(f"they die before they compute anything: {error}") from None
 
     @cached_property

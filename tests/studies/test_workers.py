@@ -104,6 +104,36 @@ def test_an_executor_that_was_shut_down():
         run_study(STUDY, executor=executor)
 
 
+class Racing(ThreadPoolExecutor):
+    """A pool one of whose workers dies just while it starts another: its queue is closed then."""
+
+    def __init__(self, calls):
+        super().__init__(2)
+        self.calls = calls
+
+    def submit(self, *args, **kwargs):
+        self.calls -= 1
+        if self.calls < 0:
+            raise OSError("handle is closed")
+        return super().submit(*args, **kwargs)
+
+
+def test_a_pool_that_breaks_while_it_starts_a_worker_is_made_anew():
+    made = []
+
+    def make():
+        made.append(Racing(3) if not made else ThreadPoolExecutor(2))
+        return made[-1]
+
+    assert bits(run_study(STUDY, executor=make, chunk=4)) == bits(run_study(STUDY))
+    assert len(made) == 2
+
+
+def test_a_pool_that_never_starts_a_worker_leaves_what_was_done():
+    with pytest.raises(mi.WorkersLost, match="handle is closed"):
+        run_study(STUDY, executor=lambda: Racing(0))
+
+
 @pytest.mark.slow
 def test_what_a_point_raises_in_a_process(pool):
     with pytest.raises(ZeroDivisionError, match="point 17") as caught:
