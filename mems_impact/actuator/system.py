@@ -295,11 +295,11 @@ class ActuatorSystem(ActuatorNumerics):
             time = min(time, last)
         return state_from(values, time=time)
 
-    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state, by Equation (4) and the contact force."""
         automaton = problem.automaton
         code = automaton.switch_code
-        return int(automaton.transition(0, code, time, y, problem.parameters))
+        return int(automaton.transition(mode, code, time, y, problem.parameters))
 
     def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
         """Return what gathers the statistics of a run."""

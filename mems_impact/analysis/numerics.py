@@ -111,12 +111,16 @@ class Numerics(Shown):
         """The forcing period; None for a system without forcing."""
         return given.number("period", self._period, self._named(self._parameters.values()))
 
-    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
-        """Return the mode of a state whose mode is not given; `y` may be put right."""
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
+        """Return the mode of a state whose mode is not given; `y` may be put right.
+
+        Where several fit, as within the hysteresis of a relay, it is `mode` if that is one of them.
+        """
         if self._begin is None:
-            return 0
+            return mode
+        when, state = self.out("time", time), self._state(y)
         try:
-            return int(self._begin(self.out("time", time), self._state(y), self._outer(problem)))
+            return int(self._begin(mode, when, state, self._outer(problem)))
         except ArithmeticError as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
             place = line_of(error.__traceback__, self._begin)
@@ -130,7 +134,7 @@ class Numerics(Shown):
         if mode in automaton.constrained:  # of a state that is there already
             p = np.asarray(problem.parameters, dtype=float)
             return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
-        return self._begin is None or self.mode_of(y, 0.0, problem) == mode
+        return self.mode_of(y, 0.0, problem, mode) == mode
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable, which has a unit of its own, of a state of the numerics."""

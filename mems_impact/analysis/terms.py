@@ -61,7 +61,7 @@ class Terms(Value):
         """The Poincaré section: component, level, direction."""
 
     @abstractmethod
-    def mode_of(self, y: Floats, time: float, problem: Problem) -> int:
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
         """Return the mode of a state whose mode is not given."""
 
     @property

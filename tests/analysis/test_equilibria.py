@@ -301,3 +301,31 @@ def test_a_stuck_body_may_stand_still_where_friction_holds_it():
     assert held.admissible
     (slips,) = mi.find_equilibria(system, guess={"x": 0.8}, modes=["stuck"])
     assert slips.beyond == ("ground slips",)
+
+
+def heated(mode, t, y, p):
+    return 0.05 + p.power * mode.first - y.T, 0.05 + p.power * mode.second - y.U
+
+
+def test_both_modes_of_a_relay_may_stand_still_within_its_hysteresis():
+    room = mi.System(
+        states=("T", "U"),
+        flow=heated,
+        parameters={"power": 1.0},
+        time_scale=1.0,
+        parts=[
+            mi.Relay("first", "T", lower=0.9, upper=1.1),
+            mi.Relay("second", "U", lower=-0.1, upper=0.5),
+        ],
+    )
+    found = mi.find_equilibria(room, guess={"T": 1.0, "U": 0.2})
+    assert {each.mode for each in found if each.admissible} == {
+        "low-low", "high-low", "low-high", "high-high",
+    }  # fmt: skip
+    for each in found:
+        first, second = (0.05 + (name == "high") for name in each.mode.split("-"))
+        assert (each.state.T, each.state.U) == pytest.approx((first, second), abs=1e-12)
+        assert each.stable
+        run = mi.simulate(room, duration=1.0, initial=each.state)
+        assert run.final.mode == each.mode
+        assert run.events.empty

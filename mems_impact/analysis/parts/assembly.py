@@ -26,7 +26,7 @@ class Assembly(NamedTuple):
     modes : tuple of str
         Those of the parts, joined by dashes.
     begin : callable
-        ``begin(t, y, p)`` returns the mode of a state.
+        ``begin(mode, t, y, p)`` returns the mode of a state; where several fit, `mode` if it does.
     constrained : tuple of int
         The modes in which contacts hold, or a surface slides.
     projection : callable or None
@@ -114,7 +114,7 @@ def assembled(
     sources.append(
         function("settle(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"])
     )
-    sources.append(function("begin(t, y, p)", ["return settled(0, -1, -1, 1, t, y, p)"]))
+    sources.append(function("begin(mode, t, y, p)", ["return settled(mode, -1, -1, 1, t, y, p)"]))
     constrained, lines = text.projection()
     sources += lines
     watches = [
