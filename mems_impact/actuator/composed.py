@@ -272,6 +272,7 @@ def composed_automaton(
         margins=margins,
         transition=transition,
         cyclic=model.cyclic,
+        stiff=any(kind.term.stiff for kind in kinds),
         step=1e-3 if rigid else SMALL,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),

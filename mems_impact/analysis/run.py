@@ -15,7 +15,7 @@ from mems_impact.analysis.system import System
 from mems_impact.analysis.values import Value
 from mems_impact.analysis.verification import Verification, compare, other_family
 from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.run import run as integrate
 from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
 from mems_impact.tables import run as run_tables
@@ -107,7 +107,7 @@ class Run(Value):
         """How many arcs, from one transition or handover to the next, each method has taken."""
         count, implicit = self.trajectory.arcs, self.trajectory.implicit_arcs
         if self.options.method != "auto":
-            return {self.options.method: count}
+            return {str(self.options.method): count}
         return {"dop853": count - implicit, "bdf": implicit}
 
     @cached_property
@@ -221,8 +221,9 @@ class Run(Value):
     def verify(self) -> Verification:
         """Run the same again by an unrelated method, more precisely, and compare event by event.
 
-        A run by Adams or BDF is verified by dop853 and one by dop853 by Adams, with a hundredth of
-        its tolerances (rtol at least 1e-13, atol 1e-15).
+        A run by Adams or BDF is verified by dop853 and one by dop853 or ``"auto"`` by Adams, with a
+        hundredth of its tolerances (rtol at least 1e-13, atol 1e-15). In a stiff system ``"auto"``
+        takes the place of dop853 and BDF that of Adams, so that what is stiff is run by BDF again.
 
         Returns
         -------
@@ -250,8 +251,14 @@ class Run(Value):
         'agree to the end, period 50'
         """
         self._log("verification")
-        problem = self.system.problem(other_family(self.options))
-        again = integrate(problem, self.trajectory.start, self.periods)
+        chose = self.options.method == "auto"  # it has seen whether the system is stiff
+        stiff = self.trajectory.stiff if chose else self.trajectory.automaton.stiff
+        problem = self.system.problem(other_family(self.options, stiff=stiff))
+        try:
+            again = integrate(problem, self.trajectory.start, self.periods)
+        except RunError as error:
+            self.system.convert(error)
+            raise
         return compare(self.trajectory, again, self.options.rtol, self.system)
 
     @cached_property
@@ -291,7 +298,11 @@ class Run(Value):
             return anchor.y
         # Integrate the arc that reaches across the border again, up to there.
         problem = self.system.problem(self.options)
-        return integrate(problem, anchor, wait, consume=lambda _: None).final.y
+        try:
+            return integrate(problem, anchor, wait, consume=lambda _: None).final.y
+        except RunError as error:
+            self.system.convert(error)
+            raise
 
     def _observed(self, log: Events) -> dict[str, Floats]:
         return observed(self.system, self.trajectory.problem, log)

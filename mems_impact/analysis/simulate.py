@@ -158,7 +158,7 @@ def simulate(
         lengths = [len(events) for events in kept]
         return (system.run_type or Run)(
             system=system,
-            options=options,
+            options=problem.options,
             keep=keep,
             window=(first * unit, last * unit),
             trajectory=trajectory,

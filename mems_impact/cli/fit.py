@@ -62,7 +62,7 @@ def command(
     transient: int,
     periods: int,
     initial: Initial,
-    method: str,
+    method: str | None,
     rtol: float,
     atol: float,
     engine: str,

@@ -11,7 +11,7 @@ from mems_impact.cli.failures import PROGRAM
 from mems_impact.cli.showing import show, tell_files
 
 TEMPLATES = {
-    "device": ("device.toml", "simulate {} --drive {}"),
+    "device": ("device.toml", "simulate {}"),
     "system": ("system.py", "simulate {}:oscillator"),
 }
 """What may be written: the file that is, and its name; and a first command for it."""
@@ -29,7 +29,7 @@ def command(*, kind: str, file: str | None) -> None:
     \b
     Examples:
       mems-impact new device mine.toml
-      mems-impact simulate mine.toml --drive mine.toml
+      mems-impact simulate mine.toml
     """  # noqa: D301 - click looks for the backspace itself
     template, first = TEMPLATES[kind]
     path = Path(file or template)
@@ -47,4 +47,4 @@ def command(*, kind: str, file: str | None) -> None:
         reason = (error.strerror or str(error)).lower()
         raise click.ClickException(f"{path}: cannot be written ({reason})") from None
     tell_files([path])
-    show(f"written: {path}; try it: {PROGRAM} {first.format(path, path)}")
+    show(f"written: {path}; try it: {PROGRAM} {first.format(path)}")

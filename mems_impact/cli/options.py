@@ -165,13 +165,16 @@ def workers_option(text: str, **settings: Any) -> Decorator:
     return click.option("--workers", type=click.IntRange(1, 64), help=text, **settings)
 
 
-def _integrator(method: str, rtol: float, atol: float) -> Decorator:
+SUITED = "adams; auto with a term that may be stiff"
+
+
+def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
     return combined(
         click.option(
             "--method",
             type=click.Choice(METHODS),
             default=method,
-            show_default=True,
+            show_default=method or SUITED,
             help="CVODE's Adams or BDF formulas, or a one-step method of order 8; auto: that one, "
             "and BDF wherever the system is stiff.",
         ),

@@ -69,7 +69,7 @@ def command(
     duration: float | None,
     initial: Initial,
     window: tuple[float, float] | None,
-    method: str,
+    method: str | None,
     rtol: float,
     atol: float,
     engine: str,

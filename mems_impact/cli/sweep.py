@@ -66,7 +66,7 @@ def command(
     direction: Literal["up", "down", "both"],
     transient: int,
     periods: int,
-    method: str,
+    method: str | None,
     rtol: float,
     atol: float,
     engine: str,

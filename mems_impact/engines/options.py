@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mems_impact.errors import InvalidParameter
 
@@ -19,12 +19,14 @@ class Options:
 
     Parameters
     ----------
-    method : {"adams", "bdf", "dop853", "auto"}
-        CVODE's linear multistep families: Adams (default) needs about half the right-hand sides
-        where the drive is near the resonance; BDF wins where the drive is slow against it, or the
-        system stiff. ``"dop853"`` is Dormand and Prince's one-step method of order 8, which loses
-        no order at an event: several times as fast where arcs are short. It needs no SUNDIALS.
+    method : {"adams", "bdf", "dop853", "auto"}, optional
+        CVODE's linear multistep families: Adams needs about half the right-hand sides where the
+        drive is near the resonance; BDF wins where the drive is slow against it, or the system
+        stiff. ``"dop853"`` is Dormand and Prince's one-step method of order 8, which loses no order
+        at an event: several times as fast where arcs are short. It needs no SUNDIALS.
         ``"auto"`` takes ``"dop853"``, and ``"bdf"`` wherever the system turns out to be stiff.
+        By default Adams, but ``"auto"`` for an actuator with a term that may make its equations
+        stiff, such as `SqueezeFilm`; `Run.options` tells which was taken.
     rtol : float
         Relative tolerance of the local error, 1e-14 to 1e-2.
     atol : float
@@ -57,7 +59,7 @@ class Options:
     'dop853'
     """
 
-    method: str = "adams"
+    method: str | None = None
     rtol: float = 1e-9
     atol: float = 1e-11
     max_steps: int = 100_000
@@ -65,12 +67,19 @@ class Options:
     engine: str = "auto"
 
     def __post_init__(self) -> None:
-        _one_of("method", self.method, METHODS)
+        if self.method is not None:
+            _one_of("method", self.method, METHODS)
         _one_of("engine", self.engine, ENGINES)
         _within("rtol", self.rtol, 1e-14, 1e-2)
         _within("atol", self.atol, 1e-300, math.inf)
         _within("max_steps", self.max_steps, 1, 2**62)
         _within("max_events", self.max_events, 1, 2**62)
+
+    def suited(self, stiff: bool) -> Options:
+        """Return the options with a method: where none was chosen, the one that suits."""
+        if self.method is not None:
+            return self
+        return replace(self, method="auto" if stiff else "adams")
 
 
 def _one_of(field: str, value: object, allowed: tuple[str, ...]) -> None:

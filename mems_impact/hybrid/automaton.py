@@ -160,6 +160,9 @@ class Automaton:
         Modes whose states lie on a manifold, as where bodies are held together or a state slides
         along a surface. In these ``transition`` with the code ``2 m + 1`` puts a state onto it, by
         a projection: the flow stays on it, and what it does beside it means nothing.
+    stiff : bool, optional
+        Whether something may decay far faster than anything happens: method "auto" is then the one
+        that suits its flow.
     bounds : bool, optional
         Whether its functions, compiled, are kept from reading and writing beyond their arrays: a
         call that does fails with a `FunctionError`. It costs up to 3 %.
@@ -185,6 +188,7 @@ class Automaton:
     cyclic: tuple[int, ...] = ()
     step: float = 1e-3
     constrained: tuple[int, ...] = ()
+    stiff: bool = False
     bounds: bool = field(default=True, compare=False)
     recipe: tuple[Callable[..., Any], tuple[Any, ...]] | None = field(
         default=None, compare=False, repr=False

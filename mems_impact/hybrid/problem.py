@@ -63,6 +63,7 @@ class Problem:
     section : tuple (component, level, direction) or None
         Crossings of ``y[component] = level`` that are recorded; direction 0 for both.
     options : Options
+        With the method that suits the automaton, where none was chosen.
     time_scale : float or None
         Time within which whatever acts on the system shows all that it does; the period by
         default.
@@ -82,6 +83,7 @@ class Problem:
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
             raise InvalidParameter("options", self.options, "Options(…)")
+        object.__setattr__(self, "options", self.options.suited(self.automaton.stiff))
         if not (math.isfinite(self.period) and self.period > 0.0):
             raise InvalidParameter(field="period", value=self.period, allowed="finite and above 0")
         times = (0.0, *self.switches)
@@ -205,7 +207,7 @@ def bind(problem: Problem) -> Bound:
 
 
 def is_compiled(options: Options) -> bool:
-    """Return whether runs with `options` are compiled, and so hold no lock of Python's."""
+    """Return whether runs with a problem's `options` are compiled, and hold no lock of Python's."""
     if options.engine == "interpreted":
         return False
     try:
@@ -227,7 +229,7 @@ def at_hand(options: Options) -> Options:
 
 def _module(form: str, options: Options) -> Any:
     """Import what holds the engine of the method, "compiled" or "interpreted"."""
-    return import_module(f"mems_impact.engines.{FOLDERS[options.method]}.{form}")
+    return import_module(f"mems_impact.engines.{FOLDERS[str(options.method)]}.{form}")
 
 
 def _compiled(

@@ -79,7 +79,7 @@ class SweepStudy(Study):
     def threaded(self) -> bool:
         """Whether values hold no lock of Python's."""
         # An interpreted engine does; CVODE's silences standard output for all threads.
-        return is_compiled(self.options)
+        return is_compiled(self.system.problem(self.options).options)
 
     @property
     def chains(self) -> tuple[range, ...]:
@@ -97,7 +97,7 @@ class SweepStudy(Study):
             "transient": self.transient,
             "periods" if self.system.forced else "duration": self.length,
             "section": self.section,
-            "options": identity_of_options(self.options),
+            "options": identity_of_options(self.system.problem(self.options).options),
         }
 
     @property

@@ -52,7 +52,7 @@ class Measuring:
     @property
     def threaded(self) -> bool:
         """Whether points hold no lock of Python's."""
-        return is_compiled(self.options)
+        return is_compiled(self.system.problem(self.options).options)
 
     @property
     def schema(self) -> dict[str, str]:
@@ -66,7 +66,7 @@ class Measuring:
         return {
             **identity(self.system),
             **asdict(self.settle),
-            "options": identity_of_options(self.options),
+            "options": identity_of_options(self.system.problem(self.options).options),
         }
 
     def attrs(self, columns: Sequence[str]) -> dict[str, Any]:

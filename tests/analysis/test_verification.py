@@ -231,6 +231,8 @@ def test_a_run_of_another_automaton_does_not_agree():
 def test_the_other_method_is_more_precise(method, other):
     options = other_family(mi.Options(method=method, rtol=1e-9, atol=1e-10))
     assert options.method == other
+    stiff = other_family(mi.Options(method=method), stiff=True).method
+    assert stiff == {"dop853": "auto", "adams": "bdf"}[other]
     assert options.rtol == pytest.approx(1e-11)
     assert options.atol == pytest.approx(1e-12)
 

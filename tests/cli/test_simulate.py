@@ -185,3 +185,16 @@ def test_what_the_first_run_gave_stands_if_the_second_fails(cli, tmp_path, monke
     assert done.status == 130
     assert "out/simulate-impacts.csv" in done.err
     assert not (tmp_path / "out" / "simulate-verification.csv").exists()
+
+
+def test_a_stiff_device_runs_as_it_is(cli):
+    """A squeeze film, with which Adams' method gets nowhere; a choice is kept."""
+    said = cli("simulate", "--help").out
+    assert "adams; auto with a term that may be stiff" in " ".join(said.split())
+    film = {"length": 2e-4, "width": 1e-4, "pressure": 1e5, "viscosity": 1.82e-5}
+    film["free_path_pressure"] = 6.7e-3
+    line = ["simulate", "mita2003", "--amplitude", "100", "--frequency", "1", "--periods", "0.01"]
+    for name, value in film.items():
+        line += ["--set", f"squeeze_film.{name}={value}"]
+    assert cli(*line, "--no-figure").status == 0
+    assert "max_steps" in cli(*line, "--no-figure", "--method", "adams").err

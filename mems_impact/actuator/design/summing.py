@@ -68,14 +68,14 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     Interpreted: thousands of arcs take less time than to compile what follows them. By the one-step
     method in place of Adams, which takes several times as long to get under way on so short arcs.
     """
-    method = "dop853" if options.method == "adams" else options.method
-    options = replace(options, engine="interpreted", method=method)
+    problem = system.problem(replace(options, engine="interpreted"))
+    if problem.options.method == "adams":
+        problem = replace(problem, options=replace(problem.options, method="dop853"))
     drive, kinds = system.drive, tuple(term.kind for term in system.actuator.terms)
     automaton = accounted_automaton(
         kinds, drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate,
         not system.told_by_numbers,
     )  # fmt: skip
-    problem = system.problem(options)
     p = problem.parameters
     if not kinds:  # the paper's equations need no scratch, those with terms do
         first = len(PARAMETER_NAMES)

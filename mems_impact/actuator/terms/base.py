@@ -197,6 +197,9 @@ class Term(Checked, ABC):
     signed : bool
         Whether it makes the sign of the voltage matter. Forces go with its square, so that a
         period of v is two forcing periods where v changes its sign; with such a term it is one.
+    stiff : bool
+        Whether something of it may decay far faster than anything happens, as the gas of a thin
+        film does: method "auto" is then the default.
 
     See Also
     --------
@@ -216,6 +219,7 @@ class Term(Checked, ABC):
     instead: ClassVar[str] = ""
     layer: ClassVar[int] = 0
     signed: ClassVar[bool] = False
+    stiff: ClassVar[bool] = False
 
     @classmethod
     def name(cls) -> str:

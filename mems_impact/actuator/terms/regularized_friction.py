@@ -46,6 +46,7 @@ class RegularizedFriction(Term):
 
     units = {"width": "m/s"}  # noqa: RUF012 - ClassVar above
     instead = "friction"
+    stiff = True
 
     @classmethod
     def contribution(cls, at: Places, shape: Shape) -> Contribution:

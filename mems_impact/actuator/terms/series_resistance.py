@@ -46,8 +46,8 @@ class SeriesResistance(Term):
     Syst. 12, 656 (2003)). The charge has the sign of the voltage: where that alternates, a forcing
     period is one of the voltage, not of its square.
 
-    A time constant far below the forcing period makes the equations stiff: take
-    ``Options(method="bdf")``.
+    A time constant far below the forcing period makes the equations stiff, so that runs are made by
+    method ``"auto"`` unless `Options` say otherwise.
 
     Examples
     --------
@@ -61,6 +61,7 @@ class SeriesResistance(Term):
     units = {"resistance": "ohm", "parasitic": "F", "charge": "C"}  # noqa: RUF012 - ClassVar above
     layer = 1
     signed = True
+    stiff = True
 
     @classmethod
     def electrode_states(cls, shape: Shape) -> tuple[str, ...]:

@@ -101,6 +101,7 @@ class SqueezeFilm(Term):
         **dict.fromkeys((f"film_{i}" for i in range(1, 16)), "m"),
         **dict.fromkeys((f"left_film_{i}" for i in range(1, 16)), "m"),
     }
+    stiff = True
 
     @model_validator(mode="after")
     def _check_sides(self) -> Self:
