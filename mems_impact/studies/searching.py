@@ -11,7 +11,7 @@ along the edge (Womersley and Fletcher, J. Optim. Theory Appl. 50 (1986) 493).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -110,6 +110,21 @@ class _Beyond(Generic[T]):
         """Return by how much the model is above the value at a point of a piece of its own."""
         return max(0.0, self.at(here.x)[0] - here.local.value)
 
+    def across(self, here: Search[T]) -> Iterator[Floats]:
+        """Give points from `here` straight to the edge and over it, ever farther.
+
+        Values are equal along an edge, so that their gradients differ across it. The models
+        mistake its place by the square of the distance from which they look.
+        """
+        value, gradient = self.at(here.x)
+        turn = gradient - here.local.gradient
+        steep = float(np.linalg.norm(turn))
+        away = float(np.abs(self.there.x - here.x).max())
+        length = max(2.0 * (here.local.value - value) / steep, away**2)
+        while length < away:
+            yield _boxed(here.x + length / steep * turn)
+            length *= 4.0
+
 
 def search(
     start: Floats,
@@ -145,7 +160,17 @@ def search(
     flat = np.zeros((start.size, start.size))
     curvatures: dict[Hashable, Floats] = {}
     others: dict[Hashable, Search[T]] = {}
+    seen = {here.local.piece: here}  # on every piece the last point, from which it bends
     radius, lost, penalty = FIRST, "", 0.0
+
+    def keep(there: Search[T]) -> None:
+        piece = there.local.piece
+        if piece in seen:
+            curvatures[piece] = _updated(curvatures.get(piece, flat), seen[piece], there)
+        seen[piece] = there
+        if piece != here.local.piece:
+            others[piece] = there
+
     for _ in range(iterations):
         penalty = max(penalty, ENOUGH * float(_multipliers(here.local).max(initial=0.0)))
         curvature = curvatures.get(here.local.piece, flat)
@@ -164,7 +189,15 @@ def search(
         if promised < least and away > NEAR:
             # Where an edge is, points as far from it as these do not know: look again, nearer.
             others.clear()
-            radius = 0.25 * min(radius, away)
+            for place in (place for each in edge for place in each.across(here)):
+                try:
+                    keep(_at(here, place, move, look))
+                except OrbitError as error:
+                    lost = error.reason
+                if others:
+                    break
+            if not others:
+                radius = 0.25 * min(radius, away)
             continue
         if promised < least or length < SMALLEST:
             held = length > 0.99 * radius  # by the region alone, which has shrunk
@@ -174,10 +207,7 @@ def search(
         try:
             there = _at(here, _boxed(here.x + step), move, look)
             ratio = (here.local.merit(penalty) - there.local.merit(penalty)) / promised
-            if there.local.piece == here.local.piece:
-                curvatures[here.local.piece] = _updated(curvature, here, there)
-            else:
-                others[there.local.piece] = there
+            keep(there)
             if ratio < POOR and there.local.violation > here.local.violation:
                 # Constraints bend, and the model does not know by how much: step back onto them.
                 back = _boxed(there.x + _back(here.local, there.local))

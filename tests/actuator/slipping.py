@@ -19,3 +19,19 @@ SLIPPING = mi.Actuator(
     units="SI",
 )
 PULLED = mi.Sine(amplitude=56.0, omega=2.0 * math.pi * 480.0)  # one impact a period
+
+LIGHT = mi.Actuator(
+    m1=1e-6,
+    m2=2e-7,
+    k=11.37,
+    c=5.027e-5,
+    d=4e-6,
+    delta=2.5e-6,
+    e=0.65,
+    mu_s=0.35,
+    mu_d=0.28,
+    alpha=2.2e-20,
+    g=9.81,
+    units="SI",
+)
+"""A block of a fifth of the frame's mass, Q = 30, pull-in at 70 V."""

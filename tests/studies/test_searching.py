@@ -17,10 +17,10 @@ def functions(x):
     return Local(value, gradient, margins, by_margin)
 
 
-def searched(start, look=functions, move=lambda _, x: x):
+def searched(start, look=functions, move=lambda _, x: x, iterations=300):
     taken = []
     start = np.array(start)
-    found = search(start, start, move=move, look=look, report=taken.append, iterations=300)
+    found = search(start, start, move=move, look=look, report=taken.append, iterations=iterations)
     return found, taken
 
 
@@ -66,6 +66,26 @@ def test_a_minimum_in_an_edge_between_two_pieces(start):
     assert found.local.value == pytest.approx(0.0, abs=1e-6)
     assert len(found.edge) == 1
     assert look(found.edge[0]).piece == -found.local.piece
+
+
+@pytest.mark.parametrize("start", [[0.8, 0.9], [0.7, 0.1], [0.4, 0.4]])
+def test_the_bottom_of_a_bent_edge_is_reached(start):
+    # As with a device whose slip ends at its impact: steep on both sides, nearly level along it.
+    def look(x):
+        bent = x[1] - 0.8 + 1.5 * (x[0] - 0.2) - 2.0 * (x[0] - 0.2) ** 2
+        by_x = np.array([1.5 - 4.0 * (x[0] - 0.2), 1.0])
+        side = 1.0 if bent > 0.0 else -1.0
+        slope, bow = (3.0, 4.0) if bent > 0.0 else (-6.0, -9.0)
+        value = 0.3 * (x[0] - 0.15) ** 2 + slope * bent + bow * bent * (x[0] - 0.5)
+        gradient = np.array([0.6 * (x[0] - 0.15) + bow * bent, 0.0])
+        gradient += (slope + bow * (x[0] - 0.5)) * by_x
+        return Local(value, gradient, np.zeros(0), np.zeros((0, 2)), side)
+
+    found, _ = searched(start, look, iterations=100)
+    assert found.ended == "converged"
+    assert len(found.edge) == 1
+    assert found.x[0] == pytest.approx(0.15, abs=3e-4)
+    assert found.local.value == pytest.approx(0.0, abs=1e-7)
 
 
 def test_points_that_do_not_exist():

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial import Chebyshev
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.composing import compose
 from mems_impact.actuator.design.impacts import SLIPPING, is_impact, is_release, yields
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.modes import X2
+from mems_impact.actuator.modes import V1, V2, X2
 from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
 from mems_impact.analysis.state import State, is_number, state_from
@@ -32,7 +34,11 @@ if TYPE_CHECKING:
 __all__ = ["RingDown", "ring_down"]
 
 PERIODS, MOST = 64, 131072  # half natural periods of the first run, and of the last
+FEW = 1024  # half natural periods for which a swing that dies out slowly is followed as it is
 HALVINGS = 40
+LEVELS, SKIPPED = 9, 4  # amplitudes at which a slow decay is measured; swings until it is even
+ERROR = 1e-9  # part of a decrement that a step of a slow decay may miss
+LEAST = 1e-8  # decrement that rounding leaves to be measured
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -56,7 +62,8 @@ class RingDown(Value):
         From switching off until the amplitude is down to the share that was asked for, of that of
         the first swing that is measured [s].
     table : DataFrame
-        One row a swing that is measured: t (since switching off) and amplitude.
+        One row a swing that is measured: t (since switching off) and amplitude; of decays that
+        take hundreds of swings nine of them.
     si : bool
         Whether these are in SI, those of a device that is.
 
@@ -91,7 +98,7 @@ def ring_down(
     *,
     initial: State | Mapping[str, float] | None = None,
     share: float = 0.01,
-    options: Options = Options(),  # noqa: B008 - immutable
+    options: Options = ORBIT_OPTIONS,
 ) -> RingDown:
     """Switch the voltage off, and return how the swing of the block dies out.
 
@@ -106,6 +113,7 @@ def ring_down(
         Of the first amplitude that is measured, down to which it shall be followed; between 0 and
         1.
     options : Options, optional
+        By default as in `find_orbit`: what the method itself damps counts as damping.
 
     Returns
     -------
@@ -123,6 +131,10 @@ def ring_down(
 
     Notes
     -----
+    A decay that takes hundreds of swings is not followed to its end: its decrement is measured, in
+    runs as fine as it is small, at nine amplitudes from the first one down to its `share`. The
+    table then has a row for each of these.
+
     With the damper of the paper alone, and the frame at rest, the decrement is 2 pi zeta/sqrt(1 -
     zeta^2) with zeta = c/(2 sqrt(k m2)).
 
@@ -154,25 +166,28 @@ def ring_down(
     while True:
         run = simulate(off, periods, initial=start, options=options)
         t, amplitude = swings(run.trajectory, sticks)
-        t = begin + t
         low = np.flatnonzero(amplitude <= share * amplitude[:1].max(initial=0.0))
-        fallen = math.log(amplitude[0]) - math.log(amplitude[-1]) if amplitude.size > 1 else 0.0
-        slow = fallen * MOST < periods * math.log(1.0 / share)
-        if low.size or (slow and not (disturbed(run, sticks) and periods < MOST)):
+        free = not disturbed(run, sticks)
+        if low.size or periods >= (FEW if free else MOST):
             break
         periods *= 4
-    if not low.size:
-        problem = "the block does not swing, or its swing does not die out"
-        if disturbed(run, sticks):
+    if low.size:
+        last = int(low[0])
+        t, amplitude, count = t[: last + 1], amplitude[: last + 1], float(last)
+        # Within the last swing the amplitude falls exponentially.
+        fall = math.log(amplitude[-2] / amplitude[-1])
+        over = math.log(share * amplitude[0] / amplitude[-1])
+        reached = t[-1] - over / fall * (t[-1] - t[-2])
+    elif free and amplitude.size > 1:
+        t, amplitude, count = slow_decay(off, run, t[0], amplitude[0], share, options)
+        reached = t[-1]
+    else:
+        problem = "the block does not swing"
+        if not free:
             problem = "the block goes on striking, or the frame slipping; start with less speed"
         raise InvalidParameter("initial", start, "", problem=problem)
-    last = int(low[0])
-    decrement = math.log(amplitude[0] / amplitude[last]) / last
-    swing = (t[last] - t[0]) / last
-    # Within the last swing the amplitude falls exponentially.
-    over = math.log(share * amplitude[0] / amplitude[last])
-    fall = math.log(amplitude[last - 1] / amplitude[last])
-    reached = t[last] - over / fall * (t[last] - t[last - 1])
+    decrement = math.log(amplitude[0] / amplitude[-1]) / count
+    swing = (t[-1] - t[0]) / count
     ratio = decrement / math.hypot(2.0 * math.pi, decrement)
     return RingDown(
         frequency=1.0 / float(off.scales.out(swing, "s")),
@@ -180,9 +195,71 @@ def ring_down(
         damping_ratio=ratio,
         quality=0.5 / ratio,
         time_constant=float(off.scales.out(swing / decrement, "s")),
-        time=float(off.scales.out(reached, "s")),
-        table=tables.swings(t[: last + 1], amplitude[: last + 1], off),
+        time=float(off.scales.out(begin + reached, "s")),
+        table=tables.swings(begin + t, amplitude, off),
         si=off.scales.named,
+    )
+
+
+def slow_decay(
+    off: ActuatorSystem, run: Run, first: float, amplitude: float, share: float, options: Options
+) -> tuple[Floats, Floats, float]:
+    """Return times and amplitudes of a decay that takes very many swings, and how many.
+
+    The decrement changes with the amplitude alone, and smoothly. It is measured in short runs at
+    some amplitudes; their number of swings and time are integrals over the logarithm of it.
+
+    Parameters
+    ----------
+    off : ActuatorSystem
+    run : Run
+        In which the block swings freely at last.
+    first, amplitude : float
+        Time and amplitude of the first swing that counts.
+    share : float
+    options : Options
+
+    Raises
+    ------
+    InvalidParameter
+        If it does not die out.
+    """
+    log = run.trajectory.events
+    turns = np.flatnonzero((log.kind == loop.APPROACH) & (log.guard == 0))
+    mode, state = int(log.mode_after[turns[-1]]), log.after[turns[-1]]
+    last = swings(run.trajectory, True)[1][-1]
+    middle = state[X2] - last
+    method = "dop853" if options.method == "dop853" else "auto"
+    fine = replace(options, method=method)
+    heights = math.log(amplitude) + math.log(share) * np.linspace(0.0, 1.0, LEVELS)
+    found = []
+    for height in heights:
+        part = math.exp(height) / last
+        begin = state.copy()
+        begin[X2] = middle + part * (state[X2] - middle)
+        begin[V1], begin[V2] = part * state[V1], part * state[V2]
+        initial = off.state_of(Instant(0, 0.0, mode, begin))
+        for _ in range(2):  # the second run as finely as the first has told to be needed
+            there = simulate(off, PERIODS, initial=initial, options=fine)
+            t, high = (each[SKIPPED:] for each in swings(there.trajectory, True))
+            count = len(t) - 1
+            decrement = math.log(high[0] / high[-1]) / count
+            rtol = max(1e-14, ERROR * decrement)
+            fine = replace(fine, rtol=rtol, atol=rtol * high[-1])
+        if decrement < LEAST:
+            problem = "the swing of the block does not die out"
+            raise InvalidParameter("initial", initial, "", problem=problem)
+        found.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
+    places, decrements, times = np.array(found).T
+    span = [heights[-1], heights[0]]
+    swung, passed = (
+        Chebyshev.fit(places, values / decrements, LEVELS - 1, span).integ()
+        for values in (np.ones(LEVELS), times)
+    )
+    return (
+        first + passed(heights[0]) - passed(heights),
+        np.exp(heights),
+        float(swung(heights[0]) - swung(heights[-1])),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from tests.actuator.slipping import PULLED, SLIPPING
+from tests.actuator.slipping import LIGHT, PULLED, SLIPPING
 
 INTERPRETED = mi.Options(method="dop853", engine="interpreted")
 PAPER = mi.load_actuator("zhao2004")
@@ -217,12 +217,10 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
 @pytest.mark.slow
 def test_a_window_goes_on_where_only_the_slips_change():
     # At 51.9 V a slip ends at the impact: before and after it, one impact a period is stable.
-    device = mi.Actuator(m1=1e-6, m2=2e-7, k=11.37, c=5.027e-5, d=4e-6, delta=2.5e-6, e=0.65,
-                         mu_s=0.35, mu_d=0.28, alpha=2.2e-20, g=9.81, units="SI")  # fmt: skip
     ends = []
     for amplitude in (50.0, 60.0):
         drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
-        window = mi.period_one_window(device, drive, low=40.0, high=95.0)
+        window = mi.period_one_window(LIGHT, drive, low=40.0, high=95.0)
         assert (window.low_kind, window.high_kind) == ("period-doubling", "period-doubling")
         ends.append((window.low, window.high))
     assert ends[0] == pytest.approx(ends[1], rel=1e-8)
@@ -230,7 +228,7 @@ def test_a_window_goes_on_where_only_the_slips_change():
     low, high = ends[0]
     for amplitude, doubled in ((1.01 * low, False), (0.99 * low, True), (0.99 * high, False)):
         drive = mi.Sine(amplitude=amplitude, omega=2.0 * math.pi * 600.0)
-        run = mi.simulate(device, drive, 1200, window=(1100, 1200))
+        run = mi.simulate(LIGHT, drive, 1200, window=(1100, 1200))
         steps = run.impacts["step"].to_numpy()[-20:-1]
         assert (abs(steps[-1] - steps[-2]) > 1e-3 * abs(steps[-1])) == doubled
 
@@ -238,14 +236,14 @@ def test_a_window_goes_on_where_only_the_slips_change():
 @pytest.mark.slow
 def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     """The frame no longer rests before the blow: with static friction above dynamic, a jump."""
-    device = mi.Actuator(
+    LIGHT = mi.Actuator(
         m1=1.55e-6, m2=2.064e-7, k=8.3167, c=6.0304e-5, d=5.9128e-6, delta=3.7902e-6, e=0.4971,
         mu_s=0.36546, mu_d=0.25008, alpha=2.2e-20, g=9.81, units="SI",
     )  # fmt: skip
     drive = mi.Sine(amplitude=109.0, omega=3105.0)
-    window = mi.period_one_window(device, drive, low=50.0, high=120.0)
+    window = mi.period_one_window(LIGHT, drive, low=50.0, high=120.0)
     assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
-    orbit = mi.find_orbit(device, drive, guess=mi.kicked(device), transient=300)
+    orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked(LIGHT), transient=300)
     branch = mi.continue_orbit(orbit, "amplitude", stop=50.0)
     assert branch.ended.startswith("slip end: no orbit was found near this one")
     last = branch.orbits[-1].system.value("amplitude")
@@ -253,10 +251,10 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     state = orbit.state
     for volts in np.linspace(109.0, 1.002 * window.low, 30):
         run = mi.simulate(
-            device, mi.Sine(amplitude=float(volts), omega=3105.0), periods=150, initial=state
+            LIGHT, mi.Sine(amplitude=float(volts), omega=3105.0), periods=150, initial=state
         )
         state = run.final
     found = mi.find_orbit(run)
     assert (found.periods, found.stable, len(found.impacts)) == (1, True, 1)
     lower = mi.Sine(amplitude=0.995 * window.low, omega=3105.0)
-    assert mi.find_orbit(device, lower, guess=state, transient=600).periods > 1
+    assert mi.find_orbit(LIGHT, lower, guess=state, transient=600).periods > 1

@@ -131,6 +131,32 @@ def test_ring_down_is_measured_with_the_frame_at_rest(friction):
     assert found.table["amplitude"].max() <= friction * (soft.m1 + soft.m2) * soft.g / soft.k
 
 
+@pytest.mark.parametrize("quality", [300.0, 3e4, 3e6])
+def test_ring_down_in_vacuum(quality):
+    # The kick makes the frame slip; to the hundredth part takes up to ten million swings.
+    light = SLIPPING.replace(c=math.sqrt(SLIPPING.k * SLIPPING.m2) / quality)
+    found = mi.ring_down(light, mi.Sine(amplitude=50.0, omega=3000.0))
+    assert found.quality == pytest.approx(quality, rel=1e-8)
+    natural = math.sqrt(light.k / light.m2 * (1.0 - 0.25 / quality**2))
+    assert found.frequency == pytest.approx(natural / (2.0 * math.pi), rel=1e-9)
+    begun, ended = found.table["t"].iloc[0], found.time
+    decay = 2.0 * light.m2 / light.c
+    assert ended - begun == pytest.approx(decay * math.log(100.0), rel=1e-5)
+    friction = light.mu_s * (light.m1 + light.m2) * light.g
+    assert found.table["amplitude"].max() <= friction / light.k
+
+
+def test_a_slow_decay_whose_frequency_depends_on_the_amplitude():
+    # Of a spring x + k3 x^3 it is 1 + 3/8 k3 a^2 to first order, and a falls exponentially.
+    k3 = 0.0625
+    device = ZHAO.replace(c=1e-5).adding(mi.CubicStiffness(k3=k3))
+    found = mi.ring_down(device, DRIVE, initial=mi.State(x2=0.4))
+    hardening = 0.375 * k3 * found.table["amplitude"].iloc[0] ** 2
+    share = (1.0 - 0.01**2) / (2.0 * math.log(100.0))
+    assert 2.0 * math.pi * found.frequency == pytest.approx(1.0 + hardening * share, rel=1e-6)
+    assert found.time_constant == pytest.approx(2e5, rel=1e-3)
+
+
 def test_a_block_that_does_not_swing():
     with pytest.raises(mi.InvalidParameter, match="does not swing"):
         mi.ring_down(ZHAO.replace(c=3.0), DRIVE, initial=mi.State(x2=0.3), options=OPTIONS)
