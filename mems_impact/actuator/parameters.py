@@ -130,7 +130,8 @@ class Actuator(Checked):
     @model_validator(mode="after")
     def _check_pairs(self) -> Self:
         if not self.delta < self.d:
-            allowed = f"between 0 and d = {shown(self.d)} (exclusive)"
+            unit = " m" if self.units == "SI" else ""
+            allowed = f"between 0 and d = {shown(self.d)}{unit} (exclusive)"
             raise InvalidParameter("delta", self.delta, allowed)
         if not self.mu_d <= self.mu_s:
             allowed = f"between 0 and mu_s = {shown(self.mu_s)}"

@@ -308,7 +308,8 @@ def switch_branch(
     check_value(system, parameter, "bounds", low)
     check_value(system, parameter, "bounds", high)
     if not low < special.value < high:
-        allowed = f"smallest and largest value, with {special.value:g} between them"
+        where = _amount(system, parameter, special.value)
+        allowed = f"smallest and largest value, with {where} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
     if isinstance(special, EquilibriumPoint):
         first, side = born(special.equilibrium.found, parameter)
@@ -399,13 +400,19 @@ def bounds_of(
     here = system.value(parameter)
     check_value(system, parameter, "stop", stop)
     if stop == here:
-        raise InvalidParameter("stop", stop, f"another value than {here:g}, where the orbit is")
+        allowed = f"another value than {_amount(system, parameter, here)}, where the orbit is"
+        raise InvalidParameter("stop", stop, allowed)
     if back is None:
         back = here
     check_value(system, parameter, "back", back)
     if (back - here) * (stop - here) > 0.0:
-        raise InvalidParameter("back", back, f"{here:g}, or on the other side of it than stop")
+        allowed = f"{_amount(system, parameter, here)}, or on the other side of it than stop"
+        raise InvalidParameter("back", back, allowed)
     return (stop, back) if stop < back else (back, stop)
+
+
+def _amount(system: System, parameter: str, value: float) -> str:
+    return f"{value:g} {system.unit(parameter)}".rstrip()
 
 
 def check_value(system: System, parameter: str, field: str, value: Any) -> None:

@@ -130,8 +130,8 @@ def find_orbit(
             found = finding.find_cycle(
                 system.family(chosen),
                 start,
-                period=None if period is None else float(system.scales.into(period, "s")),
-                transient=float(system.scales.into(transient, "s")),
+                period=None if period is None else float(system.into("time", period)),
+                transient=float(system.into("time", transient)),
             )
     except (OrbitError, RunError) as error:
         told = _diverged(error, system, problem)
@@ -178,9 +178,9 @@ def _diverged(error: OrbitError | RunError, system: System, problem: Problem) ->
     if at is None or place is None:
         return None
     name, state = system.states[place], system.state_of(at)
-    elapsed = system.out("time", at.cycle * problem.period + at.time)
-    where = f"{name} = {system.out(name, at.y[place]):.6g}"
-    when = f" at t = {elapsed:.6g}" if elapsed > 0.0 else " in the guess"
+    elapsed = at.cycle * problem.period + at.time
+    where = f"{name} = {system.amount(name, at.y[place])}"
+    when = f" at t = {system.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
     return OrbitError(f"{DIVERGED}: {where}{when}", BOUNDED, state)
 
 

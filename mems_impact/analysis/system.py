@@ -24,7 +24,7 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard
 from mems_impact.hybrid.portable import portable, reference
-from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.problem import Problem, check_times
 from mems_impact.hybrid.scaling import Typical
 from mems_impact.hybrid.survey import Settled
 from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
@@ -334,6 +334,7 @@ class System(Numerics):
     def problem(self, options: Options) -> Problem:
         """Return what the event loop integrates, in the units of the numerics."""
         numbers = self.numbers()
+        check_times(numbers, self.factor("time"), self.unit("time"))
         return Problem(
             automaton=self.automaton, section=self.section, options=options, **numbers._asdict()
         )

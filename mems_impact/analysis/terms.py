@@ -178,8 +178,10 @@ class Terms(Value):
         y = np.array([self.into(name, values[name]) for name in self.states], dtype=float)
         time = self.into("time", state.time)
         if self.forced and not state.time < self.out("time", problem.period):
-            period = self.out("time", problem.period)
-            raise InvalidParameter("time", state.time, f"below the forcing period {period:g}")
+            period, unit = self.out("time", problem.period), self.unit("time")
+            raise InvalidParameter(
+                "time", state.time, f"below the forcing period {period:g} {unit}".rstrip()
+            )
         if not self.forced and state.time != 0.0:
             allowed = "0: nothing forces the system, and its functions do not depend on time"
             raise InvalidParameter("time", state.time, allowed)

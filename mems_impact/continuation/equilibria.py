@@ -21,10 +21,10 @@ from mems_impact.continuation.corrector import (
     correct,
     tangent,
 )
-from mems_impact.continuation.ending import SHORTER
+from mems_impact.continuation.ending import LOSSES, SHORTER, reason_of
 from mems_impact.continuation.monitors import BRANCH_POINT, FOLD, NEAR, UNEXPLAINED
 from mems_impact.continuation.stability import AXIS
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import OrbitError
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.orbits.equilibrium import Balance, Balancing, StationaryState, make_equilibrium
 from mems_impact.orbits.newton import solve_at
@@ -124,8 +124,8 @@ def follow_equilibrium(
         first = equations.evaluate(equilibrium.balance.unknowns, value)
         along = tangent(first)
         walker.walk(first, along if direction > 0.0 else -along)
-    except (OrbitError, InvalidParameter) as error:
-        branch.ended = str(error)
+    except LOSSES as error:
+        branch.ended = reason_of(error, equilibrium.family)
     return branch
 
 
@@ -172,10 +172,10 @@ class _Walker:
                     self._append(last)
                     self.branch.ended = f"{self.branch.parameter} reached its bound"
                     return
-            except (OrbitError, InvalidParameter) as error:
+            except LOSSES as error:
                 length /= 2.0
                 if length < self.steps.smallest:
-                    self.branch.ended = f"no further step possible: {error}"
+                    self.branch.ended = self._stuck(here, error)
                     return
                 continue
             self._take(found)
@@ -190,6 +190,12 @@ class _Walker:
             elif iterations >= HARD:
                 length /= 1.5
         self.branch.ended = f"the budget of {self.steps.most} points is used up"
+
+    def _stuck(self, here: Balance, error: Exception) -> str:
+        """Return why there is no step beyond an equilibrium, however short."""
+        family, name = self.equations.family, self.branch.parameter
+        where = f"{name} = {family.amount(name, float(here.values[0]))}"
+        return f"no further step possible beyond {where}: {reason_of(error, family)}"
 
     def _closing(
         self, step: Step[Balance], length: float, first: Floats, along: Floats

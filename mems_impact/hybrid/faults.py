@@ -33,7 +33,8 @@ def explained(automaton: Automaton, parameters: Sequence[float], fault: Fault) -
         found = _by_name(automaton, definition, parameters, fault)
     if found is not None:
         return found
-    problem = f"fails compiled at t = {fault.time:.6g}, and does not where it is interpreted"
+    time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
+    problem = f"fails compiled at t = {time:.6g}, and does not where it is interpreted"
     remedy = 'let it run with Options(engine="interpreted")'
     function = _function(automaton, fault.role)
     if definition is None:

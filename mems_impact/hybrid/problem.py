@@ -84,15 +84,7 @@ class Problem:
         if not isinstance(self.options, Options):
             raise InvalidParameter("options", self.options, "Options(…)")
         object.__setattr__(self, "options", self.options.suited(self.automaton.stiff))
-        if not (math.isfinite(self.period) and self.period > 0.0):
-            raise InvalidParameter(field="period", value=self.period, allowed="finite and above 0")
-        times = (0.0, *self.switches)
-        rising = all(a < b for a, b in itertools.pairwise(times))
-        if not (rising and times[-1] <= self.period):
-            allowed = f"ascending times above 0 and up to the period, {self.period:.6g}"
-            raise InvalidParameter(field="switches", value=self.switches, allowed=allowed)
-        if self.time_scale is not None and not self.time_scale > 0.0:
-            raise InvalidParameter(field="time_scale", value=self.time_scale, allowed="above 0")
+        check_times(self.numbers)
 
     def counted_in(self, period: float) -> Problem:
         """Return the same problem, its runs counted in another unit of time.
@@ -105,6 +97,20 @@ class Problem:
     def numbers(self) -> Numbers:
         """What depends on the values of the parameters."""
         return Numbers(self.parameters, self.period, self.switches, self.time_scale)
+
+
+def check_times(numbers: Numbers, size: float = 1.0, unit: str = "") -> None:
+    """Raise InvalidParameter if times cannot be; it tells them in a unit of `size`."""
+    period, switches, scale = numbers.period * size, numbers.switches, numbers.time_scale
+    if not (math.isfinite(period) and period > 0.0):
+        raise InvalidParameter(field="period", value=period, allowed="finite and above 0")
+    rising = all(a < b for a, b in itertools.pairwise((0.0, *switches)))
+    if not (rising and (not switches or switches[-1] <= numbers.period)):
+        allowed = f"ascending times above 0 and up to the period, {period:.6g} {unit}".rstrip()
+        told = tuple(time * size for time in switches)
+        raise InvalidParameter(field="switches", value=told, allowed=allowed)
+    if scale is not None and not scale > 0.0:
+        raise InvalidParameter(field="time_scale", value=scale * size, allowed="above 0")
 
 
 class Engine(Protocol):

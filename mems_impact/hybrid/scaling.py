@@ -92,6 +92,7 @@ class _Text:
             settle=self.change("settle", definition.settle),
             projection=self.change("projection", definition.projection),
             jacobian=self.jacobian(),
+            sizes=(*self.typical.states, self.typical.time),
         )
 
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:

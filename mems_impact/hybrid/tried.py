@@ -197,10 +197,11 @@ class Tried:
 
     def place(self, at: Place) -> str:
         """Return where a point is, worded to follow what is wrong there."""
-        pairs = list(zip(self.states, at.y, strict=True))
-        numbers = [f"{name} = {value:.6g}" for name, value in pairs[:SHOWN]]
+        *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
+        told = list(zip(self.states, at.y, sizes, strict=True))
+        numbers = [f"{name} = {value * size:.6g}" for name, value, size in told[:SHOWN]]
         numbers += ["…"] if self.n > SHOWN else []
-        return f"at {', '.join(numbers)}, t = {at.t:.6g}, mode {self._mode(at)}"
+        return f"at {', '.join(numbers)}, t = {at.t * time:.6g}, mode {self._mode(at)}"
 
     def _mode(self, at: Place) -> str:
         modes = self.definition.modes

@@ -76,6 +76,8 @@ class Definition:
         Modes whose states lie on a manifold.
     projection : callable or None
         ``projection(mode, t, y, p)`` returns the mode, and the state put onto the manifold.
+    sizes : tuple of float
+        Units of the user, in which messages tell the states and, last, the time; if not 1.
     """
 
     states: tuple[str, ...]
@@ -88,6 +90,7 @@ class Definition:
     cyclic: tuple[int, ...] = ()
     constrained: tuple[int, ...] = ()
     projection: Callable[..., Any] | None = None
+    sizes: tuple[float, ...] = ()
 
     def __reduce__(self) -> Any:
         """Pickle functions by their names where they can be imported, and else with their code."""

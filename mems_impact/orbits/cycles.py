@@ -61,7 +61,7 @@ def cycle_near(
     check_bounded(problem, start)
     start = replace(start, cycle=0, time=0.0)
     if period is None:
-        start, period = own_period(problem, start)
+        start, period = own_period(problem, start, family.amount)
     problem = problem.counted_in(period)
     free = list(free_components(problem.automaton))
     begin = _amid(problem, start)

@@ -96,8 +96,12 @@ class Balancing:
             jacobian = differentiate(by_state, unknowns)
             by_parameter = differentiate(by_value, values)
         except (ArithmeticError, ValueError) as error:
-            reason = f"the flow is not defined at {np.array2string(unknowns, precision=6)}: {error}"
-            raise OrbitError(reason, "look elsewhere") from error
+            names, tell = self.family.automaton.states, self.family.amount
+            told = zip(self.free, unknowns.tolist(), strict=True)
+            where = ", ".join(f"{names[i]} = {tell(names[i], value)}" for i, value in told)
+            raise OrbitError(
+                f"the flow is not defined at {where}: {error}", "look elsewhere"
+            ) from error
         return Balance(unknowns, values, residual, jacobian, by_parameter)
 
     def margins(self, balance: Balance) -> Floats:

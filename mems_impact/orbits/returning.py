@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -110,12 +111,14 @@ def forcing_periods(problem: Problem, start: Instant) -> Recognised:
     return Recognised(once, near, replace(longer.final, cycle=0, time=0.0), settled)
 
 
-def own_period(problem: Problem, start: Instant) -> tuple[Instant, float]:
+def own_period(
+    problem: Problem, start: Instant, told: Callable[[str, float], str] | None = None
+) -> tuple[Instant, float]:
     """Recognise after which time the motion of a system without forcing returns.
 
     The run goes on, for ever longer, until it comes back to where it began or where it last came
     through a section: the plane, through where this piece of the run began, of the component that
-    changes fastest there.
+    changes fastest there. ``told(heading, value)`` gives a number in the units of the user.
 
     Returns
     -------
@@ -152,8 +155,9 @@ def own_period(problem: Problem, start: Instant) -> tuple[Instant, float]:
         if len(returns.times) > ENOUGH or steps > LOST:
             start = replace(piece.final, cycle=0, time=0.0)
         length *= 2.0
+    lasted = f"{elapsed:.9g}" if told is None else told("time", elapsed)
     raise OrbitError(
-        reason=f"the motion does not come back to where it was within {elapsed:.4g} of time",
+        reason=f"the motion does not come back to where it was within a time of {lasted}",
         remedy="let transients die out (transient=…, in units of time), give a guess nearer to a "
         "cycle, or say with time_scale= that it is slow; a chaotic motion does not settle at all",
         partial=start,

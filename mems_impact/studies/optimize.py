@@ -414,7 +414,8 @@ def _checked_bounds(system: System, over: Bounds) -> dict[str, tuple[float, floa
             low, high = math.nan, math.nan
         here = system.value(name)
         if not (is_number(low) and is_number(high) and low < high and low <= here <= high):
-            allowed = f"(lowest, highest), with {here:g} between them, where the orbit is"
+            told = f"{here:g} {system.unit(name)}".rstrip()
+            allowed = f"(lowest, highest), with {told} between them, where the orbit is"
             raise InvalidParameter(f"over {name}", pair, allowed)
         for bound in (low, high):
             system.changed(**{name: float(bound)})

@@ -18,6 +18,7 @@ from mems_impact.analysis.values import Value
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.interruptions import OptimizationInterrupted
 from mems_impact.studies.optimize import Bounds, Limits, Optimum, optimize
+from mems_impact.tables.common import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,14 +185,15 @@ def pareto_front(
                 if show is not None:
                     show(len(found))
             low, high = (_value(each, second) for each in found)
-            near = found[0]
+            near, unit = found[0], unit_of(second, orbit.system.units)
             for level in np.linspace(low, high, count)[1:-1].tolist():
                 limit = (level, None) if aims[second] == "maximize" else (None, level)
                 try:
                     near = best(near.orbit, first, {**held, second: limit})
                     found.append(near)
                 except OrbitError as error:
-                    failed.append(f"{second} {level:.6g}: {error.reason}")
+                    where = f"{second} {level:.6g} {unit}".rstrip()
+                    failed.append(f"{where}: {error.reason}")
                 if show is not None:
                     show(len(found) + len(failed))
         except KeyboardInterrupt:
