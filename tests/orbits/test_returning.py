@@ -66,7 +66,7 @@ def test_the_time_within_which_nothing_came_back_is_that_of_all_its_runs(monkeyp
     monkeypatch.setattr(returning, "STEPS", 30)
     with pytest.raises(OrbitError) as caught:
         returning.own_period(problem, DRIFT.instant(None, problem))
-    assert f"within {sum(lengths):.4g} of time" in str(caught.value)
+    assert f"within a time of {sum(lengths):.9g};" in str(caught.value)
 
 
 @pytest.mark.parametrize(("module", "transient"), [(finding, 0.5), (cycles, 0.5), (cycles, 3.0)])
