@@ -123,9 +123,8 @@ def _voltages(chart: mi.Chart) -> pd.DataFrame:
     system = chart.system
     omega = np.linspace(*chart.omega, SHOWN)
     columns = {"omega": omega}
-    shown = [
-        side for side in ("slip", "on", "off") if any(side == piece[0] for piece in chart.pieces)
-    ]
+    sides = ("slip", "on", "off", "steady from", "steady to")
+    shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
     units = {"omega": "rad/s", **dict.fromkeys(shown, "V")} if system.scales.named else {}
     if units:
         columns["frequency"] = omega / (2.0 * math.pi)

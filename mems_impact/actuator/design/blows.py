@@ -37,7 +37,8 @@ class Blows(Summarized):
     per_period : float
         By the length of the window in forcing periods.
     displacement_per_blow : float
-        Displacement of the frame over the window by their number; 0 where there is neither.
+        Displacement of the frame over the window by their number; 0 where there is neither, NaN
+        where the frame slips without blows.
     displacement_std : float
         Standard deviation of the displacements of the single blows, over their number; NaN
         without a blow.

@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from mems_impact.actuator.design.chart import AMPLITUDE, OFF, OMEGA, ON, SLIP, Chart, Point
+from mems_impact.actuator.design.chart import (
+    AMPLITUDE,
+    OFF,
+    OMEGA,
+    ON,
+    SLIP,
+    STEADY_FROM,
+    STEADY_TO,
+    Chart,
+    Point,
+)
 from mems_impact.actuator.design.crisis import crisis
 from mems_impact.actuator.design.estimates import pull_in_voltage
-from mems_impact.actuator.design.thresholds import onset, switching_off
+from mems_impact.actuator.design.thresholds import onset, steady, switching_off
 from mems_impact.actuator.modes import BREAK_AWAY, GUARDS
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.curve import curve_of
-from mems_impact.analysis.special import CodimensionTwo, GrazingType
+from mems_impact.analysis.special import CodimensionTwo, GrazingType, SpecialPoint
 from mems_impact.analysis.state import State
 from mems_impact.analysis.threads import Watch, stoppable_threads
 from mems_impact.continuation import first_impact
@@ -36,6 +47,20 @@ ABOVE = 1e-3  # part of the amplitude by which the chaos is looked for above the
 SAME = 1e-9  # part of the frequency within which two points are one, located twice
 SLIDES = "raise mu_s, soften k, or take another range of omega"
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point of a boundary, and that of a branch from which its curve may be followed."""
+
+    omega: float
+    amplitude: float
+    kind: str
+    event: BranchEvent | None
+
+    @property
+    def point(self) -> Point:
+        return self.omega, self.amplitude
 
 
 class Boundaries:
@@ -114,7 +139,7 @@ class Boundaries:
 
     def chart(self) -> Chart:
         """Return the chart of what is done."""
-        order = {ON: 0, OFF: 1, SLIP: 2}
+        order = {ON: 0, OFF: 1, SLIP: 2, STEADY_FROM: 3, STEADY_TO: 4}
         pieces = [(side, region, kind, tuple(sorted(points)))
                   for side, region, kind, points in self.pieces]  # fmt: skip
         pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
@@ -184,7 +209,7 @@ class Boundaries:
         """Return the amplitude at which frame or block begin to move at one frequency, and how."""
 
         def wanted(special: BranchEvent) -> bool:
-            return _grazes(special) or special.kind == SLIPS
+            return _grazes(special) or _slips(special)
 
         try:
             met = [special for special in self._special(omega, wanted) if wanted(special)]
@@ -195,32 +220,93 @@ class Boundaries:
     def _thresholds(self, crises: int, periods: int, workers: int) -> None:
         """Find where the frame slips, and the block strikes or not, at equal distances."""
         omegas = np.linspace(*self.omega, crises or COLUMNS).tolist()
-        found: dict[tuple[str, str], list[Point]] = {}
+        found: dict[str, list[_Place]] = {}
         self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
 
-        def one(omega: float) -> Iterator[tuple[str, str, float]]:
+        def one(omega: float) -> Iterator[tuple[str, _Place]]:
             first, kind = self._first(omega)
             if kind == SLIPS:
-                yield SLIP, kind, first
+                yield SLIP, _Place(omega, first, kind, self._slip(omega))
             here = self.system.changed(omega=self.system.out(OMEGA, omega))
             begin = self.system.out(AMPLITUDE, first)
             try:
-                on, kind, state = onset(here, begin, most, watch)
-                yield ON, kind, self.system.into(AMPLITUDE, on)
+                on, kind, special, state = onset(here, begin, most, watch)
+                yield ON, self._place(omega, on, kind, special)
                 if crises:
                     off = min(on, switching_off(here, on, state, periods, watch))
-                    yield OFF, CRISIS, self.system.into(AMPLITUDE, off)
+                    yield OFF, self._place(omega, off, CRISIS, None)
+                for side, end, what, special in steady(here, on, most, state):
+                    yield side, self._place(omega, end, what, special)
             except OrbitError as error:
                 self.notes.append(f"at {self._at(omega)}: {error}")
 
         self.tell(f"slip and impacts, at {len(omegas)} frequencies")
         with stoppable_threads(workers) as (threads, watch):
-            for omega, points in zip(omegas, threads.map(lambda w: [*one(w)], omegas), strict=True):
-                for side, kind, value in points:
-                    if (side, kind) not in found:
-                        self.pieces.append((side, None, kind, found.setdefault((side, kind), [])))
-                    found[side, kind].append((omega, value))
+            for column in threads.map(lambda omega: [*one(omega)], omegas):
+                for side, place in column:
+                    found.setdefault(side, []).append(place)
                 self.done += 1
+        for side, places in found.items():
+            self.tell(f"the curves of {side}")
+            for kind, points in self._joined_by_curves(places):
+                self.pieces.append((side, None, kind, points))
+
+    def _slip(self, omega: float) -> BranchEvent | None:
+        """Return where the frame begins to move on the branch at one frequency, if it has any."""
+        if omega not in self.met:
+            return None
+        return next((s for s in self._special(omega, _slips) if _slips(s)), None)
+
+    def _place(
+        self, omega: float, amplitude: float, kind: str, special: SpecialPoint | None
+    ) -> _Place:
+        event = special.without_impact if special is not None else None
+        kind = kind if special is None else special.kind
+        return _Place(omega, self.system.into(AMPLITUDE, amplitude), kind, event)
+
+    def _joined_by_curves(self, places: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
+        """Give the places at ascending frequencies, by curves where these lead to the next one."""
+        alone: dict[str, list[Point]] = {}
+        points: list[Point] = []
+        for place, following in pairwise([*places, None]):
+            assert place is not None
+            points = points or [place.point]
+            between = self._between(place, following) if following is not None else None
+            if between is not None and following is not None:
+                points += [*between, following.point]
+                continue
+            if len(points) > 1:
+                yield place.kind, tuple(points)
+            else:
+                alone.setdefault(place.kind, []).extend(points)
+            points = []
+        for kind, found in alone.items():
+            yield kind, tuple(found)
+
+    def _between(self, left: _Place, right: _Place) -> list[Point] | None:
+        """Return the points of the curve from one place to another, None if it does not lead there.
+
+        It is followed from either of them.
+        """
+        if left.kind != right.kind:
+            return None
+        for begin, end in ((left, right), (right, left)):
+            if begin.event is None:
+                continue
+            way = 1.0 if end is right else -1.0
+            try:
+                curve = self._curve(begin.event, left.omega, right.omega, way)
+            except OrbitError:
+                continue
+            points = [(p.values[1], p.values[0]) for p in curve.points if p.orbit.admissible]
+            risen = all(way * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
+            if len(points) < len(curve.points) or not points or not risen:
+                continue
+            omega, amplitude = points[-1]
+            same = abs(omega - end.omega) <= SAME * end.omega
+            if same and abs(amplitude - end.amplitude) < TOUCH * end.amplitude:
+                return sorted(p for p in points if left.omega < p[0] < right.omega)
+        return None
 
     def _remedy(self, *omegas: float) -> str:
         """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
@@ -378,6 +464,10 @@ class Boundaries:
 
 def _grazes(special: BranchEvent) -> bool:
     return special.label == "G" and special.monitor.role == "approach"
+
+
+def _slips(special: BranchEvent) -> bool:
+    return special.kind == SLIPS
 
 
 def _values(points: list[CurvePoint]) -> tuple[Point, ...]:

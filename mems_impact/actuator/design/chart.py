@@ -14,10 +14,11 @@ from mems_impact.analysis.values import Value
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["AMPLITUDE", "OFF", "OMEGA", "ON", "SLIP", "Chart", "Point"]
+__all__ = ["AMPLITUDE", "OFF", "OMEGA", "ON", "SLIP", "STEADY_FROM", "STEADY_TO", "Chart", "Point"]
 
 AMPLITUDE, OMEGA = "amplitude", "omega"
 ON, OFF, SLIP = "on", "off", "slip"
+STEADY_FROM, STEADY_TO = "steady from", "steady to"
 
 Point = tuple[float, float]  # omega and amplitude
 
@@ -81,9 +82,10 @@ class Chart(Value):
     def table(self) -> pd.DataFrame:
         """One row a point of a boundary, each boundary in ascending omega.
 
-        Columns: boundary ("on", "off"; "slip" where the frame begins to move before the block
-        strikes), omega, amplitude, type of the paper (I, II, III; none where the frame slips
-        first), kind (what happens there: grazing, fold, crisis, break-away, …).
+        Columns: boundary ("on", "off"; where the frame slips before the block strikes also "slip",
+        where it begins to, and "steady from" and "steady to", between which the block strikes alike
+        in every forcing period), omega, amplitude, type of the paper (I, II, III; none where the
+        frame slips first), kind (what happens there: grazing, fold, crisis, break-away, …).
         """
         rows = [
             {

@@ -50,8 +50,10 @@ def operating_chart(
 
     Where the spring moves the frame before the block strikes, there are no types. The chart then
     has, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage at which
-    the frame begins to slip; that at which the block begins to strike, on the orbit that slips; and
-    that below which it has ceased to, simulated.
+    the frame begins to slip; that at which the block begins to strike, on the orbit that slips;
+    that below which it has ceased to, simulated; and those between which it strikes alike in every
+    forcing period, which end in period doublings, folds or grazings. Two frequencies are joined by
+    the curve of such points where it leads from one to the other.
 
     Parameters
     ----------

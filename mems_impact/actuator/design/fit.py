@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mems_impact.actuator import tables
 from mems_impact.actuator.design.targets import Target
@@ -34,16 +35,19 @@ ORIGIN = 10.0
 WIDE = 10.0  # by which a parameter without bounds may grow or shrink
 NEGLIGIBLE = 1e-3  # a combination that moves the data less than this part of the most telling one
 MISFIT = 3.0  # tolerances, which are standard errors: a difference beyond is not chance
+SETTLED = 1.0  # tolerances by which what is computed may still change
+LATER = 5  # times as long a run, at whose end it is computed again
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
 BARRIER = 1e6  # what is worse than any start, by this factor: where no run is possible
 BOUNDED = {"e": 1.0}  # parameters with an upper bound of their own
 
-Verdict = Literal["good", "undetermined", "misfit", "not converged"]
+Verdict = Literal["good", "undetermined", "misfit", "unsettled", "not converged"]
 
 REMEDIES: dict[Verdict, str] = {
     "undetermined": "add targets that react to these parameters, or free fewer of them",
     "misfit": "check what was measured (per impact or per blow?), free other parameters, widen "
     "their bounds or start elsewhere",
+    "unsettled": "raise transient, and let runs start near their motion by initial",
     "not converged": "start nearer to the solution, or free fewer parameters",
 }
 
@@ -67,9 +71,11 @@ class Fit(Summarized):
         first: by how many tolerances the data move with the combination of parameters.
     misfit : float
         The largest difference between computed and measured, in tolerances.
-    verdict : {"good", "undetermined", "misfit", "not converged"}
-        The worst of: the search did not come to an end; a target is missed by more than three
-        tolerances; a free parameter is not determined by the data; none of these.
+    verdict : {"good", "undetermined", "misfit", "unsettled", "not converged"}
+        The worst of: the search did not come to an end; runs five times as long say otherwise by
+        more than a tolerance, so that the motion that was fitted does not last; a target is missed
+        by more than three tolerances; a free parameter is not determined by the data; none of
+        these.
     note : str
         What is missed, what the data do not determine or cannot tell apart, what stands at a
         bound.
@@ -186,8 +192,6 @@ def fit(
             raise InvalidParameter(f"bounds of {name}", given, f"for one of {', '.join(free)}")
     limits = np.array([_limits(actuator, name, bounds or {}) for name in free])
     drives = dict.fromkeys(target.drive for target in targets if target.drive is not None)
-    window = (float(transient), float(transient + periods))
-
     begin = np.array([getattr(actuator, name) for name in free])
     start = np.full(len(free), ORIGIN)
     ends = ORIGIN + np.log(limits / begin[:, None])
@@ -197,11 +201,10 @@ def fit(
         values = np.clip(begin * np.exp(unknowns - ORIGIN), limits[:, 0], limits[:, 1]).tolist()
         return actuator.replace(**dict(zip(free, values, strict=True)))
 
-    def computed(here: Actuator) -> Floats:
+    def computed(here: Actuator, end: int = transient + periods) -> Floats:
+        window = (float(end - periods), float(end))
         runs = {
-            drive: simulate(
-                here, drive, transient + periods, initial=initial, window=window, options=options
-            )
+            drive: simulate(here, drive, end, initial=initial, window=window, options=options)
             for drive in drives
         }
         return np.array([target.computed(here, runs) for target in targets])
@@ -255,7 +258,10 @@ def fit(
         weights,
     )
     off = np.abs(reached - measured) / weights
+    later = computed(best, LATER * (transient + periods))
+    moving = ~(np.abs(later - reached) / weights <= SETTLED)
     sentences = [
+        *_unsettled(targets, reached, later, moving),
         *_missed(targets, off, actuator),
         *_undetermined(free, sizes, directions, errors),
         *_at_bounds(free, solved.active_mask),
@@ -267,7 +273,7 @@ def fit(
         residuals=shown,
         singular_values=sizes,
         misfit=float(off.max()),
-        verdict=_verdict(bool(solved.success), float(off.max()), errors),
+        verdict=_verdict(bool(solved.success), bool(moving.any()), float(off.max()), errors),
         note="; ".join(sentences) or "the data determine all free parameters",
         converged=bool(solved.success),
         evaluations=int(solved.nfev),
@@ -316,9 +322,11 @@ def _errors(sizes: Floats, directions: Floats) -> Floats:
     return np.asarray(np.sqrt((spread**2).sum(axis=0)))
 
 
-def _verdict(converged: bool, misfit: float, errors: Floats) -> Verdict:
+def _verdict(converged: bool, moving: bool, misfit: float, errors: Floats) -> Verdict:
     if not converged:
         return "not converged"
+    if moving:
+        return "unsettled"
     if misfit > MISFIT:
         return "misfit"
     return "undetermined" if (errors > LOOSE).any() else "good"
@@ -333,6 +341,17 @@ def _voltage(drive: Drive | None, actuator: Actuator) -> str:
         unit = drive.unit(name) if actuator.scales.named else ""
         told.append(f"{name} = {drive.number(name):.9g} {unit}".rstrip())
     return f"{type(drive).__name__}({', '.join(told)})"
+
+
+def _unsettled(
+    targets: Sequence[Target], reached: Floats, later: Floats, moving: NDArray[np.bool_]
+) -> list[str]:
+    return [
+        f"the motion has not settled: {target.quantity} = {now:.6g} comes to {then:.6g} in a run "
+        f"{LATER} times as long"
+        for target, now, then, yes in zip(targets, reached, later, moving, strict=True)
+        if yes
+    ]
 
 
 def _missed(targets: Sequence[Target], off: Floats, actuator: Actuator) -> list[str]:

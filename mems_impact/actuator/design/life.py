@@ -28,11 +28,12 @@ class Life(Summarized):
     normal_force : float
         With which the frame presses on the ground [N].
     slip_per_period, slip_per_blow : float
-        Path on which the frame slips, to and fro [m].
+        Path on which the frame slips, to and fro [m]; per blow NaN without blows.
     volume_per_blow : float
-        Volume that is worn off [m^3].
+        Volume that is worn off [m^3]; NaN without blows.
     blows : float
-        Blows (see `mems_impact.Blows`) until the depth is reached; infinite without slip.
+        Blows (see `mems_impact.Blows`) until the depth is reached; infinite without slip, 0 where
+        the frame slips without blows.
     time : float
         How long that takes [s].
     distance : float
@@ -130,7 +131,7 @@ def life(motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth
         slip_per_period=slip,
         slip_per_blow=slip / blows if blows > 0.0 else math.nan,
         volume_per_blow=volume / blows if blows > 0.0 else math.nan,
-        blows=periods * blows if blows > 0.0 else math.inf,
+        blows=periods * blows if periods < math.inf else math.inf,
         time=periods * period,
         distance=periods * walked if walked != 0.0 else 0.0,
         si=found.system.scales.named,

@@ -15,8 +15,9 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 if TYPE_CHECKING:
     from mems_impact.analysis.branch import Branch
     from mems_impact.analysis.orbit import Orbit
+    from mems_impact.analysis.special import SpecialPoint
 
-__all__ = ["Window", "end_of", "period_one_window"]
+__all__ = ["Window", "end_of", "lasts_until", "period_one_window"]
 
 BIFURCATIONS = ("G", "CF", "PD", "NS", "BP")  # labels of points at which a stable orbit ends
 AHEAD = 1e-4  # part of an amplitude by which a run is beyond a jump
@@ -126,18 +127,26 @@ def period_one_window(
     if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
         reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
         raise OrbitError(reason, "take an amplitude inside the window", orbit)
-    (low, low_kind), (high, high_kind) = (_end(orbit, stop, transient) for stop in (low, high))
+    (low, low_kind, _), (high, high_kind, _) = (
+        lasts_until(orbit, stop, transient) for stop in (low, high)
+    )
     return Window(
         low=low, low_kind=low_kind, high=high, high_kind=high_kind, si=actuator.scales.named
     )
 
 
-def _end(orbit: Orbit, stop: float, transient: int) -> tuple[float, str]:
-    """Return the end of the window between `orbit` and an amplitude, and what happens there."""
+def lasts_until(
+    orbit: Orbit, stop: float, transient: int
+) -> tuple[float, str, SpecialPoint | None]:
+    """Return the end of the window between `orbit` and an amplitude, and what happens there.
+
+    With the special point at which it ends, if it does at one.
+    """
     from mems_impact.analysis.branch import continue_orbit
     from mems_impact.analysis.finding import find_orbit
 
     value, kind = math.nan, ""
+    ends: list[SpecialPoint] = []
     for _ in range(JUMPS):
         branch = continue_orbit(orbit, "amplitude", stop=stop)
         value, kind = end_of(branch, stop)
@@ -155,7 +164,7 @@ def _end(orbit: Orbit, stop: float, transient: int) -> tuple[float, str]:
             break
         if not orbit.stable or len(orbit.impacts) != len(last.impacts):
             break
-    return value, kind
+    return value, kind, ends[0] if ends else None
 
 
 def end_of(branch: Branch, stop: float) -> tuple[float, str]:

@@ -10,7 +10,7 @@ import pandas as pd
 from mems_impact.actuator.tables import SYMBOLS
 from mems_impact.plotting.labels import Label, label_axis, label_of, symbol
 from mems_impact.plotting.placing import Mark, free_corner, label_points, legend_above
-from mems_impact.plotting.style import DOTS, color, new_figure, styled, thickness
+from mems_impact.plotting.style import DASHES, DOTS, color, new_figure, styled, thickness
 
 __all__ = ["plot_chart"]
 
@@ -42,8 +42,9 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
 
     Crosses are values that were simulated, not followed. The types of the paper are shaded, and
     the points of codimension two between them marked; of a device whose frame slips before the
-    block strikes, a line shows where it begins to. Where the boundaries lie so near each other
-    that they are not told apart, an inset shows by how much they differ.
+    block strikes, a line shows where it begins to, and dashes between which voltages the block
+    strikes alike in every forcing period. Where the boundaries lie so near each other that they
+    are not told apart, an inset shows by how much they differ.
 
     Parameters
     ----------
@@ -81,6 +82,12 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
             slips[omega], slips[amplitude], color=color("guide"), linewidth=thickness(1.0),
             label="the frame slips", zorder=2,
         )  # fmt: skip
+    for name in ("steady from", "steady to"):
+        rows = table[table["boundary"] == name].sort_values(omega)
+        if len(rows):
+            ax.plot(
+                rows[omega], rows[amplitude], color=color("guide"), label=name, zorder=2, **DASHES,
+            )  # fmt: skip
     for name, rows in boundaries.items():
         ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
     simulated = table[table["kind"] == "crisis"]

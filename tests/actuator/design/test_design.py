@@ -179,25 +179,35 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
     assert chart.notes == ()
     assert len(chart.types) == 0
     table = chart.table.pivot_table(index="omega", columns="boundary", values="amplitude")
+    curve = table["slip"].dropna()
+    table = table.loc[[curve.index[0], curve.index[-1]]]
     assert table.index.to_list() == pytest.approx(omegas)
     chart.save(tmp_path / "chart.zip")
     assert mi.load(tmp_path / "chart.zip") == chart
     labels = {line.get_label() for line in mi.plot_chart(chart).lines}
-    assert labels >= {"on", "off", "the frame slips"}
+    assert labels >= {"on", "off", "the frame slips", "steady from", "steady to"}
 
     def run(omega, amplitude, start):
         drive = mi.Sine(amplitude=amplitude, omega=omega)
         return mi.simulate(SLIPPING, drive, 600, initial=start, window=(400, 600))
 
-    for omega, row in table.iterrows():
+    def slips_at(omega, amplitude):
         # Raised slowly from rest, lest the block overshoot: the frame is held, and slips above.
         state = mi.State()
-        for amplitude in np.linspace(0.05, 0.97, 40) * row["slip"]:
-            held = run(omega, float(amplitude), state)
+        for part in np.linspace(0.05, 0.97, 40):
+            held = run(omega, float(part) * amplitude, state)
             state = held.final
         assert held.statistics["share slipping"] == 0.0
-        slips = run(omega, 1.001 * row["slip"], state)
+        slips = run(omega, 1.001 * amplitude, state)
         assert slips.statistics["share slipping"] > 0.0
+        return slips
+
+    # The curve between the two frequencies is far from the line that joins its ends.
+    between = curve.index[int(np.argmin(curve.to_numpy()))]
+    assert curve[between] < 0.9 * min(curve.iloc[0], curve.iloc[-1])
+    slips_at(between, curve[between])
+    for omega, row in table.iterrows():
+        slips = slips_at(omega, row["slip"])
         # Raised to just below and above from the slip, and lowered from the impacts.
         state = slips.final
         for amplitude in np.linspace(row["slip"], 0.999 * row["on"], 20).tolist():
@@ -212,6 +222,24 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
             state = down.final
         assert down.statistics["impacts"] > 0
         assert run(omega, 0.99 * row["off"], state).statistics["impacts"] == 0
+    doublings = chart.table[chart.table["kind"] == "period-doubling"]
+    for side, inwards in (("steady from", 1.0), ("steady to", -1.0)):
+        for _, row in doublings[doublings["boundary"] == side].iloc[::4].iterrows():
+            # One impact a period, always as fast, on the one side; two in turn on the other.
+            turns = []
+            inside = row["amplitude"] * (1.0 + inwards * 0.01)
+            orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked(SLIPPING), transient=300)
+            state = orbit.state
+            for part in np.linspace(0.0, 1.0, 12):
+                amplitude = PULLED.amplitude + part * (inside - PULLED.amplitude)
+                omega = PULLED.omega + part * (row["omega"] - PULLED.omega)
+                state = run(omega, amplitude, state).final
+            for amplitude in (inside, row["amplitude"] * (1.0 - inwards * 0.01)):
+                events = run(row["omega"], amplitude, state).events
+                speeds = events.loc[events["event"] == "right impact", "v2"].tail(20).to_numpy()
+                turns.append(np.median(np.abs(np.diff(speeds))) / np.abs(speeds).max())
+            assert turns[0] < 1e-6
+            assert turns[1] > 1e-3
 
 
 @pytest.mark.slow
