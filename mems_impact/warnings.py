@@ -94,8 +94,10 @@ class PluginWarning(UserWarning):
 class UnitsWarning(UserWarning):
     """Numbers of a device, a drive or a target look like ones in other units.
 
-    A device file that looks like SI and does not say so; or a number of a device in SI that is far
-    from what such devices have.
+    A device file that looks like SI and does not say so; or a number of a device in SI, of a term,
+    a drive or a target that is far from what such devices have. Of a frequency below a 300th of the
+    resonance it is asked whether kilohertz were meant, where the voltage does not pull the block
+    in.
 
     See Also
     --------
