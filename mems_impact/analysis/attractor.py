@@ -52,6 +52,7 @@ class Settling:
     """How motions are given time to settle, and when they count as periodic.
 
     One that comes to an orbit slowly is followed on until it arrives, for up to 64 times as long.
+    Chaos may be a transient that ends in an orbit, which time alone tells.
 
     Parameters
     ----------
@@ -65,6 +66,9 @@ class Settling:
     exponents : {"unsettled", "all", "none"}
         Of which motions the largest Lyapunov exponent is computed: it tells whether one that has
         not repeated itself is chaotic or quasi-periodic.
+    lasting : float
+        Times `transient` + `periods` after which a motion has to be chaotic still to count as
+        chaotic, at least 1.
 
     Raises
     ------
@@ -93,6 +97,7 @@ class Settling:
     longest: int = 16
     tolerance: float = 1e-6
     exponents: Exponents = "unsettled"
+    lasting: float = 16.0
 
     def __post_init__(self) -> None:
         for name, least in (("transient", ">= 0"), ("periods", "> 0")):
@@ -105,9 +110,11 @@ class Settling:
         if self.exponents not in get_args(Exponents):
             allowed = f"one of {', '.join(get_args(Exponents))}"
             raise InvalidParameter("exponents", self.exponents, allowed)
+        if not (is_number(self.lasting) and self.lasting >= 1.0):
+            raise InvalidParameter("lasting", self.lasting, "a finite number >= 1")
 
-    def recipe(self, system: System, problem: Problem) -> Recipe:
-        """Return how the points of a system are followed."""
+    def recipe(self, system: System, problem: Problem, times: float = 1.0) -> Recipe:
+        """Return how the points of a system are followed, for so many times their time."""
         unit = 1.0 if system.forced else float(system.out("time", problem.period))
         returned, at = settling.AT_PERIODS, 0
         if not system.forced:
@@ -115,7 +122,7 @@ class Settling:
             if system.section is None:
                 returned, at = settling.AT_GUARD, _guard_of(system)
         return Recipe(
-            transient=self.transient / unit,
+            transient=max(0.0, times * (self.transient + self.periods) - self.periods) / unit,
             length=self.periods / unit,
             longest=self.longest,
             tolerance=self.tolerance,
@@ -135,7 +142,8 @@ class Attractor:
         its exponent, becomes so; "resting" if
         nothing moves; "chaotic" or "quasi-periodic" by its largest exponent (see `classify`) if it
         has not repeated itself, and "unsettled" if that does not tell, as where it approaches an
-        orbit slowly or repeats itself after more than `longest` returns; "failed".
+        orbit slowly, repeats itself after more than `longest` returns or ceases to be chaotic
+        later; "failed".
     period : int
         Returns after which it repeats itself: forcing periods, or crossings of the section (events
         of the first guard, without one) where nothing forces the system. 0 if it does not.
@@ -225,20 +233,22 @@ def _followed(
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
     survey = Survey(problem, settle.recipe(system, problem), system.observed)
+    longer: Survey | None = None
     points: list[tuple[Numbers, Instant]] = [(each.numbers, start) for _, each, start in batch]
     told = None if watch is None else (lambda done: watch(before + done))
+    on = None if told is None else (lambda _: told(float(len(batch))))
     found = []
     try:
         settled = survey.follow(points, told)
         for (case, at, _), one in zip(batch, settled, strict=True):
-            if told is not None:
-                told(float(len(batch)))  # exponents take longer than all before: work may end here
+            if on is not None:
+                on(0.0)  # exponents take longer than all before: work may end here
             each = _attractor(case, at, one, settle, options)
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:
                 # It has come near an orbit late: once more, from where it is.
-                (later,) = survey.follow([(at.numbers, one.final)])
+                (later,) = survey.follow([(at.numbers, one.final)], on)
                 if later.outcome == settling.PERIODIC:
                     arrived = _attractor(
                         case, at, later, replace(settle, exponents="none"), options
@@ -249,9 +259,21 @@ def _followed(
                         exponent=each.exponent,
                         error=each.error,
                     )
+            elif each.motion == CHAOTIC and settle.lasting > 1.0:
+                if longer is None:
+                    recipe = settle.recipe(system, problem, settle.lasting - 1.0)
+                    longer = Survey(problem, recipe, system.observed)
+                (later,) = longer.follow([(at.numbers, one.final)], on)
+                after = _attractor(case, at, later, settle, options)
+                if after.motion == FAILED:
+                    each = replace(each, motion=UNSETTLED)
+                elif after.motion != CHAOTIC:
+                    each = replace(after, returns=one.returns + later.returns)
             found.append(each)
     finally:
         survey.close()
+        if longer is not None:
+            longer.close()
     return found
 
 

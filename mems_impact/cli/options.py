@@ -254,6 +254,13 @@ settle_options = combined(
         help="Of which motions the largest Lyapunov exponent is computed; it tells chaotic from "
         "quasi-periodic ones.",
     ),
+    click.option(
+        "--lasting",
+        type=float,
+        default=16.0,
+        show_default=True,
+        help="Times --transient and --periods after which a chaotic motion has to be so still.",
+    ),
 )
 
 study_options = combined(

@@ -85,7 +85,7 @@ def _settling(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return how motions are followed, of the options `settle_options` and of the integrator."""
     import mems_impact as mi
 
-    settle = ("transient", "periods", "longest", "tolerance", "exponents")
+    settle = ("transient", "periods", "longest", "tolerance", "exponents", "lasting")
     integrator = ("method", "rtol", "atol", "engine")
     return {
         "settle": mi.Settling(**{name: given[name] for name in settle}),

@@ -5,11 +5,12 @@ without Python. Of a point the event loop computes a few steps at a time; what i
 read here, return by return, and gathered.
 
 A *return* is the beginning of a forcing period, a crossing of the section where nothing forces the
-system, or, without a section, an event of one guard. A motion is periodic once n returns in a row
-are those of n returns ago to within a tolerance, and what is still to come of the way there, as
-the last two differences tell it (a geometric sequence), is below it too: a motion that creeps
-towards an orbit does not pass for one that has arrived. One of which differences fall, window by
-window of its returns, is followed until it arrives, if it does in so many times its own time.
+system, or, without a section, an event of one guard. A motion is periodic once 2 n returns in a
+row, and 16 or a fourth of all, are those of n returns ago to within a tolerance, and what is still
+to come of the way there, as the last two differences tell it (a geometric sequence), is below it
+too: a motion that passes an unstable orbit by chance does not pass for one that stays, nor one that
+creeps towards an orbit for one that has arrived. One of which differences fall, window by window of
+its returns, is followed until it arrives, if it does in so many times its own time.
 """
 
 from __future__ import annotations
@@ -83,7 +84,10 @@ UNDECIDED, PERIODIC, WANDERS, REST, FAILED = range(5)
 AT_PERIODS, AT_SECTION, AT_GUARD = range(3)
 BITE = 32  # steps that the event loop takes before what it has written is read
 SAME = 10.0  # tolerances within which returns are one and the same
-SEEN = 2  # returns in a row, at least, after the first that repeats
+# Returns in a row, at least, that repeat, beside twice round: a motion which passes an unstable
+# orbit by chance has left it by then. The longer it has gone on, the likelier is that: of few
+# returns so large a share is enough.
+FEWEST, SEEN, SHARE = 2, 16, 0.25
 WINDOW = 0.25  # length of a window, as a part of the returns before it
 FOLLOWED = 64.0  # times the time of a motion, after which none is followed that still creeps
 
@@ -342,7 +346,8 @@ def repeats_after(s: Any, w: Any) -> int:
         if near and apart > w.noise:  # what is still to come is apart q / (1 - q)
             near = apart < before and apart * apart <= w.tolerance * (before - apart)
         held[after - 1] = held[after - 1] + 1.0 if near else 0.0
-        if found == 0 and held[after - 1] >= max(after, SEEN):
+        seen = max(FEWEST, min(SEEN, SHARE * w.returns))
+        if found == 0 and held[after - 1] >= max(2 * after, seen):
             found = after
     # A multiplier that turns the differences round lets 2 n be told before n.
     for after in range(1, found):
@@ -379,7 +384,7 @@ def creeps(s: Any, w: Any) -> bool:
             rate = math.log(third / latest) / apart
             left = -math.expm1(-rate * after)  # of a difference, from one to the next
             steps = math.log(latest / (w.tolerance * left)) / rate
-            arrives = min(arrives, begun + steps + 2 * after + SEEN)
+            arrives = min(arrives, begun + steps + 2 * after + max(2 * after, SEEN))
     # A tenth more: rates are rough. What wanders may have come nearer by chance, but not again and
     # again: the next look comes no later than after as much time as before.
     needed = done * 1.1 * max(1.0, arrives / w.returns)

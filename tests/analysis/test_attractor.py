@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
@@ -228,3 +229,27 @@ def test_a_map_between_whose_iterations_nothing_moves_does_not_rest():
     found = _found(mapped(_logistic, 3.2))
     assert (found.motion, found.period) == ("periodic", 2)
     assert _found(mapped(_logistic, 3.9)).motion == "unsettled"
+
+
+def test_what_passes_an_unstable_orbit_by_chance_is_no_orbit():
+    """Chaos comes near every orbit now and then, here near the unstable one of period 1."""
+    wild = mapped(_logistic, 3.6807680393195996)
+    settle = Settling(transient=25_500, periods=100, exponents="none")
+    (found,) = attractors([Case(wild)], settle, FAST)
+    assert (found.motion, found.period) == ("unsettled", 0)
+
+
+@pytest.mark.parametrize(
+    ("a", "motion", "period"), [(3.673, "periodic", 10), (3.656, "unsettled", 0)]
+)
+def test_a_transient_among_chaos_is_not_chaotic(a, motion, period):
+    """Of the logistic map: to an orbit of period 10, and to one of period 18."""
+    with localcontext(prec=60):
+        r, states = Decimal(a), [Decimal("0.4")]
+        for _ in range(30_000):
+            states.append(r * states[-1] * (1 - states[-1]))
+        apart = [abs(states[-1] - states[-1 - n]) for n in range(1, 19)]
+    exact = next(n for n, each in enumerate(apart, start=1) if each < 1e-20)
+    assert exact == (period or 18)
+    (found,) = attractors([Case(mapped(_logistic, a))], Settling(), FAST)
+    assert (found.motion, found.period) == (motion, period)
