@@ -81,6 +81,14 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.restart(mode, t, y, stop)
 
 
+def sharpen(engine: Any, share: float, lasts: float) -> None:
+    """Let the next arc err by so small a `share` of the tolerances; its flight `lasts` so long.
+
+    For that arc alone, by 1 at most. A method that errs by far less in short flights need not.
+    """
+    engine.sharpen(share, lasts)
+
+
 def renew(engine: Any, max_step: float) -> None:
     """Forget all that was before, as if the engine were new; no step is longer than `max_step`."""
     engine.renew(max_step)

@@ -104,6 +104,7 @@ mark_overloaded(
     contract.interpolate,
     contract.restart,
     contract.renew,
+    contract.sharpen,
     contract.remembered,
     contract.bias,
     contract.set_bias,

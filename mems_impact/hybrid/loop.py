@@ -18,6 +18,7 @@ from typing import Any
 
 from mems_impact.engines import contract
 from mems_impact.hybrid.chatter import complete_chatter, finite
+from mems_impact.hybrid.flights import sharpen
 from mems_impact.hybrid.guards import (
     HAIR,
     clearly,
@@ -244,6 +245,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         contract.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
         if clear and not below:
             s.lifted = 1
+    sharpen(engine, s, y)
     contract.restart(engine, s.mode, s.t, y, s.stop)
     enter(engine, s, y)
     s.restart = 0

@@ -592,3 +592,118 @@ def test_rest_is_that_of_the_guard_and_of_its_mode_whatever_their_numbers(modes)
         # The flights that are left out, of 5e-11 of the height and less, are gone through in the
         # mode of rest: some 1e-5 of time, within which the belt moves already.
         assert abs(carried) < 1e-12 if height == 0.0 else 1e-6 < carried < 2e-5
+
+
+# A rocking block that nothing shakes (docs/examples/rocking_block.py): x'' = x -+ 1 about either
+# corner, and of the speed r is left at the change; p = (r,). A flight is as long as 2 artanh v.
+RIGHT, LEFT, UPRIGHT = 0, 1, 2
+
+
+def _rocks(mode, t, y, p, dy):
+    dy[0] = y[1]
+    dy[1] = 0.0 if mode == UPRIGHT else y[0] - (1.0 if mode == RIGHT else -1.0)
+
+
+def _corner(mode, t, y, p, g, r):
+    if mode != UPRIGHT:
+        side = 1.0 if mode == RIGHT else -1.0
+        g[0], r[0] = side * y[0], side * y[1]
+        g[1], r[1] = side * y[1] + p[1], side * y[0] - 1.0
+
+
+def _changes_corners(mode, code, t, y, p):
+    if code == 1:
+        return mode
+    y[0] = 0.0
+    if code == 0:
+        y[1] *= p[0]
+        return LEFT if mode == RIGHT else RIGHT
+    y[1] = 0.0
+    return UPRIGHT
+
+
+BLOCK = Automaton(
+    states=("x", "v"),
+    modes=("right", "left", "upright"),
+    guards=(Guard(name="base", order=0, impact=True), Guard(name="top", order=1)),
+    flow=_rocks,
+    margins=_corner,
+    transition=_changes_corners,
+)
+
+
+def rocking(r, top=1e9, start=0.5, **options):
+    """Return a run to rest, with the instants of its impacts, and those in closed form."""
+    first = math.acosh(1.0 / (1.0 - start))
+    speed, flights = (1.0 - start) * math.sinh(first), [first]
+    while speed > 1e-20:
+        speed *= r
+        flights.append(2.0 * math.atanh(speed))
+    expected = np.cumsum(flights)
+    done = simulate(BLOCK, (r, top), [start, 0.0], expected[-1] + 1.0, period=1.0, **options)
+    return done, np.array(times(done, loop.TRANSITION, 0)), expected
+
+
+@pytest.mark.parametrize("top", [1e9, 0.0], ids=["whole flights", "cut in two"])
+@pytest.mark.parametrize(
+    ("method", "rtol", "engine", "most"),
+    [
+        ("adams", 1e-6, "compiled", 2.0),
+        ("adams", 1e-9, "compiled", 2.0),
+        ("adams", 1e-9, "interpreted", 2.0),
+        ("adams", 1e-12, "compiled", 8.0),
+        ("bdf", 1e-6, "compiled", 10.0),
+        ("bdf", 1e-9, "compiled", 15.0),
+        ("bdf", 1e-9, "interpreted", 15.0),
+        ("bdf", 1e-12, "compiled", 60.0),
+    ],
+)
+def test_a_flight_is_good_to_the_tolerance_however_low_it_is(method, rtol, engine, most, top):
+    """A rocking block comes down at the speed at which it rose, down to flights of 1e-12.
+
+    In tolerances, and roundings of the time that tell the speed. An event at the top may cut
+    the flight, of which the rest is then an arc of its own.
+    """
+    for r in (0.5, 0.8) if engine == "interpreted" else (0.5, 0.8, 0.95, 0.98):
+        done, _, _ = rocking(r, top, method=method, rtol=rtol, atol=0.01 * rtol, engine=engine)
+        struck = (done.events.kind == loop.TRANSITION) & (done.events.guard == 0)
+        down, up = abs(done.events.before[struck, 1]), abs(done.events.after[struck, 1])
+        assert up[-1] < 1e-4
+        assert (abs(down[1:] / up[:-1] - 1.0) < most * (rtol + 2.0**-50 / up[:-1])).all(), r
+
+
+@pytest.mark.parametrize(
+    ("method", "rtol", "restitutions"),
+    [
+        ("adams", 1e-6, [0.5, 0.8, 0.95, 0.98]),
+        ("adams", 1e-9, [0.5, 0.8, 0.95, 0.98]),
+        ("adams", 1e-12, [0.5, 0.8, 0.95, 0.98]),
+        ("bdf", 1e-6, [0.5, 0.8, 0.95, 0.98]),
+        ("bdf", 1e-9, [0.5, 0.8, 0.95]),
+        ("bdf", 1e-12, [0.5, 0.8]),
+        ("dop853", 1e-6, [0.5, 0.8, 0.95, 0.98]),
+        ("dop853", 1e-12, [0.5, 0.8, 0.95, 0.98]),
+    ],
+)
+def test_the_impacts_of_a_long_sequence_are_within_a_hundred_tolerances(method, rtol, restitutions):
+    """Up to 581 impacts of a rocking block, and its rest, as parts of the time that has passed."""
+    for r in restitutions:
+        done, impacts, expected = rocking(r, method=method, rtol=rtol, atol=0.01 * rtol)
+        (end,) = times(done, loop.ACCUMULATION)
+        assert impacts == pytest.approx(expected[: impacts.size], rel=100.0 * rtol, abs=0.0)
+        assert end == pytest.approx(expected[-1], rel=100.0 * rtol, abs=0.0)
+        assert (done.final.mode, *done.final.y) == (UPRIGHT, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("method", ["adams", "bdf"])
+def test_a_sequence_may_be_taken_up_at_any_of_its_impacts(method):
+    """How exactly a flight is integrated is told by its beginning, not by the one before it."""
+    whole, impacts, _ = rocking(0.9, method=method)
+    for k in (10, 40, impacts.size - 5):
+        event = whole.events[k : k + 1]
+        state, mode, phase = event.after[0], int(event.mode_after[0]), float(event.time[0])
+        rest = simulate(
+            BLOCK, (0.9, 1e9), state, 1.0, mode=mode, time=phase, period=1.0, method=method
+        )
+        again = rest.events.before[0]
+        assert again.tolist() == whole.events.before[k + 1].tolist()

@@ -85,6 +85,12 @@ def renew(engine: Any, max_step: float) -> None:
     engine.begun = 0
 
 
+def sharpen(engine: Any, share: float, lasts: float) -> None:
+    """Let the next arc err by a `share` of the tolerances, by whichever method it begins."""
+    contract.sharpen(explicit(engine), share, lasts)
+    contract.sharpen(implicit(engine), share, lasts)
+
+
 def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     """Begin an arc by the method with which the last one in its mode has ended."""
     known = remembered(engine, mode)

@@ -136,6 +136,17 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
         return implementation
 
 
+@overload(contract.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_sharpen,) = take(choosing.sharpen).frozen()
+
+        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
+            run_sharpen(engine, share, lasts)
+
+        return implementation
+
+
 @overload(contract.renew, jit_options={**JIT, **INNER})
 def _renew(engine, max_step):  # type: ignore[no-untyped-def]
     if _is_auto(engine):

@@ -65,6 +65,10 @@ class Engine(Functions):
         """Forget all that was before; no step is longer than `max_step`."""
         choosing.renew(self, max_step)
 
+    def sharpen(self, share: float, lasts: float) -> None:
+        """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
+        choosing.sharpen(self, share, lasts)
+
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
         choosing.restart(self, mode, t, y, stop)

@@ -31,6 +31,10 @@ HANDLE = np.dtype(
         ("jacobian", np.int64),
         ("seen", np.int64),  # what the root functions were made of when last asked for, and when
         ("seen_at", np.float64),
+        ("rtol", np.float64),
+        ("atol", np.float64),
+        ("share", np.float64),  # of the tolerances, that of the last arc
+        ("longest", np.float64),  # step
         *FIELDS,
     ],
     align=True,

@@ -19,7 +19,7 @@ from mems_impact.engines import contract
 from mems_impact.engines.compiling import INNER, JIT, address, data, pointer
 from mems_impact.engines.cvode import library
 from mems_impact.engines.cvode.callbacks import HANDLE, callbacks, jacobian_callback
-from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.cvode.first_step import first_step, sharpened
 from mems_impact.engines.equations import Equations
 from mems_impact.engines.handles import HandleOwner, is_handle
 from mems_impact.engines.kernels import call_kernel, jacobian_of
@@ -36,6 +36,7 @@ _set_stop = library.symbol("CVodeSetStopTime")
 _clear_stop = library.symbol("CVodeClearStopTime")
 _set_max_step = library.symbol("CVodeSetMaxStep")
 _set_first_step = library.symbol("CVodeSetInitStep")
+_set_tolerances = library.symbol("CVodeSStolerances")
 _T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
 
 
@@ -71,6 +72,8 @@ class Engine(HandleOwner):
 
         _must(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
         _must(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
+        handle["rtol"], handle["atol"] = options.rtol, options.atol
+        handle["share"], handle["longest"] = 1.0, max_step
         _must(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
         if bdf:
             owned.matrix = sun.SUNDenseMatrix(n, n, context)
@@ -97,7 +100,8 @@ class Engine(HandleOwner):
         _must(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
         _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
         _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
-        _must(sun.CVodeSetInitStep(memory, first_step(max_step)), "CVodeSetInitStep")
+        first = first_step(max_step, options.rtol, math.inf)
+        _must(sun.CVodeSetInitStep(memory, first), "CVodeSetInitStep")
 
     def close(self) -> None:
         """Free CVODE's memory now rather than with the object."""
@@ -202,7 +206,25 @@ def _renew(engine, max_step):  # type: ignore[no-untyped-def]
         (first,) = take(first_step).frozen()
 
         def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            engine.longest = max_step
+            engine.share = 1.0
+            _set_tolerances(engine.cvode, engine.rtol, engine.atol)
             _set_max_step(engine.cvode, max_step)
-            _set_first_step(engine.cvode, first(max_step))
+            _set_first_step(engine.cvode, first(max_step, engine.rtol, math.inf))
+
+        return implementation
+
+
+@overload(contract.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+        first, sharper = take(first_step, sharpened).frozen()
+
+        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
+            if share < 1.0 or engine.share < 1.0:
+                rtol, atol = sharper(engine.rtol, engine.atol, share)
+                engine.share = share
+                _set_tolerances(engine.cvode, rtol, atol)
+                _set_first_step(engine.cvode, first(engine.longest, rtol, lasts))
 
         return implementation

@@ -12,7 +12,7 @@ import numpy as np
 from sksundae.cvode import CVODE
 
 from mems_impact.engines import contract
-from mems_impact.engines.cvode.first_step import first_step
+from mems_impact.engines.cvode.first_step import first_step, sharpened
 from mems_impact.engines.equations import Equations
 from mems_impact.engines.faults import JACOBIAN
 from mems_impact.engines.interpreting import Functions, scalars
@@ -82,18 +82,31 @@ class Engine(Functions):
         self._settings: dict[str, Any] = {
             "rhsfn": rhs,
             "method": options.method,
-            "rtol": options.rtol,
-            "atol": options.atol,
             "jacfn": newton if jacobian is not None else None,
             "eventsfn": roots,
             "num_events": 2 * m + 1,
         }
+        self._rtol, self._atol = options.rtol, options.atol
         self.renew(max_step)
 
     def renew(self, max_step: float) -> None:
         """Forget all that was before; no step is longer than `max_step`."""
-        lengths = {"first_step": first_step(max_step), "max_step": max_step}
-        self._solver = CVODE(**self._settings, **lengths)
+        self._max_step = max_step
+        self._make(1.0, math.inf)
+
+    def sharpen(self, share: float, lasts: float) -> None:
+        """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
+        if share < 1.0 or self._share < 1.0:
+            self._make(share, lasts)
+
+    def _make(self, share: float, lasts: float) -> None:
+        # Tolerances cannot be changed later.
+        self._share = share
+        rtol, atol = sharpened(self._rtol, self._atol, share)
+        first = first_step(self._max_step, rtol, lasts)
+        self._solver = CVODE(
+            **self._settings, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
+        )
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""

@@ -212,3 +212,9 @@ def _renew(engine, max_step):  # type: ignore[no-untyped-def]
             run_renew(engine, max_step)
 
         return implementation
+
+
+@overload(contract.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, share, lasts: None
