@@ -248,6 +248,20 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
     )
 
 
+def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():
+    """A load of 0.50009 that falls is within 0.49985 a moment later; the body slides back."""
+    bodies = Bodies(
+        np.ones(1), np.zeros((1, 1)), np.full((1, 1), 0.1), np.array([0.5]), np.array([2.0]),
+        1.7258669849900055, (Rub(0, None, 0.4, 0.4998497216023669),),
+    )  # fmt: skip
+    judge = Judge(bodies)
+    judge.follow(np.array([0.8, 0.0]), 7.0)
+    stopped = next(arc for arc in judge.arcs if arc.t > 6.0)
+    load = 0.5 + 2.0 * math.cos(bodies.omega * stopped.t)
+    assert -0.5002 < load < -0.4999
+    assert stopped.modes == (-1,)
+
+
 def test_the_judge_of_contacts_loses_four_mu_of_amplitude_a_cycle():
     judge = rubbing([Rub(0, None, 0.04, 0.04)], [0.0], springs=1.0)
     judge.follow(np.array([1.01, 0.0]), 60.0)

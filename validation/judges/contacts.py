@@ -281,10 +281,11 @@ class Judge:
         return y
 
     def true(self, modes: Modes, resting: list[bool], y: Floats) -> bool:
-        """Return whether a mode stays true to itself for a moment."""
+        """Return whether a mode is true to itself, now and after a moment."""
         A, _ = self.made_of(modes)
         later = y + MOMENT * (A @ y) + MOMENT**2 / 2.0 * (A @ (A @ y))
-        if self.margin(modes, later[:, None])[0] < -BORNE:
+        # Now too: a load that falls may be within the limits a moment after a stick it forbids.
+        if self.margin(modes, np.stack([y, later], axis=1)).min() < -BORNE:
             return False
         for contact, mode, rests in zip(self.bodies.contacts, modes, resting, strict=True):
             if not rests:
