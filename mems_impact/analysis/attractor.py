@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from mems_impact.analysis.checks.side import tell_of_side
 from mems_impact.analysis.kinds import (
     CHAOTIC,
     FAILED,
@@ -29,6 +30,7 @@ from mems_impact.hybrid.lyapunov import largest
 from mems_impact.hybrid.problem import Numbers, Problem
 from mems_impact.hybrid.survey import Recipe, Settled, Survey
 from mems_impact.hybrid.trajectory import Floats, Instant
+from mems_impact.telling import about, gathered
 
 __all__ = ["STUDY_OPTIONS", "Attractor", "Case", "Settling", "attractors"]
 
@@ -182,6 +184,7 @@ def attractors(
     settle: Settling = Settling(),
     options: Options = STUDY_OPTIONS,
     watch: Callable[[float], None] | None = None,
+    numbers: Sequence[int] | None = None,
 ) -> list[Attractor]:
     """Follow the motions from many points to what they come to.
 
@@ -194,6 +197,9 @@ def attractors(
     options : Options, optional
     watch : callable, optional
         Called several times a second with the points done; it may raise.
+    numbers : sequence of int, optional
+        Of the cases in a study, which tells where a motion starts beyond a guard, or its flow
+        jumps.
 
     Returns
     -------
@@ -205,7 +211,9 @@ def attractors(
 
     def follow() -> None:
         if batch:
-            found.extend(_followed(batch, settle, options, watch, len(found)))
+            first = len(found)
+            told = None if numbers is None else numbers[first : first + len(batch)]
+            found.extend(_followed(batch, settle, options, watch, first, told))
             batch.clear()
 
     for case in cases:
@@ -218,6 +226,9 @@ def attractors(
             continue
         if batch and not _alike(batch[0][1], problem):
             follow()
+        if numbers is not None:
+            with about(numbers[len(found) + len(batch)]):
+                tell_of_side(case.system, problem, start)
         batch.append((case, problem, start))
     follow()
     return found
@@ -229,6 +240,7 @@ def _followed(
     options: Options,
     watch: Callable[[float], None] | None,
     before: int,
+    numbers: Sequence[int] | None,
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
@@ -238,12 +250,23 @@ def _followed(
     told = None if watch is None else (lambda done: watch(before + done))
     on = None if told is None else (lambda _: told(float(len(batch))))
     found = []
+
+    jumps = False
+
+    def falls(i: int, at: Instant, length: float) -> None:
+        nonlocal jumps
+        tells = batch[i][1].falls
+        if not jumps and tells is not None and numbers is not None:
+            with about(numbers[i]):
+                jumps = tells(at, length)
+
     try:
-        settled = survey.follow(points, told)
-        for (case, at, _), one in zip(batch, settled, strict=True):
+        settled = survey.follow(points, told, falls)
+        for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
             if on is not None:
                 on(0.0)  # exponents take longer than all before: work may end here
-            each = _attractor(case, at, one, settle, options)
+            with gathered() if numbers is None else about(numbers[i]):
+                each = _attractor(case, at, one, settle, options)
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:

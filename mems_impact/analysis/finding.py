@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mems_impact.analysis.checks import meeting
+from mems_impact.analysis.checks.side import tell_of_side
 from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.state import State, is_number, whole
 from mems_impact.analysis.system import System
@@ -118,6 +119,7 @@ def find_orbit(
     chosen = ORBIT_OPTIONS if options is None else options
     problem = system.problem(chosen)
     start = system.instant(guess, problem, field="guess")
+    tell_of_side(system, problem, start)
     try:
         if system.forced:
             found = finding.find_orbit(

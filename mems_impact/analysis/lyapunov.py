@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.analysis.checks.side import tell_of_side
 from mems_impact.analysis.finding import ORBIT_OPTIONS
 from mems_impact.analysis.kinds import CHAOTIC, PERIODIC, QUASI_PERIODIC
 from mems_impact.analysis.progress import progress_bar
@@ -312,7 +313,9 @@ def _start(
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
-        return system.instant(initial, problem)
+        start = system.instant(initial, problem)
+        tell_of_side(system, problem, start)
+        return start
     named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     run = simulate(system, initial=initial, options=options, **named)
     final: Instant = run.trajectory.final

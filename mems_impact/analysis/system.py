@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 from mems_impact.analysis import checks, given, quantity
@@ -335,8 +336,13 @@ class System(Numerics):
         """Return what the event loop integrates, in the units of the numerics."""
         numbers = self.numbers()
         check_times(numbers, self.factor("time"), self.unit("time"))
+        written = "_definition" in vars(self)
         return Problem(
-            automaton=self.automaton, section=self.section, options=options, **numbers._asdict()
+            automaton=self.automaton,
+            section=self.section,
+            options=options,
+            falls=partial(checks.tell_of_fall, self) if written else None,
+            **numbers._asdict(),
         )
 
     def __repr__(self) -> str:

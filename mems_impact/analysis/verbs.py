@@ -9,6 +9,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overloa
 
 from mems_impact.analysis.system import System
 from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.telling import told_once
 
 __all__ = ["Verb", "takes_system"]
 
@@ -85,7 +86,8 @@ def takes_system(
                 allowed = "a System, or an Actuator (see load_actuator) and a Drive"
                 raise InvalidParameter(typed, model, allowed)
             try:
-                return verb(system, *rest, **named)
+                with told_once():
+                    return verb(system, *rest, **named)
             except RunError as error:
                 system.convert(error)
                 raise

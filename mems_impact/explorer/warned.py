@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from mems_impact.warnings import (
+    DiscontinuityWarning,
     ScaleWarning,
     StartWarning,
     StiffnessWarning,
@@ -18,7 +19,14 @@ from mems_impact.warnings import (
 
 __all__ = ["gathered", "heard"]
 
-TOLD = (ScaleWarning, StartWarning, StiffnessWarning, UnitsWarning, ValidityWarning)
+TOLD = (
+    DiscontinuityWarning,
+    ScaleWarning,
+    StartWarning,
+    StiffnessWarning,
+    UnitsWarning,
+    ValidityWarning,
+)
 _here = threading.local()
 
 

@@ -43,6 +43,7 @@ from mems_impact.hybrid.record import (
     EPS,
     EVENT_BUDGET,
     FAILED,
+    FALLEN,
     GUARD,
     HANDOVER,
     HEAD,
@@ -94,6 +95,10 @@ __all__ = [
 ]  # fmt: skip
 
 REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
+# A step is very short if it is by this factor shorter than those of late, whose length is forgotten
+# by another factor from step to step: a method closes in on a jump of the flow by more than that.
+SHORT, FORGOTTEN = 1e-2, 0.7
+FEW_FALLS = 4  # after which only the 8th, 16th, 32nd … is told: a stiff system has them for ever
 
 
 def advance(engine: Any, s: Any, quota: int) -> int:
@@ -109,7 +114,8 @@ def advance(engine: Any, s: Any, quota: int) -> int:
     Returns
     -------
     int
-        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `record`). ``s.failure`` is the
+        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `record`). ``s.fallen`` is above zero
+        where the last step was so short that the flow may jump. ``s.failure`` is the
         engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
         mode after NO_SUCH_MODE.
     """
@@ -191,6 +197,14 @@ def advance(engine: Any, s: Any, quota: int) -> int:
             return DONE
         if rooted:
             note_passages(engine, s, t, y)
+        if guard == NONE and status == contract.STEPPED and falls(s, t - before):
+            contract.interpolate(engine, before, row(s, FALLEN))
+            s.fallen = t - before
+            s.fallen_cycle = s.cycle
+            s.fallen_time = before
+            s.fallen_mode = s.mode
+            quota = 0  # lest the next one be told in its place
+        s.cut = int(status != contract.STEPPED)
         if guard != NONE:
             status = resolve(engine, s, y, guard)
             if status != DONE:
@@ -250,6 +264,8 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     enter(engine, s, y)
     s.restart = 0
     s.doubt = 0
+    s.stride = 0.0
+    s.cut = 0
     s.arc_start = s.t
     s.arc_steps = 0
     s.arcs += 1
@@ -270,6 +286,18 @@ def lower(engine: Any, s: Any) -> None:
     for i in range(s.m):
         if contract.bias(engine, i) > HAIR and now[i] > rounding_of(s, i):
             contract.set_bias(engine, i, 0.0)
+
+
+def falls(s: Any, h: float) -> bool:
+    """Return whether a step of the method's own length is so short that it is to be told."""
+    if s.cut == 1:
+        return False
+    short = h < SHORT * s.stride
+    s.stride = h if short else max(h, FORGOTTEN * s.stride)
+    if not short:
+        return False
+    s.falls += 1
+    return bool(s.falls <= FEW_FALLS or s.falls & (s.falls - 1) == 0)
 
 
 def still_below(s: Any) -> int:

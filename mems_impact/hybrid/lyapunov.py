@@ -211,6 +211,9 @@ class Stretching:
                     grown,
                     self._bound.quota,
                 )
+                fall = self._memory.take_fall()
+                if fall is not None and self.problem.falls is not None:
+                    self.problem.falls(*fall)
                 if progress is not None:
                     progress(float(clock["cycle"] + clock["t"] / clock["period"] - begin))
         finally:

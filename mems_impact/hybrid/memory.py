@@ -8,7 +8,7 @@ import numpy as np
 
 from mems_impact.hybrid import loop, record
 from mems_impact.hybrid.problem import Bound, Problem
-from mems_impact.hybrid.trajectory import Floats
+from mems_impact.hybrid.trajectory import Floats, Instant
 
 __all__ = ["EVENT_ROWS", "LoopMemory"]
 
@@ -80,6 +80,16 @@ class LoopMemory:
     def put(self, y: Floats) -> None:
         """Write the state."""
         self.table[record.Y][: len(y)] = np.asarray(y, dtype=float).tolist()
+
+    def take_fall(self) -> tuple[Instant, float] | None:
+        """Return where a very short step began, and its length, once; None if there is none."""
+        clock, length = self.clock, float(self.clock["fallen"])
+        if length == 0.0:
+            return None
+        clock["fallen"] = 0.0
+        y = np.array(self.table[record.FALLEN][: clock["n"]], dtype=float)
+        cycle, mode = int(clock["fallen_cycle"]), int(clock["fallen_mode"])
+        return Instant(cycle, float(clock["fallen_time"]), mode, y), length
 
     @property
     def local(self) -> Floats:

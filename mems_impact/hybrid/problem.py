@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from mems_impact.engines.options import FOLDERS, Options
 from mems_impact.errors import EngineUnavailable, FunctionsMissing, InvalidParameter
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.warnings import EngineFallbackWarning
+
+if TYPE_CHECKING:
+    from mems_impact.hybrid.trajectory import Instant
 
 # No internal step is longer than this part of a period (or time scale), so that no two extrema of a
 # margin fall into one step. At tolerances of any use the steps are several times shorter.
@@ -69,6 +72,9 @@ class Problem:
         default.
     refusal : str
         Why it cannot be run, if it cannot: the functions of its automaton are elsewhere.
+    falls : callable or None
+        ``falls(at, length)`` is called where a step of a run has become very short though no event
+        is in reach, with where it began; returns whether the flow jumps there, which it tells.
     """
 
     automaton: Automaton
@@ -79,6 +85,7 @@ class Problem:
     options: Options = field(default_factory=Options)
     time_scale: float | None = None
     refusal: str = ""
+    falls: Callable[[Instant, float], bool] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):

@@ -53,7 +53,9 @@ RECORDS, PASSED = 15, 16
 # Scratch that is only good until the next call. A function says what it leaves there.
 G, STATE, LOOKED, MOVED, AHEAD, STAGE, SLOPE, SUM, PAST, ENTERED, LEFT, SAMPLE = range(17, 29)
 SIZE, GAIN, TIMED = 29, 30, 31
-HIT_BEGIN, HIT_MODE, HIT_OTHERS, ROWS = 32, 33, 34, 35
+HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
+# The state from which a step was taken that had become very short.
+FALLEN, ROWS = 35, 36
 
 # All that the loop remembers between two calls, and where it finds and writes the rest.
 CLOCK = np.dtype(
@@ -106,6 +108,13 @@ CLOCK = np.dtype(
         ("turning", np.float64),  # how much the pace has changed of late, in a unit of time
         ("lifted", np.int64),  # 1 in an arc with a margin that started clearly negative
         ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
+        ("stride", np.float64),  # length of the steps of late, 0 where an arc begins
+        ("cut", np.int64),  # 1 if the last step ended early: at a root, or at a switch
+        ("falls", np.int64),  # how often steps have become very short, with no event in reach
+        ("fallen", np.float64),  # length of such a step that is to be told, else 0; where it began
+        ("fallen_cycle", np.int64),
+        ("fallen_time", np.float64),
+        ("fallen_mode", np.int64),
         ("per_period", np.int64),  # samples per period, 0 for none
         ("sample_cycle", np.int64),
         ("sample", np.int64),

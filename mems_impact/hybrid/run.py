@@ -141,11 +141,15 @@ class _Run:
 
     def go(self) -> Trajectory:
         """Call the loop until it is done, draining its events in between."""
+        falls = None if self.quiet else self.problem.falls
         try:
             status = loop.PAUSED
             while status in (loop.PAUSED, loop.BUFFER_FULL):
                 status = self.bound.call(loop.advance, self.clock, self.bound.quota)
                 self._drain()
+                fall = self.memory.take_fall()
+                if fall is not None and falls is not None and falls(*fall):
+                    falls = None  # once in a run
                 if self.progress is not None:
                     self.progress(self._done())
         except KeyboardInterrupt:

@@ -154,6 +154,8 @@ def settle(engine: Any, s: Any, w: Any, quota: int) -> int:
                     w.outcome = WANDERS
                 elif status not in (DONE, PAUSED, BUFFER_FULL):
                     w.outcome = FAILED
+            if s.fallen > 0.0 and w.outcome != FAILED:
+                return PAUSED
         if w.failed == 1:
             w.outcome = FAILED
         end(engine, s, w)
@@ -210,6 +212,9 @@ def begin(engine: Any, s: Any, w: Any) -> None:
     s.turning = 0.0
     s.lifted = 0
     s.doubt = 0
+    s.stride = 0.0
+    s.cut = 0
+    s.fallen = 0.0
     s.arc_start = 0.0
     s.sample_cycle = 0
     s.sample = math.ceil(s.t / s.period - 1e-12)

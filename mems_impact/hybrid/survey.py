@@ -173,6 +173,7 @@ class Survey:
         self,
         points: Sequence[tuple[Numbers, Instant]],
         watch: Callable[[float], None] | None = None,
+        falls: Callable[[int, Instant, float], None] | None = None,
     ) -> list[Settled]:
         """Follow points to where they come to.
 
@@ -182,6 +183,8 @@ class Survey:
             The problem's numbers at each, and where the motion starts.
         watch : callable, optional
             Called several times a second with the points done; it may raise.
+        falls : callable, optional
+            As that of a problem, with the number of the point before the other arguments.
 
         Returns
         -------
@@ -207,6 +210,9 @@ class Survey:
                 )
             except FunctionError:  # told by who runs the point again
                 status = loop.PAUSED
+            fall = self._loop.take_fall()
+            if fall is not None and falls is not None:
+                falls(int(work["point"]), *fall)
             if watch is not None:
                 watch(float(work["point"]))
         return [self._settled(result) for result in results]

@@ -28,6 +28,7 @@ from mems_impact.hybrid.problem import is_compiled
 from mems_impact.hybrid.trajectory import Floats
 from mems_impact.studies.study import STATUS, Columns, Study
 from mems_impact.tables import sweep as sweep_tables
+from mems_impact.telling import about
 
 __all__ = ["SweepStudy"]
 
@@ -150,10 +151,15 @@ class SweepStudy(Study):
             if not case.forced:
                 state = state.replace(time=0.0)  # nothing depends on it
             point = self._empty(number)
-            state = self._run(case, point, state, _told_by(watch, number - first))
+            with about(number):
+                state = self._run(case, point, state, _told_by(watch, number - first))
             points.append(point)
         told = {"state": state.as_dict(), "time": state.time, "mode": state.mode, "period": period}
         return sweep_tables.columns_of(self.parameter, points, *self._told), told
+
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return f"{self.parameter} = {self._value(number):.6g}"
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return rows of values that could not be computed."""

@@ -35,12 +35,13 @@ import cloudpickle
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.layout import Chunk
 from mems_impact.studies.study import Columns, Study
+from mems_impact.telling import Told, gathered
 
 __all__ = ["Crew", "Gone", "Result", "cores", "ctrl_c_for_us_alone", "killed_by_its_chunk"]
 
 _log = logging.getLogger("mems_impact")
 
-Result = tuple[Columns, Any]
+Result = tuple[Columns, Any, list[Told]]
 Maker = Callable[[], Executor]
 
 FEWEST = 16  # chunks under way where the workers are still to come, as of a cluster
@@ -105,7 +106,8 @@ class Crew:
         if self._make is not None:
             self._executor = self._made(self._make)
         if self.is_local:
-            self.study.prepare()
+            with gathered():  # of whose motions nothing is told
+                self.study.prepare()
         self._heard = time.monotonic() + PATIENCE
         return self
 
@@ -261,7 +263,7 @@ def _here(
     """Compute points in a thread of the process that waits for them."""
     with nullcontext() if study.threaded else _alone:
         watch(0.0)
-        return study.compute(first, last, carried, watch)
+        return _computed(study, first, last, carried, watch)
 
 
 def _there(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Result:
@@ -269,7 +271,16 @@ def _there(packed: bytes, first: int, last: int, carried: Any, _call: int) -> Re
     _ready(packed)
     study = _unpacked(packed)
     with nullcontext() if study.threaded else _alone:
-        return study.compute(first, last, carried)
+        return _computed(study, first, last, carried, None)
+
+
+def _computed(
+    study: Study, first: int, last: int, carried: Any, watch: Callable[[float], None] | None
+) -> Result:
+    """Return what is computed of points, and what is told of them."""
+    with gathered() as told:
+        columns, carried = study.compute(first, last, carried, watch)
+    return columns, carried, told
 
 
 def _ready(packed: bytes) -> None:
@@ -282,7 +293,8 @@ def _ready(packed: bytes) -> None:
 @lru_cache(4)
 def _unpacked(packed: bytes) -> Study:
     study: Study = pickle.loads(packed)
-    study.prepare()
+    with gathered():
+        study.prepare()
     return study
 
 

@@ -27,7 +27,8 @@ from mems_impact.studies.census import ATTRACTOR
 from mems_impact.studies.measuring import Measuring
 from mems_impact.studies.recognition import Recognition
 from mems_impact.studies.running import run_study
-from mems_impact.studies.study import STATUS, Columns, Study
+from mems_impact.studies.study import STATUS, Columns, Study, places_of
+from mems_impact.telling import about
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -131,8 +132,10 @@ class FollowingStudy(Study):
             if watch is not None:
                 watch(float(number - first))
             here = self._value(number)
-            found = self._at(here, self._phased(state, value, here))
-            follows.append(found.motion != FAILED and self._comes_back(found, here, before, value))
+            with about(number):
+                found = self._at(here, self._phased(state, value, here))
+                back = found.motion != FAILED and self._comes_back(found, here, before, value)
+            follows.append(back)
             rows.append(found)
             if found.final is not None:
                 state, value, before = found.final, here, found
@@ -152,6 +155,10 @@ class FollowingStudy(Study):
         names = [self.names[number // len(self.over.values)] for number in numbers]
         values = np.array([self._value(number) for number in numbers])
         return {self.over.name: values, ATTRACTOR: np.array(names, dtype=object)}
+
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return places_of(self._places(number, number + 1))
 
     def _value(self, number: int) -> float:
         place, up = number % len(self.over.values), len(self.upwards)

@@ -24,7 +24,7 @@ from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.studies.motions import MOTION, PERIOD
-from mems_impact.studies.study import STATUS, Columns, Study
+from mems_impact.studies.study import STATUS, Columns, Study, places_of
 from mems_impact.tables.common import captions, unit_of
 
 __all__ = ["ERROR", "EXPONENT", "MOTION", "PERIOD", "RETURNS", "Measuring", "MotionStudy"]
@@ -81,10 +81,13 @@ class Measuring:
         }
 
     def follow(
-        self, cases: Sequence[Case], watch: Callable[[float], None] | None = None
+        self,
+        cases: Sequence[Case],
+        watch: Callable[[float], None] | None = None,
+        numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
         """Return what the motions from many points come to."""
-        return attractors(cases, self.settle, self.options, watch)
+        return attractors(cases, self.settle, self.options, watch, numbers)
 
     def follow_some(
         self,
@@ -100,7 +103,8 @@ class Measuring:
                 cases.append(case(number))
             except InvalidParameter as error:
                 refused[number] = str(error)
-        followed = iter(self.follow(cases, watch))
+        allowed = [number for number in numbers if number not in refused]
+        followed = iter(self.follow(cases, watch, allowed))
         return [
             Attractor(motion=FAILED, status=refused[number])
             if number in refused
@@ -178,6 +182,10 @@ class MotionStudy(Study):
     @abstractmethod
     def _case(self, number: int) -> Case:
         """Return a point; InvalidParameter if it is not allowed."""
+
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return places_of(self._places(number, number + 1))
 
     @abstractmethod
     def _places(self, first: int, last: int) -> Columns:

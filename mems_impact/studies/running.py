@@ -22,8 +22,9 @@ from mems_impact.errors import WorkersLost
 from mems_impact.interruptions import StudyInterrupted
 from mems_impact.studies.executors import Crew, Gone, Result, cores, killed_by_its_chunk
 from mems_impact.studies.keeping import Kept, Memory
-from mems_impact.studies.notices import Notice, Progress, noticed
+from mems_impact.studies.notices import Notice, Progress, noticed, warned
 from mems_impact.studies.study import Columns, Study
+from mems_impact.telling import Told
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,8 +114,12 @@ def _default(study: Study, workers: int | None) -> int:
 def _compute(study: Study, kept: Kept, crew: Crew, progress: Progress) -> None:
     """Compute what is missing; whatever ends it early says what is done."""
     try:
-        with crew, noticed(progress, study.kind, kept.done, study.points) as notice:
-            _Work(study, kept, crew, notice).run()
+        with (
+            warned(study) as told,
+            crew,
+            noticed(progress, study.kind, kept.done, study.points) as notice,
+        ):
+            _Work(study, kept, crew, notice, told).run()
     except KeyboardInterrupt:
         kept.take_stock()
         raise StudyInterrupted(kept.table(), kept.done, study.points) from None
@@ -134,8 +139,11 @@ class _Work:
     itself. If the worker dies then, it was that part which killed it.
     """
 
-    def __init__(self, study: Study, kept: Kept, crew: Crew, notice: Notice | None) -> None:
+    def __init__(
+        self, study: Study, kept: Kept, crew: Crew, notice: Notice | None, told: list[Told]
+    ) -> None:
         self.study, self.kept, self.crew, self.notice = study, kept, crew, notice
+        self.told = told
         self.ready = deque(number for number in kept.missing if kept.is_ready(number))
         self.suspects: deque[int] = deque()
         self.trial: int | None = None  # the suspect that is under way, with nothing beside it
@@ -186,7 +194,9 @@ class _Work:
             error = _error_of(future)
             if error is None:
                 self.trial = None
-                self.keep(number, *future.result())
+                columns, carried, told = future.result()
+                self.told += told
+                self.keep(number, columns, carried)
             elif self.crew.is_lost(error):
                 self.lose(number, error)
             else:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from numpy.typing import NDArray
 
-__all__ = ["OK", "STATUS", "Columns", "Study"]
+__all__ = ["OK", "STATUS", "Columns", "Study", "places_of"]
 
 Columns = dict[str, NDArray[Any]]  # by heading; all of one length, one row after the other
 STATUS = "status"  # the column that says `OK`, or why a point has no numbers
@@ -104,6 +104,16 @@ class Study(ABC):
             What the next part of the chain goes on from; None without chains.
         """
 
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return f"point {number}"
+
     @abstractmethod
     def failed(self, first: int, last: int, reason: str) -> Columns:
         """Return one row for each of points that could not be computed, `reason` in `STATUS`."""
+
+
+def places_of(columns: Columns) -> str:
+    """Return the columns that tell a point apart, of one row, as words of a message."""
+    numbers = {name: values[0] for name, values in columns.items() if values.dtype != object}
+    return ", ".join(f"{name} = {value:.6g}" for name, value in numbers.items())

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mems_impact.analysis.checks.effects import check_effects
+from mems_impact.analysis.checks.jumps import tell_of_fall
 from mems_impact.analysis.checks.met import meeting, met
 from mems_impact.analysis.checks.short import Short
 from mems_impact.analysis.checks.times import Clock
@@ -22,7 +23,7 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.tried import Place, Tried, Undefined
 from mems_impact.hybrid.written import Definition
 
-__all__ = ["check", "check_end", "meeting"]
+__all__ = ["check", "check_end", "meeting", "tell_of_fall"]
 
 
 def check(

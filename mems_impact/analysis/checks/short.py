@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from mems_impact.analysis.checks.jumps import tell_of_jump
+from mems_impact.analysis.checks.jumps import AHEAD, tell_of_jump
 from mems_impact.analysis.checks.met import compare
 from mems_impact.analysis.checks.rates import check_jacobian, rate_of
 from mems_impact.analysis.checks.times import Clock
@@ -145,7 +145,8 @@ class Short:
                 stuck = h < 1e-9 * unit
                 if stuck or (h < SHORT * unit and self.probes > 0):
                     self.probes -= 1
-                    if tell_of_jump(self.tried, self.clock, at, slope, list(now)) or stuck:
+                    stretches = [part * unit for part in AHEAD]
+                    if tell_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
                         return
                 continue
             there, ahead, error = step

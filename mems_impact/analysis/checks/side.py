@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.trajectory import Instant
+from mems_impact.telling import tell
 from mems_impact.warnings import StartWarning
 
 if TYPE_CHECKING:
@@ -59,13 +59,12 @@ def tell_of_side(system: Terms, problem: Problem, start: Instant) -> None:
                 for state, a, b, size in zip(system.states, start.y, y, sizes, strict=True)
                 if abs(b - a) > CLEARLY * size
             )
-            warnings.warn(
-                f"the margin of {automaton.guards[i].name!r} is negative where the motion starts, "
-                "and a margin is positive until its guard fires: once it falls there, the "
-                f"transition takes {moved}; turn the sign of the margin, or start on its other "
-                "side",
-                StartWarning,
-                stacklevel=4,
+            name = automaton.guards[i].name
+            message = (
+                f"the margin of {name!r} is negative where the motion starts, and a margin is "
+                f"positive until its guard fires: once it falls there, the transition takes "
+                f"{moved}; turn the sign of the margin, or start on its other side"
             )
+            tell(message, StartWarning, name)
     except (ArithmeticError, ValueError, TypeError, AttributeError, IndexError, NameError):
         return  # what is wrong with a function is told elsewhere
