@@ -18,9 +18,9 @@ from mems_impact.hybrid.problem import Section
 from mems_impact.hybrid.written import named, writes_into_arrays
 
 __all__ = [
-    "ARGUMENTS", "alone_with_parts", "changing", "flow", "function", "guards", "initial",
-    "mode_names", "number", "numbers", "observables", "optional", "places", "section", "sizes",
-    "states", "times", "units",
+    "ARGUMENTS", "alone_with_parts", "changing", "constraints", "flow", "function", "guards",
+    "initial", "mode_names", "number", "numbers", "observables", "optional", "places", "section",
+    "sizes", "states", "times", "units",
 ]  # fmt: skip
 
 PLAIN = "a function, written with def or lambda"
@@ -127,6 +127,28 @@ def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> t
                 allowed = f"called {names[mode]}, as in the modes of the system"
                 raise InvalidParameter(f"modes of {guard.name!r}", mode.name, allowed)
     return names
+
+
+def constraints(
+    given: Mapping[Any, Any] | None, flow: Callable[..., Any], modes: tuple[str, ...]
+) -> tuple[tuple[int, Callable[..., Any]], ...]:
+    """Return what holds for as long as modes last: each a mode, and a function."""
+    if not given:
+        return ()
+    if not isinstance(given, Mapping):
+        raise InvalidParameter("constraints", given, "a mapping of modes to functions")
+    if writes_into_arrays(flow):
+        allowed = "left out where the flow writes into an array"
+        raise InvalidParameter("constraints", list(given), allowed)
+    found = []
+    for mode, functions in given.items():
+        number = modes.index(mode) if mode in modes else mode
+        if not (_is_whole(number) and 0 <= number < len(modes)):
+            raise InvalidParameter("constraints", mode, f"of modes among {', '.join(modes)}")
+        several = functions if isinstance(functions, tuple | list) else [functions]
+        label = f"constraints of {modes[number]!r}"
+        found += [(int(number), function(label, each, *ARGUMENTS)) for each in several]
+    return tuple(found)
 
 
 def places(field: str, given: Sequence[str], states: tuple[str, ...]) -> tuple[int, ...]:

@@ -69,6 +69,11 @@ class System(Numerics):
         Times in (0, period], ascending, at which the flow jumps; or ``switches(p)``.
     settle : callable, optional
         ``settle(mode, t, y, p)`` returns mode and state after such a time; both go on by default.
+    constraints : mapping of mode to callable, optional
+        What is zero for as long as a mode lasts, such as the velocity of a body that sticks:
+        ``{STUCK: speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the
+        mode have to make it zero, and the flow to keep it so. Equilibria, multipliers and exponents
+        then know that no motion of the mode leaves it. With parts, these say it.
     section : tuple of str and float, optional
         A Poincaré section: a state and its value there. Crossings are recorded. Without one, a
         system with forcing is looked at where its periods begin.
@@ -137,6 +142,7 @@ class System(Numerics):
         period: Number | None = None,
         switches: Sequence[float] | Callable[..., Sequence[float]] = (),
         settle: Callable[..., Any] | None = None,
+        constraints: Mapping[Any, Any] | None = None,
         section: tuple[str, float] | None = None,
         initial: Mapping[str, float] | State | None = None,
         observables: Sequence[Observable] = (),
@@ -155,7 +161,9 @@ class System(Numerics):
         constrained: tuple[int, ...] = ()
         projection: Callable[..., Any] | None = None
         if parts:
-            given.alone_with_parts(modes=modes, settle=settle, jacobian=jacobian)
+            given.alone_with_parts(
+                modes=modes, settle=settle, jacobian=jacobian, constraints=constraints
+            )
             made = assembled(
                 parts,
                 flow=flow,
@@ -167,9 +175,10 @@ class System(Numerics):
             signs, start = {part.name: part.signs for part in parts}, given.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
             flow, settle, guards, modes, self._begin, constrained, projection = made
+        called = given.mode_names(modes, guards)
         self._definition = Definition(
             states=names,
-            modes=given.mode_names(modes, guards),
+            modes=called,
             parameters=tuple(self._parameters),
             flow=flow,
             guards=guards,
@@ -178,6 +187,7 @@ class System(Numerics):
             cyclic=given.places("cyclic", cyclic, names),
             constrained=constrained,
             projection=projection,
+            constraints=given.constraints(constraints, flow, called),
         )
         self._section = given.section(section, names)
         self.observables = given.observables(observables, names, guards)
@@ -273,6 +283,8 @@ class System(Numerics):
         for guard in definition.guards:
             for role in ("margin", "transition", "rate", "rest"):
                 found[f"{role} of {guard.name}"] = getattr(guard, role)
+        for i, (mode, constraint) in enumerate(definition.constraints):
+            found[f"constraint {i} of {definition.modes[mode]}"] = constraint
         found |= {f"observable {each.name}": each.function for each in self.observables}
         return {
             role: reference(given)

@@ -93,6 +93,10 @@ class _Text:
             projection=self.change("projection", definition.projection),
             jacobian=self.jacobian(),
             sizes=(*self.typical.states, self.typical.time),
+            constraints=tuple(
+                (mode, self.value(f"constraint_{i}", each, 1.0))
+                for i, (mode, each) in enumerate(definition.constraints)
+            ),
         )
 
     def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
@@ -134,8 +138,10 @@ class _Text:
         self, name: str, given: Callable[..., Any] | None, unit: float
     ) -> Callable[..., Any] | None:
         """Return a margin or a rate."""
-        if given is None:
-            return None
+        return None if given is None else self.value(name, given, unit)
+
+    def value(self, name: str, given: Callable[..., Any], unit: float) -> Callable[..., Any]:
+        """Return what gives one number."""
         lines = self.around([f"value = {self.call(name, given)}"], "y")
         return self.make(name, "mode, t, y, p", [*lines, f"return value * {unit!r}"])
 

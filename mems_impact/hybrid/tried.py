@@ -77,6 +77,10 @@ class Tried:
         """Return the margin of guard `i`."""
         return self._scalar("margin", i, at)
 
+    def constraint(self, i: int, at: Place) -> float:
+        """Return what a constraint comes to, which is zero where it holds."""
+        return self._number(Function("constraint", self.definition.constraints[i][1]), at)
+
     def rate(self, i: int, at: Place) -> float:
         """Return the rate that is given of the margin of guard `i`."""
         return self._scalar("rate", i, at)
@@ -111,7 +115,9 @@ class Tried:
 
     def _scalar(self, kind: str, i: int, at: Place) -> float:
         guard = self.definition.guards[i]
-        function = Function(kind, getattr(guard, kind), guard.name)
+        return self._number(Function(kind, getattr(guard, kind), guard.name), at)
+
+    def _number(self, function: Function, at: Place) -> float:
         value = self._call(function, at)
         if not isinstance(value, Real | complex):
             problem = f"returns {told(value)} in mode {self._mode(at)}"

@@ -39,6 +39,7 @@ from functools import cache
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid import held
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.columns import weight_of
 from mems_impact.hybrid.portable import portable
@@ -78,6 +79,9 @@ class Definition:
         ``projection(mode, t, y, p)`` returns the mode, and the state put onto the manifold.
     sizes : tuple of float
         Units of the user, in which messages tell the states and, last, the time; if not 1.
+    constraints : tuple of (int, callable)
+        A mode, and ``constraint(mode, t, y, p)``, which is zero for as long as it lasts: such modes
+        are constrained, and the projection follows.
     """
 
     states: tuple[str, ...]
@@ -91,6 +95,7 @@ class Definition:
     constrained: tuple[int, ...] = ()
     projection: Callable[..., Any] | None = None
     sizes: tuple[float, ...] = ()
+    constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
 
     def __reduce__(self) -> Any:
         """Pickle functions by their names where they can be imported, and else with their code."""
@@ -114,7 +119,9 @@ def written(definition: Definition) -> Automaton:
         modes=definition.modes,
         guards=guards or (Guard(NO_GUARD, order=0),),
         cyclic=definition.cyclic,
-        constrained=definition.constrained,
+        constrained=tuple(
+            sorted({*definition.constrained, *(mode for mode, _ in definition.constraints)})
+        ),
         recipe=(written, (definition,)),
         **_Text(definition, guards).functions(),
     )
@@ -281,8 +288,19 @@ class _Text:
                 else:
                     lines += self.case(self.m + i, f"rest_{i}", guard.rest)
         lines += self.case(2 * self.m, "settle", self.definition.settle)
-        lines += self.case(2 * self.m + 1, "projection", self.definition.projection)
+        lines += self.case(2 * self.m + 1, "projection", self.projection())
         return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
+
+    def projection(self) -> Callable[..., Any] | None:
+        """Return what puts a state onto what holds in its mode."""
+        constraints = self.definition.constraints
+        if not constraints:
+            return self.definition.projection
+        self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(constraints)}
+        text = function("onto(mode, t, s, q)", held.projection(constraints, self.n))
+        exec(compile(text, GENERATED, "exec"), self.space)
+        made: Callable[..., Any] = self.space["onto"]
+        return made
 
     def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:
         if change is None:

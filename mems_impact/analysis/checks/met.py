@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from mems_impact.analysis.checks.rates import check_rate
+from mems_impact.analysis.checks.rates import check_constraint, check_rate
 from mems_impact.analysis.checks.times import Clock, check_times
 from mems_impact.analysis.terms import Terms
 from mems_impact.hybrid.faults import definition_of
@@ -38,12 +38,15 @@ def _met(definition: Definition, period: float | Callable[..., float] | None) ->
 
 
 def compare(tried: Tried, clock: Clock, at: Place, slope: Sequence[float]) -> None:
-    """Compare the flow with that at other times, and rates with differences of their margins."""
+    """Compare the flow with that at other times, rates with differences, constraints with zero."""
     if not clock.switches:
         check_times(tried, at, slope, clock.period, clock.unit)
     for i, guard in enumerate(tried.definition.guards):
         if guard.rate is not None and (guard.modes is None or at.mode in guard.modes):
             check_rate(tried, i, at, slope, clock.unit)
+    for i, (mode, _) in enumerate(tried.definition.constraints):
+        if mode == at.mode:
+            check_constraint(tried, i, at, slope, clock.unit)
 
 
 class Meeting:

@@ -9,9 +9,10 @@ from collections.abc import Sequence
 from mems_impact.hybrid.blaming import Function
 from mems_impact.hybrid.tried import Place, Tried
 
-__all__ = ["along", "check_jacobian", "check_rate", "derivative"]
+__all__ = ["along", "check_constraint", "check_jacobian", "check_rate", "derivative"]
 
 PART = 2.5e-4  # the step of differences, of the time scale
+HOLDS = 1e-5  # of what a constraint changes by where states do by their sizes: it is zero
 SLACK = 1e-6  # of the size of a derivative, which no difference is asked to see
 CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
 FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
@@ -63,6 +64,26 @@ def check_rate(tried: Tried, i: int, at: Place, slope: Sequence[float], unit: fl
     problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
     remedy = "return the derivative of the margin along the flow, or give none"
     raise Function("rate", guard.rate, guard.name).error(problem, remedy)
+
+
+def check_constraint(tried: Tried, i: int, at: Place, slope: Sequence[float], unit: float) -> None:
+    """Raise FunctionError unless a constraint is zero in its mode, and stays so along the flow."""
+    value, h, size = tried.constraint(i, at), PART * unit, 0.0
+    for j, y in enumerate(at.y):
+        part = PART * max(abs(y), abs(slope[j]) * unit, 1e-3)
+        beside = Place(at.mode, at.t, [*at.y[:j], y + part, *at.y[j + 1 :]])
+        by_state = abs(tried.constraint(i, beside) - value) / part
+        size = max(size, by_state * max(abs(y), abs(slope[j]) * unit, 1e-3))
+    rate, error = derivative(
+        [tried.constraint(i, along(at, slope, k * h)) for k in range(-4, 5)], h
+    )
+    function = Function("constraint", tried.definition.constraints[i][1])
+    if abs(value) > HOLDS * size:
+        problem = f"is {value:.6g} {tried.place(at)}, and has to be zero in this mode"
+        raise function.error(problem, "let transitions into the mode make it zero, and the start")
+    if abs(rate) * unit > HOLDS * size + error * unit:
+        problem = f"changes at the rate {rate:.6g} {tried.place(at)}, and has to stay zero"
+        raise function.error(problem, "let the flow of the mode keep it zero")
 
 
 def rounding_of(tried: Tried, i: int, at: Place, slope: Sequence[float], unit: float) -> float:

@@ -21,14 +21,13 @@ from mems_impact.analysis.parts.holding import Holding
 from mems_impact.analysis.parts.part import Part, Quantity, Watch, Words
 from mems_impact.analysis.parts.surface import ABOVE, BELOW, SLIDING, Surface
 from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.held import STEPS, elimination
 from mems_impact.hybrid.record import NO_FIT
 from mems_impact.hybrid.written import function, indented, named
 
 __all__ = ["Text"]
 
 LESS = "0.999999999"  # of a motion: what is no smaller is no less
-STEPS = 3  # of Newton's method onto a surface that is not flat
-SUPERFLUOUS = "1e-11"  # of its size, what is left of an equation that others imply
 
 
 class Text:
@@ -336,22 +335,3 @@ class Text:
         if isinstance(words.part, Surface) and asks:
             lines += self.both_sides(words, words.part, "mode", words.mode)
         return lines
-
-
-def elimination(k: int) -> list[str]:
-    """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
-
-    What others make superfluous is zero.
-    """
-    lines = [f"size{i} = g{i}_{i}" for i in range(k)]
-    for i in range(k):
-        lines.append(f"alone{i} = g{i}_{i} > {SUPERFLUOUS} * size{i}")
-        lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
-        for j in range(i + 1, k):
-            lines.append(f"share = g{i}_{j} * inverse{i}")
-            lines += [f"g{j}_{n} -= share * g{i}_{n}" for n in range(j, k)]
-            lines.append(f"r{j} -= share * r{i}")
-    for i in reversed(range(k)):
-        known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
-        lines.append(f"f{i} = (r{i}{known}) * inverse{i}")
-    return lines

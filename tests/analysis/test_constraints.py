@@ -1,0 +1,143 @@
+"""What holds in modes that a user has written: multipliers, exponents and equilibria know it."""
+
+from __future__ import annotations
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+
+FREE, JOINED = mi.modes("free", "joined")
+
+
+def bodies(mode, t, y, p):
+    """Flow of a shaken oscillator beside a body of the same mass, alone or joined for good."""
+    pull = -p.k * y.x - p.c * y.v + p.A * math.cos(t)
+    if mode == JOINED:
+        return y.v, 0.5 * pull, y.w, 0.5 * pull
+    return y.v, pull, y.w, 0.0
+
+
+def apart(mode, t, y, p):
+    return y.z - y.x
+
+
+def parting(mode, t, y, p):
+    return y.w - y.v
+
+
+def join(mode, t, y, p):
+    speed = 0.5 * (y.v + y.w)
+    return JOINED, (y.x, speed, y.x, speed)
+
+
+def joined(**more):
+    given = {
+        "parameters": {"k": 1.0, "c": 0.2, "A": 0.3},
+        "initial": mi.State(x=0.5, z=0.5, mode="joined"),
+        "constraints": {JOINED: (apart, parting)},
+        **more,
+    }
+    return mi.System(
+        states=("x", "v", "z", "w"),
+        flow=bodies,
+        period=2.0 * math.pi,
+        guards=[mi.Guard("meet", apart, join, modes=(FREE,))],
+        **given,
+    )
+
+
+MU = math.exp(-0.05 * 2.0 * math.pi)  # one oscillator of mass 2, damping 0.2
+
+
+@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
+def test_multipliers_of_an_orbit_in_a_mode_held_for_good(engine):
+    options = mi.Options(method="dop853", engine=engine, rtol=1e-10, atol=1e-12)
+    orbit = mi.find_orbit(joined(), transient=60, options=options)
+    assert orbit.stable
+    sizes = sorted(np.abs(orbit.multipliers))
+    assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
+
+
+def test_exponents_of_a_mode_held_for_good():
+    found = mi.lyapunov(joined(), 4)
+    assert np.isneginf(found.exponents[2:]).all()
+    for exponent, error in zip(found.exponents[:2], found.errors[:2], strict=True):
+        assert exponent == pytest.approx(-0.05, abs=2.0 * error)
+    assert mi.lyapunov(joined()).kind == "periodic"
+
+
+def test_units_and_pickles_keep_what_holds():
+    small = joined(
+        initial=mi.State(x=5e-7, z=5e-7, mode="joined"),
+        parameters={"k": 1.0, "c": 0.2, "A": 3e-7},
+        typical={"x": 1e-6, "z": 1e-6, "v": 1e-6, "w": 1e-6, "time": 1.0},
+    )
+    for system in (small, pickle.loads(pickle.dumps(joined()))):
+        orbit = mi.find_orbit(system, transient=60)
+        sizes = sorted(np.abs(orbit.multipliers))
+        assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
+
+
+def test_an_equilibrium_on_a_surface_that_bends_is_isolated():
+    def around(mode, t, y, p):  # on the circle to the angle 1, where the other one is unstable
+        turn = p.a * (math.sin(1.0) * y.x - math.cos(1.0) * y.y)
+        return -turn * y.y, turn * y.x
+
+    def circle(mode, t, y, p):
+        return y.x * y.x + y.y * y.y - p.r * p.r
+
+    ring = mi.System(
+        states=("x", "y"),
+        flow=around,
+        modes=("slides",),
+        parameters={"a": 3.0, "r": 2.0},
+        initial={"x": 2.0},
+        time_scale=1.0,
+        constraints={"slides": circle},
+    )
+    (found,) = mi.find_equilibria(ring, guess={"x": 1.5, "y": 1.5})
+    assert found.stable
+    assert found.neutral == 0
+    assert found.state.x == pytest.approx(2.0 * math.cos(1.0), abs=1e-10)
+    assert found.state.y == pytest.approx(2.0 * math.sin(1.0), abs=1e-10)
+    assert found.eigenvalues == pytest.approx([-6.0], abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("constraint", "message"),
+    [
+        (lambda mode, t, y, p: y.x - y.z - 0.1, "is -0.1 at x = 0.5.* has to be zero"),
+        (lambda mode, t, y, p: y.x - 0.5, "changes at the rate .* has to stay zero"),
+    ],
+    ids=["not zero", "not kept"],
+)
+def test_what_does_not_hold_is_refused(constraint, message):
+    with pytest.raises(mi.FunctionError, match=message):
+        joined(
+            constraints={JOINED: constraint}, initial=mi.State(x=0.5, v=1, z=0.5, w=1, mode=JOINED)
+        )
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"constraints": {2: apart}}, "constraints"),
+        ({"constraints": {"welded": apart}}, "free, joined"),
+        ({"constraints": apart}, "mapping of modes"),
+        ({"constraints": {JOINED: lambda y: y.x}}, "takes 1 arguments"),
+    ],
+)
+def test_what_is_no_constraint_is_refused(more, message):
+    with pytest.raises(mi.InvalidParameter, match=message):
+        joined(**more)
+    with pytest.raises(mi.InvalidParameter, match="parts"):
+        mi.System(
+            states=("x", "v"),
+            flow=lambda mode, t, y, p: (y.v, -y.x),
+            parts=[mi.Friction("ground", "v", mu=0.5)],
+            constraints={0: apart},
+        )
