@@ -14,7 +14,7 @@ from typing import Any
 
 from mems_impact.errors import MemsImpactError
 
-__all__ = ["PICTURES", "register", "with_picture"]
+__all__ = ["PICTURES", "register"]
 
 PICTURES = {
     ("analysis.run", "Run"): "plot_run",
@@ -28,7 +28,7 @@ PICTURES = {
     ("studies.basins", "Basins"): "plot_basins",
     ("studies.operating_map", "OperatingMap"): "plot_map",
     ("studies.pareto", "ParetoFront"): "plot_pareto",
-    ("studies.scatter", "Scatter"): "plot_scatter",
+    ("studies.scatter", "Scatter"): "plot_tolerance_analysis",
 }
 """The public function that draws a result of each class, by module and name."""
 

@@ -2,29 +2,28 @@ import pickle
 
 import pytest
 
-from mems_impact import errors, interruptions
+from mems_impact import errors
+from mems_impact import errors as interruptions
 from mems_impact.errors import (
+    ChartInterrupted,
+    EngineFallbackWarning,
     EngineUnavailable,
     FileNotWritten,
     FunctionError,
     FunctionsMissing,
+    Interrupted,
     InvalidFile,
     InvalidParameter,
     MemsImpactError,
+    OptimizationInterrupted,
     OrbitError,
     RunError,
-    WorkersLost,
-)
-from mems_impact.interruptions import (
-    ChartInterrupted,
-    Interrupted,
-    OptimizationInterrupted,
     RunInterrupted,
     StudyInterrupted,
     SweepInterrupted,
+    WorkersLost,
 )
 from mems_impact.paper.suite import SuiteInterrupted
-from mems_impact.warnings import EngineFallbackWarning
 
 RUN_ERROR = RunError(
     reason="too many events",

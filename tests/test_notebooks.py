@@ -44,8 +44,8 @@ def shown(formatter, result):
 
 def test_results_come_with_their_pictures(formatter):
     zhao = mi.load_actuator("zhao2004")
-    orbit = mi.find_orbit(zhao, DRIVE, guess=mi.kicked(zhao), transient=300)
-    run = mi.simulate(zhao, DRIVE, periods=3, initial=mi.kicked(zhao))
+    orbit = mi.find_orbit(zhao, DRIVE, guess=mi.kicked_state(zhao), transient=300)
+    run = mi.simulate(zhao, DRIVE, periods=3, initial=mi.kicked_state(zhao))
     for result in (run, orbit):
         html = shown(formatter, result)
         assert html.startswith(result._repr_html_())

@@ -21,13 +21,13 @@ found = mi.operating_map(
     drive,
     x=("amplitude", np.linspace(0.16, 0.30, 30)),
     y=("omega", np.linspace(0.44, 0.51, 30)),
-    initial=mi.kicked(actuator),
+    initial=mi.kicked_state(actuator),
 )
 print(mi.map_summary(found.table).round(4).to_string(index=False))
 
 # %%
 # Periodic points cost few forcing periods, since they are left as soon as they have settled; those
-# that never repeat themselves cost all of ``transient`` and ``periods`` (see `Settling`), and a
+# that never repeat themselves cost all of ``transient`` and ``periods`` (see `RecurrenceOptions`), and a
 # Lyapunov exponent, which tells whether they are chaotic.
 
 print(found.table.groupby("motion")["returns"].mean().round(1))
@@ -80,6 +80,6 @@ assert (table["motion"][below] == "off").all()
 periodic = table[(table["motion"] == "periodic") & (table["period"] == 1)]
 point = periodic.iloc[len(periodic) // 2]
 there = drive.varied({"amplitude": point["amplitude"], "omega": point["omega"]})
-orbit = mi.find_orbit(actuator, there, guess=mi.kicked(actuator), transient=300)
+orbit = mi.find_orbit(actuator, there, guess=mi.kicked_state(actuator), transient=300)
 print(orbit.step, point["displacement per period"])
 assert abs(point["displacement per period"] / orbit.step - 1.0) < 1e-5

@@ -76,7 +76,7 @@ mi.plot_orbit(cycle, x="room", y="h").figure.savefig("thermostat_orbit.png")
 # outside ("too warm") the room no longer reaches 21. Brute force is a run at each value.
 
 colder = mi.continue_orbit(cycle, "outside", stop=-25.0)
-warmer = mi.continue_orbit(cycle, "outside", stop=18.5, steps=mi.Steps(largest=0.5))
+warmer = mi.continue_orbit(cycle, "outside", stop=18.5, steps=mi.StepControl(largest=0.5))
 (coldest,) = colder.special_points
 dots = []
 for outside in np.linspace(-25.0, 18.5, 88):

@@ -72,12 +72,14 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 
 wanted = {STEP: (16e-9, 24e-9)}
 given = {"specification": wanted, "options": mi.Options(method="dop853")}
-found = mi.scatter(mita, drive, over=over, parameters=device, samples=256, indices=True, **given)
+found = mi.tolerance_analysis(
+    mita, drive, over=over, parameters=device, samples=256, indices=True, **given
+)
 print(found)
 print(found.quantiles().loc[[STEP, "impact speed max", "energy lost per period"]])
 indices = found.indices.query("quantity == @STEP").set_index("parameter")
 print(indices[["first", "first low", "first high", "total"]].round(3))
-mi.plot_scatter(found, quantity=STEP).figure.savefig("tolerances_scatter.png")
+mi.plot_tolerance_analysis(found, quantity=STEP).figure.savefig("tolerances_scatter.png")
 
 # %%
 # Of every five devices one is out. It is the etching: two thirds of the variance would be gone
@@ -101,7 +103,7 @@ for name, width, drawn in (
     ("etched to 25 nm", 5e-6, better),
     ("friction to 0.01", 5e-6, smooth),
 ):
-    some = mi.scatter(
+    some = mi.tolerance_analysis(
         mita, drive, over=drawn, samples=256, **given,
         parameters=lambda width=width, **values: device(**values, width=width),
     )  # fmt: skip

@@ -19,7 +19,7 @@ store = Path(tempfile.mkdtemp()) / "map"
 found = mi.operating_map(
     actuator, drive,
     x=("amplitude", np.linspace(0.20, 0.28, 12)), y=("omega", np.linspace(0.47, 0.5, 6)),
-    initial=mi.kicked(actuator), settle=mi.Settling(exponents="none"),
+    initial=mi.kicked_state(actuator), settle=mi.RecurrenceOptions(exponents="none"),
     store=store,
 )  # fmt: skip
 print(mi.map_summary(found.table)[["motion", "points", "share"]].to_string(index=False))

@@ -34,7 +34,7 @@ print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_
 
 speeds = mi.speed_over_voltage(
     actuator, drive, np.linspace(0.18, 0.25, 8), transient=300, periods=40,
-    initial=mi.kicked(actuator),
+    initial=mi.kicked_state(actuator),
 )  # fmt: skip
 print(speeds[["amplitude", "displacement per period", "mean speed"]].to_string(index=False))
 print(f"finest step {mi.resolution(speeds):.2e}")

@@ -1,5 +1,5 @@
 """The impact microactuator: its parameters, its drive and its equations of motion."""
 
-from mems_impact.analysis.storing import ROOMS
+from mems_impact.systems.serialization import STORABLE_MODULES
 
-ROOMS.append("mems_impact.actuator.stored")  # of what may stand in a saved file
+STORABLE_MODULES.append("mems_impact.actuator.serialization")  # of what may stand in a saved file

@@ -4,11 +4,12 @@ Everything here is plain arithmetic that numba compiles unchanged. ``p`` is the 
 of `Actuator.to_array`, followed by the parameters of the drive.
 """
 
-# ruff: noqa: D103 - the table above the functions says what each of them is.
-
 from __future__ import annotations
 
 from typing import Any
+
+# ruff: noqa: D103 - the table above the functions says what each of them is.
+
 
 # Places in the parameter array; the order of `Actuator`'s fields.
 M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)

@@ -13,19 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from mems_impact.actuator.checked import Checked, Fraction, NonNegative, Positive, unknown
-from mems_impact.actuator.ranges import look_at_device, look_at_drive
-from mems_impact.actuator.reading import parse_toml, read_bytes
+from mems_impact._util.formatting import html_table, shown
+from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact.actuator.parameter_base import Checked, Fraction, NonNegative, Positive, unknown
+from mems_impact.actuator.plausibility import look_at_device, look_at_drive
 from mems_impact.actuator.terms.base import Term
 from mems_impact.actuator.terms.files import term_names, term_of, term_with
+from mems_impact.actuator.toml_files import parse_toml, read_bytes
 from mems_impact.actuator.units import DeviceScales, scaled_fields, unscaled_fields
-from mems_impact.errors import InvalidParameter
-from mems_impact.units import DIMENSIONLESS, Scales
-from mems_impact.warnings import UnitsWarning
-from mems_impact.wording import html_table, shown
+from mems_impact.errors import InvalidParameter, UnitsWarning
 
 if TYPE_CHECKING:
-    from mems_impact.actuator.drives import Drive
+    from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.system import ActuatorSystem
 
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]

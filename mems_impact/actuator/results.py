@@ -1,30 +1,326 @@
-"""What runs and orbits of an actuator tell beside what those of any system do."""
+"""Runs and orbits of a device, and their tables."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
-from mems_impact.actuator import tables
-from mems_impact.actuator.design.blows import each_blow
-from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
-from mems_impact.actuator.design.rests import Rests
-from mems_impact.actuator.design.statistics import Accumulator, Statistics
-from mems_impact.actuator.modes import V2
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X1
+from mems_impact.actuator.impacts import (
+    RestDetector,
+    each_blow,
+    energy_lost,
+    frame_steps,
+    is_impact,
+)
+from mems_impact.actuator.statistics import Accumulator, Statistics
 from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.run import Run
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.simulation import Events
+from mems_impact.tables import Labels, table, when, words
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from mems_impact.actuator.drives import Drive
+    from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
 
-__all__ = ["ActuatorOrbit", "ActuatorRun"]
+__all__ = [
+    "COLUMN_UNITS",
+    "SWEEP_COLUMNS",
+    "SYMBOLS",
+    "ActuatorOrbit",
+    "ActuatorRun",
+    "chart",
+    "chart_points",
+    "chart_types",
+    "duty",
+    "fit_parameters",
+    "fit_residuals",
+    "impacts",
+    "load",
+    "speed",
+    "step_lengths",
+    "swings",
+]
+
+# --- Tables that an actuator has beside those of any system (see `mems_impact.tables`).
+
+ENERGY_PER = ("energy lost per period", "energy in per period", "energy in per impact")
+COLUMN_UNITS = {
+    "time": "s",
+    **dict.fromkeys(["x1", "x2", "step", "displacement", "formula", "closest approach"], "m"),
+    **dict.fromkeys(["v1", "v2", "impact speed", "mean speed"], "m/s"),
+    **dict.fromkeys(["energy lost", "energy in", *ENERGY_PER], "J"),
+    **dict.fromkeys([f"displacement per {each}" for each in ("period", "impact", "blow")], "m"),
+    "voltage": "V",
+    "load": "N",
+    "power": "W",
+}
+"""The SI unit of every column, and of every statistic, that is not a pure number."""
+
+SYMBOLS = {"amplitude": "$f$"}
+"""The paper's symbols, where they are not to be read off the names of parameters."""
+
+
+def impacts(
+    rows: Events, steps: Floats, energy: Floats, period: float, labels: Labels
+) -> pd.DataFrame:
+    """Return one row an impact.
+
+    Parameters
+    ----------
+    rows : Events
+        Impacts only.
+    steps : float array
+        Displacement of the frame from each impact until the frame rests or the next impact comes.
+    energy : float array
+        Kinetic energy lost in each.
+    period : float
+        Forcing period.
+    labels : Labels
+    """
+    columns = {
+        **when(rows.cycle, rows.time, period, labels),
+        "phase": rows.time / period,
+        "stopper": _stopper(rows),
+        "v1 before": rows.before[:, V1],
+        "v1 after": rows.after[:, V1],
+        "v2 before": rows.before[:, V2],
+        "v2 after": rows.after[:, V2],
+        "energy lost": energy,
+        "x1": rows.after[:, X1],
+        "step": steps,
+    }
+    return table(columns, labels)
+
+
+def blows(
+    first: Events,
+    impacts: NDArray[np.int64],
+    rests: NDArray[np.bool_],
+    displacement: Floats,
+    energy: Floats,
+    period: float,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a blow.
+
+    Parameters
+    ----------
+    first : Events
+        The first impact of each.
+    impacts : int array
+        How many it has.
+    rests : bool array
+        Whether it ends in rest on the stopper.
+    displacement : float array
+        What it moves the frame by.
+    energy : float array
+        Kinetic energy lost in each.
+    period : float
+        Forcing period.
+    labels : Labels
+    """
+    columns = {
+        **when(first.cycle, first.time, period, labels),
+        "phase": first.time / period,
+        "stopper": _stopper(first),
+        "impacts": impacts,
+        "ends in rest": rests,
+        "v2 before": first.before[:, V2],
+        "energy lost": energy,
+        "x1": first.after[:, X1],
+        "displacement": displacement,
+    }
+    return table(columns, labels)
+
+
+def chart(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a point of a boundary: boundary, the `parameters`, type, kind."""
+    columns = {
+        "boundary": [row["boundary"] for row in rows],
+        **_values(parameters, rows),
+        "type": [row["type"] for row in rows],
+        "kind": [row["kind"] for row in rows],
+    }
+    return table({}, labels, given=columns)
+
+
+def chart_types(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
+    """Return one row a type: type, grazing, `parameter` from and to, on, off."""
+    columns = {
+        "type": [row["type"] for row in rows],
+        "grazing": [row["grazing"] for row in rows],
+        **_values((f"{parameter} from", f"{parameter} to"), rows),
+        "on": [row["on"] for row in rows],
+        "off": [row["off"] for row in rows],
+    }
+    return table({}, labels, given=columns)
+
+
+def chart_points(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a point of codimension two: kind and the `parameters`."""
+    columns = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    return table({}, labels, given=columns)
+
+
+def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {
+        name: np.array([row["values"][i] for row in rows], dtype=float)
+        for i, name in enumerate(parameters)
+    }
+
+
+SWEEP_COLUMNS = (
+    "impacts per period",
+    "blows per period",
+    "displacement per period",
+    "displacement per impact",
+    "mean speed",
+    "closest approach",
+)
+"""What a sweep says of every value: statistics, as a run has them."""
+
+
+def fit_parameters(
+    names: Sequence[str],
+    start: Sequence[float],
+    fitted: Sequence[float],
+    limits: Floats,
+    errors: Floats,
+    determined: NDArray[np.bool_],
+    at_bound: NDArray[np.bool_],
+) -> pd.DataFrame:
+    """Return one row a free parameter of a fit; `errors` are relative."""
+    columns = {
+        "parameter": list(names),
+        "start": list(start),
+        "fitted": list(fitted),
+        "low": limits[:, 0],
+        "high": limits[:, 1],
+        "standard error": np.array(fitted) * errors,
+        "determined": determined,
+        "at bound": at_bound,
+    }
+    return pd.DataFrame(columns)
+
+
+def fit_residuals(
+    quantities: Sequence[str],
+    drives: Sequence[str],
+    measured: Floats,
+    computed: Floats,
+    tolerances: Floats,
+) -> pd.DataFrame:
+    """Return one row a target of a fit."""
+    columns = {
+        "quantity": list(quantities),
+        "drive": list(drives),
+        "measured": measured,
+        "computed": computed,
+        "difference": computed - measured,
+        "in tolerances": (computed - measured) / tolerances,
+    }
+    return pd.DataFrame(columns)
+
+
+def step_lengths(
+    period: NDArray[np.int64],
+    phase: Floats,
+    speed: Floats,
+    voltage: Floats,
+    simulated: Floats,
+    formula: Floats,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row an impact: the simulated step beside the formula; all in device units."""
+    columns = {
+        "period": period,
+        "phase": phase,
+        "v2 before": speed,
+        "voltage": voltage,
+        "step": simulated,
+        "formula": formula,
+        "ratio": simulated / formula,
+    }
+    return table({}, labels, given=columns)
+
+
+def speed(
+    parameter: str,
+    voltage: Floats,
+    impacts_per_period: Floats,
+    blows_per_period: Floats,
+    displacement_per_period: Floats,
+    period: float,
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a value of `parameter`, a voltage: steps and mean speed; in device units."""
+
+    def each(number: Floats) -> Floats:
+        none = np.full(number.size, np.nan)
+        return np.divide(displacement_per_period, number, out=none, where=number > 0.0)
+
+    columns = {
+        parameter: voltage,
+        "impacts per period": impacts_per_period,
+        "blows per period": blows_per_period,
+        "displacement per period": displacement_per_period,
+        "displacement per impact": each(impacts_per_period),
+        "displacement per blow": each(blows_per_period),
+        "mean speed": displacement_per_period / period,
+    }
+    return table({}, labels, given=columns)
+
+
+def load(
+    force: Floats,
+    displacement_per_period: Floats,
+    speed: Floats,
+    does: Sequence[str],
+    by: Sequence[str],
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a load: displacement and mean speed against it; in device units."""
+    columns = {
+        "load": force,
+        "displacement per period": displacement_per_period,
+        "mean speed": speed,
+        "power": force * speed,
+        "does": list(does),
+        "by": list(by),
+    }
+    return table({}, labels, given=columns)
+
+
+def duty(modes: Sequence[str], shares: Floats, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a mode: its share of the time, and its time in a period."""
+    return table({"time": shares * period}, labels, given={"mode": list(modes), "share": shares})
+
+
+def swings(t: Floats, amplitude: Floats, labels: Labels) -> pd.DataFrame:
+    """Return one row a swing of the block: when, and half the way between its ends."""
+    found = table({"t": t, "x2": amplitude}, labels).rename(columns={"x2": "amplitude"})
+    units = found.attrs["units"]
+    found.attrs["units"] = {"amplitude" if name == "x2" else name: units[name] for name in units}
+    return found
+
+
+def _stopper(impacts: Events) -> Any:
+    return words(["right", "left"], (impacts.guard != RIGHT_IMPACT).astype(np.int64))
+
+
+# --- What runs and orbits of an actuator tell beside what those of any system do.
 
 
 class _OfActuator:
@@ -49,8 +345,8 @@ class ActuatorRun(_OfActuator, Run):
     """A run of an actuator under a drive."""
 
     kept: ClassVar[tuple[str, ...]] = (*Run.kept, "blows")
-    figure = "mems_impact.actuator.figures.run:plot_run"
-    scene = "mems_impact.actuator.figures.device:device_scene"
+    figure = "mems_impact.actuator.plots:plot_run"
+    scene = "mems_impact.actuator.plots:device_scene"
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
@@ -65,7 +361,7 @@ class ActuatorRun(_OfActuator, Run):
         steps = frame_steps(log)[1]
         struck = is_impact(log)
         lost = energy_lost(log, self.system.inner_actuator)[struck]
-        return tables.impacts(log[struck], steps, lost, self.trajectory.period, self.system)
+        return impacts(log[struck], steps, lost, self.trajectory.period, self.system)
 
     @cached_property
     def blows(self) -> pd.DataFrame:
@@ -79,8 +375,8 @@ class ActuatorRun(_OfActuator, Run):
         their own.
         """
         actuator, period = self.system.inner_actuator, self.trajectory.period
-        each = each_blow(Rests(actuator, period)(self._log("blows")), actuator)
-        return tables.blows(
+        each = each_blow(RestDetector(actuator, period)(self._log("blows")), actuator)
+        return blows(
             each.first, each.impacts, each.rests, each.displacement, each.energy, period,
             self.system,
         )  # fmt: skip
@@ -97,7 +393,7 @@ class ActuatorRun(_OfActuator, Run):
 class ActuatorOrbit(_OfActuator, Orbit):
     """A periodic orbit of an actuator under a drive."""
 
-    figure = "mems_impact.actuator.figures.orbit:plot_orbit"
+    figure = "mems_impact.actuator.plots:plot_orbit"
 
     @property
     def step(self) -> float:
@@ -119,7 +415,7 @@ class ActuatorOrbit(_OfActuator, Orbit):
         hits = self._hits
         lost = energy_lost(log, self.system.inner_actuator)[is_impact(log)]
         period = self.found.point.period
-        return tables.impacts(hits, steps[: len(hits)], lost[: len(hits)], period, self.system)
+        return impacts(hits, steps[: len(hits)], lost[: len(hits)], period, self.system)
 
     @cached_property
     def impact_speeds(self) -> list[float]:

@@ -1,25 +1,25 @@
-"""An actuator under a drive, as a system among others."""
+"""A device under a drive as a system.
+
+What the drive gives is summed up in states on which nothing depends. They count in the choice of
+steps, so that its motions are those of the actuator to tolerance, not to the last bit.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, partial
-from typing import Any
+from dataclasses import replace
+from functools import cache, cached_property, partial
+from typing import Any, NoReturn, Self, TypeVar
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
+from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.composed import composed_automaton
-from mems_impact.actuator.composing import compose
-from mems_impact.actuator.design.impacts import yields
-from mems_impact.actuator.design.measures import REDUCED, measure_names, measures
-from mems_impact.actuator.design.statistics import Accumulator
-from mems_impact.actuator.design.still import still_after
-from mems_impact.actuator.drives import WAVEFORMS, Drive
-from mems_impact.actuator.drives.files import drive_of_kind
-from mems_impact.actuator.modes import (
+from mems_impact.actuator.automaton import (
     GUARDS,
+    MARGIN_UNITS,
     STATES,
     V1,
     X2,
@@ -27,28 +27,268 @@ from mems_impact.actuator.modes import (
     direction_of,
     side_of,
 )
-from mems_impact.actuator.numerics import ActuatorNumerics
-from mems_impact.actuator.parameters import Actuator
-from mems_impact.actuator.quantities import actuator_quantities
-from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
-from mems_impact.actuator.tables import SWEEP_COLUMNS, SYMBOLS
-from mems_impact.actuator.validity import Validity
-from mems_impact.analysis.observable import Observable
-from mems_impact.analysis.quantity import Quantity
-from mems_impact.analysis.state import State, state_from
-from mems_impact.analysis.statistics import Gatherer, Span
-from mems_impact.analysis.system import System
+from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
+from mems_impact.actuator.extended_automaton import SCRATCH, compose, composed_automaton
+from mems_impact.actuator.impacts import yields
+from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
+from mems_impact.actuator.results import (
+    COLUMN_UNITS,
+    SWEEP_COLUMNS,
+    SYMBOLS,
+    ActuatorOrbit,
+    ActuatorRun,
+)
+from mems_impact.actuator.statistics import (
+    REDUCED,
+    Accumulator,
+    actuator_quantities,
+    measure_names,
+    measures,
+    standstill_period,
+)
+from mems_impact.actuator.terms.base import Term, TermKind, Validity
+from mems_impact.actuator.units import scaled_fields
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.observed import Observed, observed
-from mems_impact.hybrid.portable import reference
-from mems_impact.hybrid.problem import Problem, Section
-from mems_impact.hybrid.scaling import Typical
-from mems_impact.hybrid.survey import Settled
-from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
-from mems_impact.units import DIMENSIONLESS, Scales
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.definition import GENERATED, RATE_STEP, Typical, function, named_tuple
+from mems_impact.hybrid.event_loop.workspace import ENDS
+from mems_impact.hybrid.pickling import reference
+from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.systems import arguments
+from mems_impact.systems.observables import Observable, Quantity
+from mems_impact.systems.state import State, state_from
+from mems_impact.systems.statistics import StatisticsAccumulator, TimeWindow
+from mems_impact.systems.system import System
 
-__all__ = ["ActuatorSystem", "kicked"]
+__all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_state"]
+
+# --- The numbers of an actuator under a drive: by name and unit, and as the numerics take them.
+
+Kind = TypeVar("Kind", bound="ActuatorNumerics")
+
+
+class ActuatorNumerics(System):
+    """A system whose parameters are the numbers of an actuator, of its terms and of a drive."""
+
+    actuator: Actuator
+    drive: Drive
+    _scales: Scales
+
+    def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
+        self.name = ""
+        self.actuator, self.drive, self._scales = actuator, drive, scales
+
+    @cached_property
+    def _kinds(self) -> tuple[TermKind, ...]:
+        return tuple(term.kind for term in self.actuator.terms)
+
+    @cached_property
+    def _unfolded(self) -> bool:
+        """Whether the sign of the voltage matters, and changes from one period of v^2 to the next.
+
+        The forcing period is then that of v itself.
+        """
+        return self._signed and self.drive.changes_sign
+
+    @cached_property
+    def _signed(self) -> bool:
+        return any(kind.term.signed for kind in self._kinds)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """All numbers of drive and actuator."""
+        values = {name: self.drive.number(name) for name in self.drive.names}
+        for name in PARAMETER_NAMES:
+            values.setdefault(name, float(getattr(self.actuator, name)))
+        for term in self.actuator.terms:
+            values |= {f"{term.name()}.{name}": getattr(term, name) for name in term.names}
+        return values
+
+    @property
+    def is_scaled(self) -> bool:
+        """Always."""
+        return True
+
+    @property
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+        return self._scales
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """SI units of parameters and columns; none of a dimensionless device."""
+        if self._scales is DIMENSIONLESS:
+            return {}
+        of_drive = {name: self.drive.unit(name) for name in self.drive.names}
+        return {**PARAMETER_UNITS, **COLUMN_UNITS, **of_drive, **self._term_units}
+
+    def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
+        """Return the margin of a guard, or its rate, in the units of the device, to be printed."""
+        unit = MARGIN_UNITS.get(guard, "")
+        factor = self.scales.unit(unit) if unit else 1.0  # a switch of the drive has no margin
+        factor /= self.scales.unit("s") if rate else 1.0
+        unit += "/s" if rate and unit else ""
+        return f"{value * factor:.3g} {unit if self.scales.named else ''}".rstrip()
+
+    @cached_property
+    def _term_units(self) -> dict[str, str]:
+        """Units of the parameters of terms, and of their states."""
+        found: dict[str, str] = {}
+        for term in self.actuator.terms:
+            own, both = term.states(term.shape), term.electrode_states(term.shape)
+            names = {name: f"{term.name()}.{name}" for name in term.names}
+            names |= {name: name for name in own + both}
+            found |= {names[name]: unit for name, unit in term.units.items() if name in names}
+            found |= {f"left_{name}": term.units[name] for name in both if name in term.units}
+        return found
+
+    @property
+    def forcing_period(self) -> float:
+        """The drive's; that of the voltage itself where a term makes its sign matter."""
+        return self.drive.period * (2.0 if self._unfolded else 1.0)
+
+    def changed(self, /, **values: float) -> Self:
+        """Return the system at other values of some parameters, checked."""
+        drive_values, actuator_values, term_values = self._sorted(values)
+        drive = self.drive.varied(drive_values) if drive_values else self.drive
+        if term_values:
+            actuator_values["terms"] = self._terms(term_values)
+        actuator = self.actuator.replace(**actuator_values) if actuator_values else self.actuator
+        return self._with(actuator, drive, actuator.scales)
+
+    def shifted(self, values: Mapping[str, float]) -> Self:
+        """Return the system at values that may not be allowed, in the same scales.
+
+        Differences by a parameter at the end of its range look beyond it, as do trial steps.
+        """
+        drive_values, actuator_values, term_values = self._sorted(values)
+        actuator, drive = self.actuator, self.drive
+        if drive_values:
+            drive = drive.varied(drive_values, checked=False)
+        if term_values:
+            actuator_values["terms"] = self._terms(term_values, checked=False)
+        if actuator_values:
+            actuator = actuator.replace_unchecked(**actuator_values)
+        return self._with(actuator, drive, self._scales)
+
+    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
+        """Return the system of another actuator and drive, which have been checked or need not."""
+        other = object.__new__(type(self))
+        other._put(actuator, drive, scales)
+        return other
+
+    def _as(self, kind: type[Kind]) -> Kind:
+        """Return the same actuator and drive as a system of another kind."""
+        other = object.__new__(kind)
+        other._put(self.actuator, self.drive, self._scales)
+        return other
+
+    def _sorted(
+        self, values: Mapping[str, float]
+    ) -> tuple[dict[str, float], dict[str, Any], dict[str, float]]:
+        """Return the values of the drive, those of the actuator and those of its terms."""
+        of_drive, of_actuator, of_terms = {}, {}, {}
+        for name, value in values.items():
+            if name in self._drive_names:
+                of_drive[name] = value
+            elif name in PARAMETER_NAMES:
+                of_actuator[name] = value
+            else:
+                self.check_parameter(name)
+                of_terms[name] = value
+        return of_drive, of_actuator, of_terms
+
+    def _terms(self, values: Mapping[str, float], *, checked: bool = True) -> tuple[Term, ...]:
+        """Return the terms, some of their numbers changed."""
+        found = []
+        for term in self.actuator.terms:
+            prefix = f"{term.name()}."
+            own = {
+                name.removeprefix(prefix): value
+                for name, value in values.items()
+                if name.startswith(prefix)
+            }
+            found.append(term.varied(own, checked=checked) if own else term)
+        return tuple(found)
+
+    @property
+    def inner_actuator(self) -> Actuator:
+        """The actuator in the units of the numerics."""
+        if self._scales is DIMENSIONLESS:
+            return self.actuator
+        values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
+        terms = tuple(term.scaled(self._scales) for term in self.actuator.terms)
+        return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
+
+    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
+        """Return what of the problem depends on the parameters, dimensionless.
+
+        Numbers all the way: no checked object is made of the actuator, nor of a drive whose own
+        `numbers` does without.
+        """
+        of_drive, of_actuator, of_terms = self._sorted(changes) if changes else ({}, {}, {})
+        device = self._device
+        if of_actuator or of_terms:
+            device = device.copy()
+        for name, value in of_actuator.items():
+            unit = PARAMETER_UNITS.get(name)
+            inner = self._scales.into(value, unit) if unit else value
+            device[PARAMETER_NAMES.index(name)] = inner
+        for name, value in of_terms.items():
+            device[self._term_places[name]] = self.into(name, value)
+        q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
+        unfolded = self._unfolded
+        if of_drive and self._signed:
+            unfolded = self.drive.varied(of_drive, checked=False).changes_sign
+        if unfolded:
+            switches += tuple(period + time for time in switches)
+            scale, period = scale or period, 2.0 * period
+        return ProblemParameters(np.concatenate([device, q]), period, switches, scale)
+
+    @cached_property
+    def _device(self) -> Floats:
+        """The numbers of actuator and terms, in the units of the numerics; room for scratch."""
+        own = self.inner_actuator.to_array()
+        if not self._composed:
+            return own
+        of_terms = [each for term in self.actuator.terms for each in term.numbers(self._scales)]
+        scratch = np.zeros(self._scratch)
+        return np.concatenate([own, of_terms, scratch])
+
+    @property
+    def _composed(self) -> bool:
+        """Whether its equations are put together, and need scratch; the paper's alone do not."""
+        return bool(self._kinds)
+
+    @property
+    def _scratch(self) -> int:
+        """How many numbers of scratch there are."""
+        return SCRATCH * len(self.states)
+
+    @cached_property
+    def _term_places(self) -> dict[str, int]:
+        """Where the parameters of terms stand among the numbers."""
+        places: dict[str, int] = {}
+        first = len(PARAMETER_NAMES)
+        for kind in self._kinds:
+            at = kind.at(first)
+            places |= {f"{kind.term.name()}.{name}": place for name, place in at.p.items()}
+            first += kind.length
+        return places
+
+    @cached_property
+    def _drive_names(self) -> tuple[str, ...]:
+        return self.drive.names
+
+
+# --- An actuator under a drive, as a system among others.
 
 TOUCHING = 1e-9  # of delta: scaling may round a block on its stopper
 IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
@@ -194,7 +434,7 @@ class ActuatorSystem(ActuatorNumerics):
         return (*self.observables, *IMPACT_SPEEDS)
 
     @property
-    def observed(self) -> Observed:
+    def observed(self) -> CompiledObservables:
         """The same as one function of the numerics."""
         guards = [guard.name for guard in self.automaton.guards]
         given = (
@@ -203,7 +443,7 @@ class ActuatorSystem(ActuatorNumerics):
         )
         return observed(tuple(given), self.states, None)
 
-    def measures(self, settled: Settled, period: float) -> dict[str, float]:
+    def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
         """Return what studies tell of where a motion has come to, by heading."""
         return measures(self, settled, period)
 
@@ -227,13 +467,11 @@ class ActuatorSystem(ActuatorNumerics):
 
         Its studies tell it per period and per impact.
         """
-        from mems_impact.actuator.ledger import LedgerSystem  # which is one of these
-
-        return self._as(LedgerSystem)
+        return self._as(EnergyAccountingSystem)
 
     def start_of(self, direction: str) -> State:
         """Return rest in the middle for a sweep up, and a kick for one down."""
-        return State() if direction == "up" else kicked(self.actuator)
+        return State() if direction == "up" else kicked_state(self.actuator)
 
     def check_continued(self, name: str) -> None:
         """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
@@ -244,13 +482,11 @@ class ActuatorSystem(ActuatorNumerics):
 
     def ending(self, until: Callable[..., float]) -> System:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
-        from mems_impact.actuator.ending import ended  # which returns one of these
-
         return ended(self, until)
 
     def standstill(self) -> Callable[[Trajectory], float | None]:
         """Return what tells after how many periods a run stands still; None if it does not."""
-        return partial(still_after, actuator=self.inner_actuator)
+        return partial(standstill_period, actuator=self.inner_actuator)
 
     def _check_state(self, field: str, state: State) -> None:
         super()._check_state(field, state)
@@ -280,7 +516,7 @@ class ActuatorSystem(ActuatorNumerics):
             problem = f"does not fit {state!r}; leave it out, then it follows from the state"
             raise InvalidParameter("mode", state.mode, "", problem=problem)
 
-    def state_of(self, instant: Instant) -> State:
+    def state_of(self, instant: HybridState) -> State:
         """Return an instant as a state in the device's units."""
         values = {
             name: self.out(name, value)
@@ -301,11 +537,13 @@ class ActuatorSystem(ActuatorNumerics):
         code = automaton.switch_code
         return int(automaton.transition(mode, code, time, y, problem.parameters))
 
-    def gatherer(self, problem: Problem, start: Instant, window: Span) -> Gatherer:
+    def gatherer(
+        self, problem: Problem, start: HybridState, window: TimeWindow
+    ) -> StatisticsAccumulator:
         """Return what gathers the statistics of a run."""
         return Accumulator(self.inner_actuator, start, window)
 
-    def validity(self, problem: Problem, start: Instant) -> Validity | None:
+    def validity(self, problem: Problem, start: HybridState) -> Validity | None:
         """Return what warns of a run that leaves the range in which its terms hold."""
         sides = 1 if self.drive.left_voltage is None else 2
         parts = compose(self._kinds, sides).contributions if self._kinds else ()
@@ -314,13 +552,13 @@ class ActuatorSystem(ActuatorNumerics):
 
     def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, in the units of the numerics."""
-        return float(observable.function(_Named(self.states, y), problem.parameters))
+        return float(observable.function(NamedState(self.states, y), problem.parameters))
 
     def measure_event(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Return an observable at an event, in the units of the numerics."""
-        before, after = (_Named(self.states, y[i]) for y in (events.before, events.after))
+        before, after = (NamedState(self.states, y[i]) for y in (events.before, events.after))
         mode, time = int(events.mode_before[i]), float(events.time[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
 
@@ -329,7 +567,7 @@ class ActuatorSystem(ActuatorNumerics):
         # A rounding is left there, with which a run would begin to slip.
         return y if direction_of(mode) != 0 else np.where(np.arange(y.size) == V1, 0.0, y)
 
-    def moves(self, instant: Instant) -> bool:
+    def moves(self, instant: HybridState) -> bool:
         """Return whether the frame slides."""
         return direction_of(instant.mode) != 0
 
@@ -355,7 +593,7 @@ def own_functions(drive: Drive) -> dict[str, str]:
     return found
 
 
-def kicked(actuator: Actuator) -> State:
+def kicked_state(actuator: Actuator) -> State:
     """Return the state in which the block passes the middle fast enough to strike a stopper.
 
     Its kinetic energy is four times what the spring takes up on the way.
@@ -377,15 +615,234 @@ def kicked(actuator: Actuator) -> State:
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> run = mi.simulate(actuator, drive, periods=300, initial=mi.kicked(actuator))
+    >>> run = mi.simulate(actuator, drive, periods=300, initial=mi.kicked_state(actuator))
     >>> float(run.statistics["impacts per period"])
     1.0
     """
     return State(v2=2.0 * actuator.delta * math.sqrt(actuator.k / actuator.m2))
 
 
-class _Named:
+class NamedState:
     """A state of the actuator by name."""
 
     def __init__(self, states: Sequence[str], y: Floats) -> None:
         vars(self).update(zip(states, y.tolist(), strict=False))
+
+
+# --- An actuator that keeps account of the energy it is given while it moves: for studies.
+
+NO_LEDGER = "account of the energy is kept by studies, whose runs end by no function"
+
+
+class EnergyAccountingSystem(ActuatorSystem):
+    """An actuator under a drive whose studies tell the energy that the drive gives."""
+
+    @property
+    def automaton(self) -> Automaton:
+        """The actuator's, with works and losses summed up."""
+        drive = self.drive
+        waveform = (drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate)
+        return summing_automaton(self._kinds, *waveform, self._bounds)
+
+    @property
+    def _composed(self) -> bool:
+        return True
+
+    @property
+    def _scratch(self) -> int:
+        return SCRATCH * self._plain
+
+    @cached_property
+    def _plain(self) -> int:
+        """How many states are the actuator's own."""
+        names = (name.startswith(sum_of("")) for name in self.states)
+        return len(self.states) - sum(names)
+
+    @property
+    def studied(self) -> tuple[Observable, ...]:
+        """What is told of every actuator, and the energy that the drive gives."""
+        electrodes = 1 if self.drive.left_voltage is None else 2
+        given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
+        return (*super().studied, given)
+
+    def ending(self, until: Callable[..., float]) -> NoReturn:
+        """Refuse: runs of studies end by no function."""
+        raise InvalidParameter("until", until, "", problem=NO_LEDGER)
+
+    def state_of(self, instant: HybridState) -> State:
+        """Return an instant as a state of the actuator: without the sums."""
+        state = super().state_of(instant)
+        values = {name: state[name] for name in self.states[: self._plain]}
+        return state_from(values, time=state.time)
+
+
+@cache
+def _given(
+    kinds: tuple[TermKind, ...], electrodes: int, states: tuple[str, ...]
+) -> Callable[[Any, Any], float]:
+    """Return what the drive has given: work of the electrodes, and what is lost at them."""
+    lost = accounts(kinds, electrodes).at_electrodes
+    places = tuple(states.index(sum_of(name)) for name in ("electrodes", *lost))
+
+    def energy_in(y, p):  # type: ignore[no-untyped-def]
+        total = 0.0
+        for place in places:
+            total += y[place]
+        return total
+
+    return energy_in
+
+
+# --- An actuator whose run ends where a function of the user's falls through zero.
+
+Function = Callable[..., Any]
+
+
+class EndedSystem(ActuatorSystem):
+    """An actuator under a drive whose runs end where ``until(mode, t, y, p)`` falls through zero.
+
+    The function is called in the units of the device, with the states and the eleven parameters by
+    name. The place of the frame is counted from the start, so that a run may end there.
+    """
+
+    until: Function
+
+    def _key(self) -> tuple[Any, ...]:
+        return *super()._key(), self.until
+
+    def _with(self, actuator: Actuator, drive: Drive, scales: Scales) -> Self:
+        other = super()._with(actuator, drive, scales)
+        other.until = self.until
+        return other
+
+    @property
+    def unended(self) -> ActuatorSystem:
+        """The actuator without what ends its runs."""
+        return self._as(ActuatorSystem)
+
+    @property
+    def told_by_numbers(self) -> bool:
+        """Never: a file cannot hold the function."""
+        return False
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where the function is defined, and those of the drive that are not the package's own."""
+        return {**super().functions, "until": reference(self.until)}
+
+    def ending(self, until: Function) -> EndedSystem:
+        """Return the actuator whose runs end by another function."""
+        return ended(self, until)
+
+    def with_energy(self) -> NoReturn:
+        """Refuse: its studies run to no end of their own."""
+        raise InvalidParameter("until", self.until, "", problem=NO_LEDGER)
+
+    @property
+    def automaton(self) -> Automaton:
+        """The actuator's, with one guard more."""
+        base, numbers = super().automaton, super().numbers()
+        units = [float(self.out(name, 1.0)) for name in base.states]
+        scales = self.scales
+        kinds = (PARAMETER_UNITS.get(name) for name in PARAMETER_NAMES)
+        sizes = [float(scales.out(1.0, unit)) if unit else 1.0 for unit in kinds]
+        time, count = float(scales.out(1.0, "s")), len(numbers.parameters)
+        step = RATE_STEP * (numbers.time_scale or numbers.period)
+        return _ended(base, self.until, (*units, time, *sizes), count, step)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the components of the state."""
+        return super().automaton.states
+
+    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
+        """Return the actuator's, with room for scratch behind them."""
+        found = super().numbers(changes)
+        scratch = np.zeros(2 * len(self.states))
+        return found._replace(parameters=np.concatenate([found.parameters, scratch]))
+
+
+def ended(system: ActuatorSystem, until: Function) -> EndedSystem:
+    """Return the system whose runs end where `until` falls through zero.
+
+    Raises
+    ------
+    InvalidParameter
+        If it is no function of four arguments.
+    """
+    arguments.function("until", until, *arguments.ARGUMENTS)
+    other = system._as(EndedSystem)
+    other.until = until
+    return other
+
+
+@cache
+def _ended(
+    base: Automaton, until: Function, units: tuple[float, ...], count: int, step: float
+) -> Automaton:
+    """Return an automaton with one guard more, which ends the run.
+
+    Parameters
+    ----------
+    base : Automaton
+    until : callable
+    units : tuple of float
+        Of the states, of time and of the parameters, in those of the numerics.
+    count : int
+        Numbers of the system; twice as many as there are states stand behind them, as scratch.
+    step : float
+        Of the differences that give the rate.
+    """
+    n, m = len(base.states), len(base.guards)
+    margin = _in_units_of_the_user(until, base.states, units)
+    flow, margins, transition = base.flow, base.margins, base.transition
+
+    def more_margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
+        margins(mode, t, y, p, g, r)
+        slope, moved = p[count : count + n], p[count + n : count + 2 * n]
+        flow(mode, t, y, p, slope)
+        g[m] = margin(mode, t, y, p)
+        r[m] = 0.0
+        for point in range(1, 4):
+            for sign in (-1.0, 1.0):
+                for i in range(n):
+                    moved[i] = y[i] + sign * point * step * slope[i]
+                there = margin(mode, t + sign * point * step, moved, p)
+                r[m] += sign * weight_of(point) * there / step
+
+    def with_end(mode, code, t, y, p):  # type: ignore[no-untyped-def]
+        if code == m or code == 2 * m + 1:
+            return ENDS
+        # Codes of resting, and of a switch of the drive, stand behind one guard more, or two.
+        own = code - 2 if code == 2 * m + 2 else (code - 1 if code > m else code)
+        return transition(mode, own, t, y, p)
+
+    last = max(guard.order or 0 for guard in base.guards)
+    return replace(
+        base,
+        guards=(*base.guards, Guard("until", order=last + 1)),
+        margins=more_margins,
+        transition=with_end,
+        cyclic=(),  # a run may end where the frame has come to a place
+        bounds=True,
+        recipe=(_ended, (base, until, units, count, step)),
+    )
+
+
+def _in_units_of_the_user(
+    until: Function, states: tuple[str, ...], units: tuple[float, ...]
+) -> Function:
+    """Return `until` as a function of arrays of numbers as the numerics have them."""
+    n = len(states)
+    y = ", ".join(f"y[{i}] * {units[i]!r}" for i in range(n))
+    p = ", ".join(f"p[{i}] * {unit!r}" for i, unit in enumerate(units[n + 1 :]))
+    space: dict[str, Any] = {
+        "__name__": __name__,
+        "until": until,
+        "State": named_tuple("State", states),
+        "Parameters": named_tuple("Parameters", PARAMETER_NAMES),
+    }
+    line = f"return until(mode, t * {units[n]!r}, State({y}), Parameters({p}))"
+    exec(compile(function("margin(mode, t, y, p)", [line]), GENERATED, "exec"), space)
+    margin: Function = space["margin"]
+    return margin

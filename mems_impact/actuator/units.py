@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Self
 
-from mems_impact.units import Scales
+from mems_impact._util.units import Scales
 
 __all__ = ["UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 

@@ -11,12 +11,12 @@ from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis.finding import find_orbit as find_orbit_of_system
 from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.orbit import find_orbit as find_orbit_of_system
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate as simulate_system
-from mems_impact.analysis.system import System
-from mems_impact.analysis.verbs import Verb
+from mems_impact.systems.dispatch import Verb
+from mems_impact.systems.system import System
 
 __all__ = ["find_orbit", "simulate"]
 

@@ -1,4 +1,4 @@
-"""Attractors: what motions come to, from many points at once."""
+"""Attractors of many initial conditions."""
 
 from __future__ import annotations
 
@@ -9,8 +9,23 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from mems_impact.analysis.checks.side import tell_of_side
-from mems_impact.analysis.kinds import (
+from mems_impact._util.arrays import Floats
+from mems_impact._util.warning_scopes import at_study_point, collected_warnings
+from mems_impact.analysis.lyapunov import LEAST, SURE, classify
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import FunctionError, InvalidParameter, RunError
+from mems_impact.hybrid.attractors import recurrence
+from mems_impact.hybrid.attractors.mapper import (
+    AttractorMapper,
+    RecurrenceResult,
+    RecurrenceSettings,
+)
+from mems_impact.hybrid.problem import Problem, ProblemParameters
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.lyapunov import largest
+from mems_impact.integrators.options import Options
+from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.statistics import (
     CHAOTIC,
     FAILED,
     OFF,
@@ -19,20 +34,10 @@ from mems_impact.analysis.kinds import (
     RESTING,
     UNSETTLED,
 )
-from mems_impact.analysis.lyapunov import LEAST, SURE, classify
-from mems_impact.analysis.simulate import simulate
-from mems_impact.analysis.state import State, is_number, whole
-from mems_impact.analysis.system import System
-from mems_impact.engines.options import Options
-from mems_impact.errors import FunctionError, InvalidParameter, RunError
-from mems_impact.hybrid import settling
-from mems_impact.hybrid.lyapunov import largest
-from mems_impact.hybrid.problem import Numbers, Problem
-from mems_impact.hybrid.survey import Recipe, Settled, Survey
-from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.telling import about, gathered
+from mems_impact.systems.system import System
+from mems_impact.systems.validation import tell_of_side
 
-__all__ = ["STUDY_OPTIONS", "Attractor", "Case", "Settling", "attractors"]
+__all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions", "map_attractors"]
 
 STUDY_OPTIONS = Options(method="auto")
 
@@ -42,7 +47,7 @@ LOOK, MOST = 16, 3_000
 NEAR = 1e-2  # of the size of each component: returns that are closer are nearly the same
 
 
-class Case(NamedTuple):
+class InitialCondition(NamedTuple):
     """A point of a study: a system, and where its motion starts (its own start by default)."""
 
     system: System
@@ -50,7 +55,7 @@ class Case(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settling:
+class RecurrenceOptions:
     """How motions are given time to settle, and when they count as periodic.
 
     One that comes to an orbit slowly is followed on until it arrives, for up to 64 times as long.
@@ -88,7 +93,7 @@ class Settling:
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> found = mi.operating_map(
     ...     actuator, drive, x=("amplitude", [0.2, 0.24]), y=("omega", [0.5]),
-    ...     settle=mi.Settling(transient=100, periods=50, exponents="none"),
+    ...     settle=mi.RecurrenceOptions(transient=100, periods=50, exponents="none"),
     ... )
     >>> found.table["period"].tolist()
     [1, 1]
@@ -115,15 +120,15 @@ class Settling:
         if not (is_number(self.lasting) and self.lasting >= 1.0):
             raise InvalidParameter("lasting", self.lasting, "a finite number >= 1")
 
-    def recipe(self, system: System, problem: Problem, times: float = 1.0) -> Recipe:
+    def recipe(self, system: System, problem: Problem, times: float = 1.0) -> RecurrenceSettings:
         """Return how the points of a system are followed, for so many times their time."""
         unit = 1.0 if system.forced else float(system.out("time", problem.period))
-        returned, at = settling.AT_PERIODS, 0
+        returned, at = recurrence.STROBOSCOPIC, 0
         if not system.forced:
-            returned, at = settling.AT_SECTION, 1
+            returned, at = recurrence.AT_SECTION, 1
             if system.section is None:
-                returned, at = settling.AT_GUARD, _guard_of(system)
-        return Recipe(
+                returned, at = recurrence.AT_GUARD, _guard_of(system)
+        return RecurrenceSettings(
             transient=max(0.0, times * (self.transient + self.periods) - self.periods) / unit,
             length=self.periods / unit,
             longest=self.longest,
@@ -176,12 +181,12 @@ class Attractor:
     exponent: float = math.nan
     error: float = math.nan
     status: str = "ok"
-    instant: Instant | None = field(default=None, repr=False)
+    instant: HybridState | None = field(default=None, repr=False)
 
 
-def attractors(
-    cases: Sequence[Case],
-    settle: Settling = Settling(),
+def map_attractors(
+    cases: Sequence[InitialCondition],
+    settle: RecurrenceOptions = RecurrenceOptions(),
     options: Options = STUDY_OPTIONS,
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
@@ -193,7 +198,7 @@ def attractors(
     Parameters
     ----------
     cases : sequence of Case
-    settle : Settling, optional
+    settle : RecurrenceOptions, optional
     options : Options, optional
     watch : callable, optional
         Called several times a second with the points done; it may raise.
@@ -207,7 +212,7 @@ def attractors(
         One a case; what each is depends on it alone.
     """
     found: list[Attractor] = []
-    batch: list[tuple[Case, Problem, Instant]] = []
+    batch: list[tuple[InitialCondition, Problem, HybridState]] = []
 
     def follow() -> None:
         if batch:
@@ -224,10 +229,10 @@ def attractors(
             follow()
             found.append(Attractor(motion=FAILED, status=str(error)))
             continue
-        if batch and not _alike(batch[0][1], problem):
+        if batch and not _same_structure(batch[0][1], problem):
             follow()
         if numbers is not None:
-            with about(numbers[len(found) + len(batch)]):
+            with at_study_point(numbers[len(found) + len(batch)]):
                 tell_of_side(case.system, problem, start)
         batch.append((case, problem, start))
     follow()
@@ -235,8 +240,8 @@ def attractors(
 
 
 def _followed(
-    batch: Sequence[tuple[Case, Problem, Instant]],
-    settle: Settling,
+    batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
+    settle: RecurrenceOptions,
     options: Options,
     watch: Callable[[float], None] | None,
     before: int,
@@ -244,20 +249,22 @@ def _followed(
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
-    survey = Survey(problem, settle.recipe(system, problem), system.observed)
-    longer: Survey | None = None
-    points: list[tuple[Numbers, Instant]] = [(each.numbers, start) for _, each, start in batch]
+    survey = AttractorMapper(problem, settle.recipe(system, problem), system.observed)
+    longer: AttractorMapper | None = None
+    points: list[tuple[ProblemParameters, HybridState]] = [
+        (each.numbers, start) for _, each, start in batch
+    ]
     told = None if watch is None else (lambda done: watch(before + done))
     on = None if told is None else (lambda _: told(float(len(batch))))
     found = []
 
     jumps = False
 
-    def falls(i: int, at: Instant, length: float) -> None:
+    def falls(i: int, at: HybridState, length: float) -> None:
         nonlocal jumps
         tells = batch[i][1].falls
         if not jumps and tells is not None and numbers is not None:
-            with about(numbers[i]):
+            with at_study_point(numbers[i]):
                 jumps = tells(at, length)
 
     try:
@@ -265,14 +272,14 @@ def _followed(
         for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
             if on is not None:
                 on(0.0)  # exponents take longer than all before: work may end here
-            with gathered() if numbers is None else about(numbers[i]):
+            with collected_warnings() if numbers is None else at_study_point(numbers[i]):
                 each = _attractor(case, at, one, settle, options)
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:
                 # It has come near an orbit late: once more, from where it is.
                 (later,) = survey.follow([(at.numbers, one.final)], on)
-                if later.outcome == settling.PERIODIC:
+                if later.outcome == recurrence.PERIODIC:
                     arrived = _attractor(
                         case, at, later, replace(settle, exponents="none"), options
                     )
@@ -285,7 +292,7 @@ def _followed(
             elif each.motion == CHAOTIC and settle.lasting > 1.0:
                 if longer is None:
                     recipe = settle.recipe(system, problem, settle.lasting - 1.0)
-                    longer = Survey(problem, recipe, system.observed)
+                    longer = AttractorMapper(problem, recipe, system.observed)
                 (later,) = longer.follow([(at.numbers, one.final)], on)
                 after = _attractor(case, at, later, settle, options)
                 if after.motion == FAILED:
@@ -301,18 +308,22 @@ def _followed(
 
 
 def _attractor(
-    case: Case, problem: Problem, settled: Settled, settle: Settling, options: Options
+    case: InitialCondition,
+    problem: Problem,
+    settled: RecurrenceResult,
+    settle: RecurrenceOptions,
+    options: Options,
 ) -> Attractor:
     system = case.system
-    if settled.outcome == settling.FAILED:
+    if settled.outcome == recurrence.FAILED:
         return Attractor(motion=FAILED, status=_reason(case, settle, options))
     impacts = [guard.impact for guard in system.automaton.guards]
     hits = float(settled.counts[impacts].sum())
     events = float(settled.counts.sum()) + settled.endings
     stays = settled.still and events == 0.0 and settled.repeats == 1
-    if settled.outcome == settling.REST or stays:
+    if settled.outcome == recurrence.STATIONARY or stays:
         motion = RESTING
-    elif settled.outcome == settling.PERIODIC:
+    elif settled.outcome == recurrence.PERIODIC:
         motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
     else:
         motion = UNSETTLED
@@ -323,7 +334,7 @@ def _attractor(
             told = classify(exponent, error, returns=False)
             # The exponent along the flow is zero of any motion that nothing forces.
             drifts = (
-                told == QUASI_PERIODIC and system.forced and not _nearly_repeats(system, settled)
+                told == QUASI_PERIODIC and system.forced and not _is_near_return(system, settled)
             )
             if told == CHAOTIC or drifts:
                 motion = told
@@ -344,7 +355,7 @@ def _attractor(
     )
 
 
-def _nearly_repeats(system: System, settled: Settled) -> bool:
+def _is_near_return(system: System, settled: RecurrenceResult) -> bool:
     """Return whether the last return is close to one before: a motion that creeps to an orbit.
 
     Near a bifurcation its exponent is as near to zero as that of a quasi-periodic one.
@@ -357,7 +368,7 @@ def _nearly_repeats(system: System, settled: Settled) -> bool:
     return bool(apart.min(initial=math.inf) < NEAR)
 
 
-def _exponent(problem: Problem, start: Instant) -> tuple[float, float]:
+def _exponent(problem: Problem, start: HybridState) -> tuple[float, float]:
     """Return the largest exponent per period and its error; NaN if the run cannot go on."""
     try:
         exponent, error, _ = largest(
@@ -368,7 +379,7 @@ def _exponent(problem: Problem, start: Instant) -> tuple[float, float]:
     return exponent, error
 
 
-def _reason(case: Case, settle: Settling, options: Options) -> str:
+def _reason(case: InitialCondition, settle: RecurrenceOptions, options: Options) -> str:
     """Return why a point fails: an ordinary run of it, which fails in the same place, says so."""
     length = settle.transient + settle.periods
     lasting: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
@@ -379,7 +390,7 @@ def _reason(case: Case, settle: Settling, options: Options) -> str:
     return "the run ends before that"
 
 
-def _alike(one: Problem, other: Problem) -> bool:
+def _same_structure(one: Problem, other: Problem) -> bool:
     """Return whether two problems differ by numbers alone."""
     return (
         one.automaton is other.automaton

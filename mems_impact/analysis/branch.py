@@ -1,4 +1,4 @@
-"""Branches of periodic orbits in one parameter."""
+"""Branches of orbits and equilibria, and curves of special points, of a system."""
 
 from __future__ import annotations
 
@@ -8,38 +8,46 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from mems_impact.analysis.equilibrium import EquilibriumPoint
+import numpy as np
+
+from mems_impact import tables as orbit_tables
+from mems_impact._util.progress import parameter_progress
+from mems_impact.analysis.equilibrium import Equilibrium, EquilibriumPoint
 from mems_impact.analysis.orbit import Orbit, orbit_of
-from mems_impact.analysis.progress import values_of
-from mems_impact.analysis.special import SpecialPoint, check_kind
-from mems_impact.analysis.state import is_number
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.continuation.branch import OrbitBranch, Steps, follow
+from mems_impact.analysis.special_points import CodimensionTwo, SpecialPoint, check_kind
+from mems_impact.continuation.arclength import StepControl
+from mems_impact.continuation.branch_switching import switch_at_hopf, switch_at_period_doubling
+from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
+from mems_impact.continuation.equilibrium_branch import Equilibria, follow_equilibrium
 from mems_impact.continuation.homoclinic import SlowPassage
-from mems_impact.continuation.hopf import born
-from mems_impact.continuation.switching import doubled
+from mems_impact.continuation.orbit_branch import OrbitBranch, follow
+from mems_impact.continuation.test_functions import BRANCH_POINT, LABELS, UNEXPLAINED
 from mems_impact.errors import InvalidParameter
-from mems_impact.tables import orbits as orbit_tables
+from mems_impact.orbits.equilibrium import EquilibriumState
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import is_number
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
     "Branch",
-    "Followed",
-    "OneParameter",
-    "Steps",
-    "bounds_of",
+    "Curve",
+    "EquilibriumBranch",
+    "continue_curve",
+    "continue_equilibrium",
     "continue_orbit",
-    "measures",
+    "curve_of",
     "switch_branch",
 ]
 
-BRANCH_STEPS = Steps(largest=0.02)  # so that a branch is smooth to the eye
+# --- Branches of periodic orbits in one parameter.
+
+BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
 
 
-class Followed(Value):
+class Followed(Result):
     """What continuation has followed: orbits, one after the other."""
 
     system: System
@@ -54,7 +62,7 @@ class Followed(Value):
         return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
 
 
-class OneParameter(Value):
+class OneParameter(Result):
     """A branch over one parameter, told in a line."""
 
     system: System
@@ -118,7 +126,7 @@ class Branch(OneParameter, Followed):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
     >>> branch.special_table["label"].tolist()
     ['CF', 'G']
@@ -149,7 +157,7 @@ class Branch(OneParameter, Followed):
         rows = [
             {
                 "value": self.system.out(self.parameter, point.value),
-                **measures(orbit, piece=point.piece),
+                **orbit_row(orbit, piece=point.piece),
             }
             for point, orbit in zip(self.found.points, self.orbits, strict=True)
         ]
@@ -159,7 +167,7 @@ class Branch(OneParameter, Followed):
     def special_table(self) -> pd.DataFrame:
         """One row a special point: label, kind, the parameter, and as in `table`."""
         rows = [
-            {"label": s.label, "kind": s.kind, "value": s.value, **measures(s.orbit)}
+            {"label": s.label, "kind": s.kind, "value": s.value, **orbit_row(s.orbit)}
             for s in self.special_points
         ]
         return orbit_tables.special_points(self.parameter, rows, self.system)
@@ -178,7 +186,7 @@ def continue_orbit(
     stop: float,
     *,
     back: float | None = None,
-    steps: Steps = BRANCH_STEPS,
+    steps: StepControl = BRANCH_STEPS,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
@@ -224,7 +232,7 @@ def continue_orbit(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
     >>> [(special.label, round(special.value, 7)) for special in branch.special_points]
     [('CF', 0.1765154), ('G', 0.2271776)]
@@ -233,12 +241,12 @@ def continue_orbit(
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
     system = orbit.system
-    bounds = bounds_of(system, parameter, stop, back)
+    bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
     # Where the branch begins, to the last digit of the numerics.
     begin = orbit.found.family.values[parameter]
-    with values_of(
+    with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
         found = follow(
@@ -258,7 +266,7 @@ def switch_branch(
     special: SpecialPoint | EquilibriumPoint,
     *,
     bounds: tuple[float, float] | None = None,
-    steps: Steps = BRANCH_STEPS,
+    steps: StepControl = BRANCH_STEPS,
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
@@ -293,7 +301,7 @@ def switch_branch(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.29, omega=0.45)
-    >>> orbit = mi.find_orbit(actuator, drive, guess=mi.kicked(actuator), transient=300)
+    >>> orbit = mi.find_orbit(actuator, drive, guess=mi.kicked_state(actuator), transient=300)
     >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.25)
     >>> (doubling,) = [special for special in branch.special_points if special.label == "PD"]
     >>> twice = mi.switch_branch(doubling, bounds=(0.26, 0.29))
@@ -312,10 +320,10 @@ def switch_branch(
         allowed = f"smallest and largest value, with {where} between them"
         raise InvalidParameter("bounds", (low, high), allowed)
     if isinstance(special, EquilibriumPoint):
-        first, side = born(special.equilibrium.found, parameter)
+        first, side = switch_at_hopf(special.equilibrium.found, parameter)
     else:
-        first, side = doubled(special.found.orbit, parameter)
-    with values_of(
+        first, side = switch_at_period_doubling(special.found.orbit, parameter)
+    with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
     ) as report:
         found = follow(
@@ -375,7 +383,7 @@ def _beyond_bounds(system: System, passage: SlowPassage) -> str:
     return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
 
 
-def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
+def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
     """Return what the tables say of an orbit; `place`: on what."""
     found = orbit.found
     return {
@@ -392,7 +400,7 @@ def measures(orbit: Orbit, **place: int) -> dict[str, Any]:
     }
 
 
-def bounds_of(
+def check_bounds(
     system: System, parameter: str, stop: float, back: float | None
 ) -> tuple[float, float]:
     """Return the bounds between which to go; InvalidParameter if there is no way to go."""
@@ -420,3 +428,408 @@ def check_value(system: System, parameter: str, field: str, value: Any) -> None:
     if not is_number(value):
         raise InvalidParameter(field, value, f"a finite value of {parameter}")
     system.changed(**{parameter: value})
+
+
+# --- Curves of special points in two parameters.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve(Followed):
+    """A special point followed in a second parameter.
+
+    Attributes
+    ----------
+    system : System
+    kind, label : str
+        Of the special point.
+    parameters : tuple of str
+        The parameter of the branch, then the second one.
+    special_points : tuple of CodimensionTwo
+    ended : str
+        Why the curve ends.
+
+    See Also
+    --------
+    continue_curve, plot_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.51)
+    >>> list(curve.table.columns[:2]), curve.ended
+    (['omega', 'amplitude'], 'omega reached its bound')
+    """
+
+    system: System = field(repr=False)
+    kind: str
+    label: str
+    parameters: tuple[str, str]
+    special_points: tuple[CodimensionTwo, ...]
+    ended: str
+    found: OrbitCurve = field(repr=False)
+
+    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+
+    def __repr__(self) -> str:
+        return (
+            f"Curve({self.label} over {' and '.join(self.parameters)}, {len(self)} orbits, "
+            f"special points: {self._special()}; ended: {self.ended})"
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """Return what is followed, the points of codimension two and why the curve ends."""
+        return {
+            "system": repr(self.system),
+            "kind": self.kind,
+            "parameters": ", ".join(map(self.system.label, self.parameters)),
+            "orbits": len(self),
+            "special points": self._special(),
+            "ended": self.ended,
+        }
+
+    def _special(self) -> str:
+        found = [
+            f"{s.kind} ({', '.join(f'{value:.6g}' for value in s.values.values())})"
+            for s in self.special_points
+        ]
+        return ", ".join(found) or "none"
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row an orbit: the second parameter, the first, and as in `Branch.table`."""
+        first, second = self.parameters
+        rows = [
+            {
+                "values": [
+                    self.system.out(second, point.values[1]),
+                    self.system.out(first, point.values[0]),
+                ],
+                **orbit_row(orbit),
+            }
+            for point, orbit in zip(self.found.points, self.orbits, strict=True)
+        ]
+        return orbit_tables.curve([second, first], rows, self.system)
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two."""
+        first, second = self.parameters
+        rows = [
+            {"kind": s.kind, "values": [s.values[second], s.values[first]], **orbit_row(s.orbit)}
+            for s in self.special_points
+        ]
+        return orbit_tables.codimension_two([second, first], rows, self.system)
+
+
+def continue_curve(
+    special: SpecialPoint,
+    parameter: str,
+    stop: float,
+    *,
+    back: float | None = None,
+    steps: StepControl = StepControl(),  # noqa: B008 - immutable
+    progress: bool | Callable[[float], None] = False,
+) -> Curve:
+    """Follow a special point of a branch in a second parameter.
+
+    Points of codimension two on the way are located and listed. A curve of Neimark-Sacker points
+    ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance.
+
+    Parameters
+    ----------
+    special : SpecialPoint
+        A grazing, fold, period doubling or Neimark-Sacker point, or the touching of another guard.
+    parameter : str
+        The second parameter; the first is that of the branch.
+    stop : float
+        Value towards which the curve sets out, and at which it ends.
+    back : float, optional
+        A curve that turns round ends here at the latest; where it began by default.
+    steps, progress
+        As for `continue_orbit`.
+
+    Returns
+    -------
+    Curve
+        Whatever ends it: `ended` says what.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+
+    See Also
+    --------
+    Curve, continue_orbit, plot_curve, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> fold = branch.special_points[0]
+    >>> curve = mi.continue_curve(fold, "omega", stop=0.51)
+    >>> curve.kind, curve.parameters
+    ('fold', ('amplitude', 'omega'))
+    """
+    check_kind(special, "special", SpecialPoint, "a special point of a branch")
+    system, first = special.orbit.system, special.parameter
+    if parameter == first:
+        raise InvalidParameter("parameter", parameter, "another one than that of the branch")
+    if special.kind == BRANCH_POINT:
+        allowed = "one whose curve is followed: a branch point is none of a family of orbits alone"
+        raise InvalidParameter("special", special.kind, allowed)
+    if special.kind == UNEXPLAINED:
+        raise InvalidParameter("special", special.kind, "a point of which it is known what it is")
+    bounds = check_bounds(system, parameter, stop, back)
+    direction = math.copysign(1.0, stop - system.value(parameter))
+    with parameter_progress(
+        progress, system.label(parameter), "orbits", partial(system.out, parameter)
+    ) as report:
+        found = follow_curve(
+            special.without_impact,
+            first,
+            parameter,
+            low=system.into(parameter, bounds[0]),
+            high=system.into(parameter, bounds[1]),
+            direction=direction,
+            steps=steps,
+            progress=report,
+        )
+    return curve_of(system, found)
+
+
+def curve_of(system: System, found: OrbitCurve) -> Curve:
+    """Return a curve of the continuation in the user's terms."""
+    special = tuple(
+        CodimensionTwo(
+            kind=s.kind,
+            values={
+                name: system.out(name, value)
+                for name, value in zip(found.parameters, s.values, strict=True)
+            },
+            orbit=orbit_of(system, s.orbit),
+        )
+        for s in found.special_points
+    )
+    return Curve(
+        system=system,
+        kind=found.kind,
+        label=LABELS.get(found.kind, found.kind),
+        parameters=found.parameters,
+        special_points=special,
+        ended=found.ended,
+        found=found,
+    )
+
+
+# --- Branches of equilibria in one parameter.
+
+EQUILIBRIUM_STEPS = StepControl(largest=0.2)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EquilibriumBranch(OneParameter):
+    """Equilibria over one parameter.
+
+    Attributes
+    ----------
+    system : System
+        Where the branch began.
+    parameter : str
+    bounds : tuple of float
+        Between which the parameter was varied.
+    special_points : tuple of EquilibriumPoint
+        In the order in which the branch passes them.
+    ended : str
+        Why the branch ends.
+
+    See Also
+    --------
+    continue_equilibrium, plot_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=-0.2)
+    >>> [(point.label, round(point.value, 6) + 0.0) for point in branch.special_points]
+    [('BP', 0.0)]
+    """
+
+    system: System = field(repr=False)
+    parameter: str
+    bounds: tuple[float, float]
+    special_points: tuple[EquilibriumPoint, ...]
+    ended: str
+    found: Equilibria = field(repr=False)
+
+    of: ClassVar[str] = "equilibria"
+
+    @cached_property
+    def equilibria(self) -> tuple[Equilibrium, ...]:
+        """All equilibria, in the order in which they were followed."""
+        return tuple(equilibrium_of(self.system, point) for point in self.found.points)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row an equilibrium: the parameter, stable, admissible, largest real part, states.
+
+        The largest real part of its eigenvalues is per unit of time.
+        """
+        rows = [
+            {"value": self._value(state), **_measures(self.system, state)}
+            for state in self.found.points
+        ]
+        return self._captioned(orbit_tables.branch(self.parameter, rows, self.system))
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row a special point: label, kind, the parameter, and as in `table`."""
+        rows = [
+            {
+                "label": s.label,
+                "kind": s.kind,
+                "value": s.value,
+                **_measures(self.system, s.equilibrium.found),
+            }
+            for s in self.special_points
+        ]
+        return self._captioned(orbit_tables.special_points(self.parameter, rows, self.system))
+
+    def _value(self, state: EquilibriumState) -> float:
+        return self.system.out(self.parameter, state.family.values[self.parameter])
+
+    def _captioned(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Say for figures that states are looked at where they stand, on no section."""
+        system = self.system
+        cyclic = {system.states[i] for i in system.automaton.cyclic}
+        table.attrs["states"] = [name for name in system.states if name not in cyclic]
+        table.attrs["equilibria"] = True
+        return table
+
+
+def continue_equilibrium(
+    equilibrium: Equilibrium,
+    parameter: str,
+    stop: float,
+    *,
+    back: float | None = None,
+    steps: StepControl = EQUILIBRIUM_STEPS,
+    progress: bool | Callable[[float], None] = False,
+) -> EquilibriumBranch:
+    """Follow an equilibrium, stable or not, over one parameter.
+
+    Folds are passed; Hopf points, points at which another branch crosses and those at which a guard
+    is met are located and listed. Where the number of unstable eigenvalues changes and none of
+    these is found, the list has an "unexplained" point. Beyond a guard the equilibrium is a virtual
+    one.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        An isolated one, from `find_equilibria`.
+    parameter : str
+    stop : float
+        Value towards which the branch sets out, and at which it ends.
+    back : float, optional
+        A branch that turns round ends here at the latest; where it began by default.
+    steps : Steps, optional
+        Lengths of the steps, and their largest number.
+    progress : bool or callable, optional
+        True: show a counter if it takes over a second. A function is called with every value.
+
+    Returns
+    -------
+    EquilibriumBranch
+        Whatever ends it: `ended` says what.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or the equilibrium is one of a continuum.
+
+    See Also
+    --------
+    find_equilibria, EquilibriumBranch, switch_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def duffing(mode, t, y, p):
+    ...     return y.v, p.a * y.x - y.x**3 - 0.1 * y.v
+    >>> well = mi.System(states=("x", "v"), flow=duffing, parameters={"a": 1.0})
+    >>> (found,) = mi.find_equilibria(well, guess={"x": 0.9})
+    >>> branch = mi.continue_equilibrium(found, "a", stop=0.2)
+    >>> branch.ended
+    'a reached its bound'
+    """
+    check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
+    system = equilibrium.system
+    if equilibrium.neutral:
+        raise InvalidParameter("equilibrium", equilibrium, "an isolated one: this is one of many")
+    bounds = check_bounds(system, parameter, stop, back)
+    low, high = (system.into(parameter, bound) for bound in bounds)
+    begin = equilibrium.found.family.values[parameter]
+    with parameter_progress(
+        progress, system.label(parameter), "equilibria", partial(system.out, parameter)
+    ) as report:
+        found = follow_equilibrium(
+            equilibrium.found,
+            parameter,
+            low=min(low, begin),
+            high=max(high, begin),
+            direction=math.copysign(1.0, stop - system.value(parameter)),
+            steps=steps,
+            progress=report,
+        )
+    special = tuple(
+        EquilibriumPoint(
+            kind=s.kind,
+            label=s.label,
+            guard=s.guard,
+            parameter=parameter,
+            value=system.out(parameter, s.value),
+            equilibrium=equilibrium_of(system, s.equilibrium),
+            bounds=bounds,
+        )
+        for s in found.special_points
+    )
+    return EquilibriumBranch(
+        system=system,
+        parameter=parameter,
+        bounds=bounds,
+        special_points=special,
+        ended=found.ended,
+        found=found,
+    )
+
+
+def equilibrium_of(system: System, found: EquilibriumState) -> Equilibrium:
+    """Return an equilibrium of `system`, at its own parameters."""
+    return Equilibrium(system=system.at(found.family.values), found=found)
+
+
+def _measures(system: System, state: EquilibriumState) -> dict[str, Any]:
+    """Return what the tables say of an equilibrium."""
+    y, cyclic = state.state, system.automaton.cyclic
+    largest = max(state.eigenvalues.real.tolist(), default=math.nan)
+    return {
+        "stable": state.stable,
+        "admissible": state.admissible,
+        "largest real part": largest / system.out("time", 1.0),
+        "states": {
+            name: np.array([system.out(name, y[i])])
+            for i, name in enumerate(system.states)
+            if i not in cyclic
+        },
+    }

@@ -1,4 +1,4 @@
-"""Equilibria of a system without forcing, found near guesses, with their stability."""
+"""Equilibria of a system."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.analysis.finding import ORBIT_OPTIONS
-from mems_impact.analysis.state import State, is_number, whole
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.analysis.verbs import takes_system
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.orbits.equilibrium import StationaryState, find_equilibrium
+from mems_impact.hybrid.state import HybridState
+from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.system import System
 
 __all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
 
@@ -25,7 +26,7 @@ SEED = 1  # of the places from which equilibria are looked for between bounds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Equilibrium(Value):
+class Equilibrium(Result):
     """A state in which a mode of a system stands still, stable or not.
 
     Attributes
@@ -53,7 +54,7 @@ class Equilibrium(Value):
     """
 
     system: System = field(repr=False)
-    found: StationaryState = field(repr=False)
+    found: EquilibriumState = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = ()
 
@@ -82,7 +83,7 @@ class Equilibrium(Value):
     @property
     def state(self) -> State:
         """The state, from which a run may start."""
-        return self.system.state_of(Instant(0, 0.0, self.found.mode, self.found.state))
+        return self.system.state_of(HybridState(0, 0.0, self.found.mode, self.found.state))
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -117,7 +118,7 @@ class Equilibrium(Value):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumPoint(Value):
+class EquilibriumPoint(Result):
     """A point of a branch of equilibria at which something happens.
 
     Attributes
@@ -248,7 +249,7 @@ def find_equilibria(
     found: list[Equilibrium] = []
     failed: OrbitError | None = None
     for mode in numbers:
-        here: list[StationaryState] = []
+        here: list[EquilibriumState] = []
         for y in guesses:
             try:
                 state = find_equilibrium(family, mode, y)
@@ -270,7 +271,7 @@ def find_equilibria(
     return tuple(found)
 
 
-def _same(state: StationaryState, other: StationaryState) -> bool:
+def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     """Return whether two are one equilibrium, or of one continuum."""
     if state.neutral and state.neutral == other.neutral:
         return True

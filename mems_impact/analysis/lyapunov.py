@@ -1,4 +1,4 @@
-"""Lyapunov exponents of any run, and what kind of motion they tell."""
+"""Lyapunov spectra and the classification of a motion."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.analysis.checks.side import tell_of_side
-from mems_impact.analysis.finding import ORBIT_OPTIONS
-from mems_impact.analysis.kinds import CHAOTIC, PERIODIC, QUASI_PERIODIC
-from mems_impact.analysis.progress import progress_bar
+from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import progress_bar
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.simulate import simulate
-from mems_impact.analysis.state import State, is_number, whole
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
-from mems_impact.errors import InvalidParameter, RunError
-from mems_impact.hybrid.lyapunov import CHUNK, FEWEST, Stretching
+from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Floats, Instant
-from mems_impact.hybrid.variational import free_components
-from mems_impact.interruptions import RunInterrupted
-from mems_impact.orbits.returning import returns
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.lyapunov import CHUNK, FEWEST, LyapunovIntegrator
+from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.integrators.options import Options
+from mems_impact.orbits.period_detection import returns
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, whole
+from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
+from mems_impact.systems.system import System
+from mems_impact.systems.validation import tell_of_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
@@ -64,7 +64,7 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
 
     See Also
     --------
-    lyapunov, LyapunovSpectrum, Settling
+    lyapunov, LyapunovSpectrum, RecurrenceOptions
 
     Examples
     --------
@@ -81,7 +81,7 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LyapunovSpectrum(Value):
+class LyapunovSpectrum(Result):
     """The largest Lyapunov exponents of a run.
 
     Attributes
@@ -299,7 +299,7 @@ def lyapunov(
         most = float(system.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
     with progress_bar(progress, "periods", most) as report:
-        return _averaged(system, problem, start, count, most, tolerance, report)
+        return _run_to_tolerance(system, problem, start, count, most, tolerance, report)
 
 
 def _start(
@@ -308,7 +308,7 @@ def _start(
     initial: State | Mapping[str, float] | None,
     transient: float | None,
     options: Options,
-) -> Instant:
+) -> HybridState:
     """Return where the transient ends."""
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
@@ -318,14 +318,14 @@ def _start(
         return start
     named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
     run = simulate(system, initial=initial, options=options, **named)
-    final: Instant = run.trajectory.final
+    final: HybridState = run.trajectory.final
     return final
 
 
-def _averaged(
+def _run_to_tolerance(
     system: System,
     problem: Problem,
-    start: Instant,
+    start: HybridState,
     count: int,
     most: float,
     tolerance: float,
@@ -333,7 +333,7 @@ def _averaged(
 ) -> LyapunovSpectrum:
     """Go on until the errors are small enough, or the budget is spent."""
     chunk = max(1, min(CHUNK, int(most) // (FEWEST + 1)))
-    stretching = Stretching(problem, start, count, chunk=chunk, uneven=not system.forced)
+    stretching = LyapunovIntegrator(problem, start, count, chunk=chunk, uneven=not system.forced)
     done = 0.0
 
     def watch(here: float) -> None:
@@ -363,7 +363,7 @@ def _averaged(
 
 
 def _spectrum(
-    system: System, problem: Problem, stretching: Stretching, converged: bool
+    system: System, problem: Problem, stretching: LyapunovIntegrator, converged: bool
 ) -> LyapunovSpectrum:
     """Return what is known, in the system's units, largest first."""
     found, period = stretching.result, float(system.out("time", problem.period))

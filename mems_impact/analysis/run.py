@@ -1,4 +1,4 @@
-"""What a run returns: tables, statistics and the last state."""
+"""Results of a simulation."""
 
 from __future__ import annotations
 
@@ -9,16 +9,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from mems_impact.analysis.state import State, is_number, with_units
-from mems_impact.analysis.statistics import Deferred, Gatherer, Span, observed
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
+from mems_impact import tables as run_tables
+from mems_impact._util.arrays import Floats
 from mems_impact.analysis.verification import Verification, compare, other_family
-from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter, RunError
-from mems_impact.hybrid.run import run as integrate
-from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
-from mems_impact.tables import run as run_tables
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import run as integrate
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, with_units
+from mems_impact.systems.statistics import (
+    LazyStatistics,
+    StatisticsAccumulator,
+    TimeWindow,
+    evaluate_observables,
+)
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,7 +35,7 @@ Keep = Literal["events", "statistics"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Run(Value):
+class Run(Result):
     """A run of a system; its tables are made when they are first asked for.
 
     Results are in the units of the system, which stand in ``table.attrs["units"]``.
@@ -74,7 +80,7 @@ class Run(Value):
     scene: ClassVar[str] = ""  # and that moves it, where `animate` does not
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
-    _gatherer: Gatherer | Deferred = field(repr=False, compare=False)
+    _gatherer: StatisticsAccumulator | LazyStatistics = field(repr=False, compare=False)
 
     kept: ClassVar[tuple[str, ...]] = ("events", "impacts", "gathered")
 
@@ -273,10 +279,10 @@ class Run(Value):
         return self.gatherer.result(self.trajectory.final, borders)
 
     @property
-    def gatherer(self) -> Gatherer:
+    def gatherer(self) -> StatisticsAccumulator:
         """What has gathered the statistics, with all events."""
         waiting = self._gatherer
-        return waiting.ready if isinstance(waiting, Deferred) else waiting
+        return waiting.ready if isinstance(waiting, LazyStatistics) else waiting
 
     @property
     def _unit(self) -> float:
@@ -289,7 +295,7 @@ class Run(Value):
         """Return the state where the window begins (0) or ends (1)."""
         final, period = self.trajectory.final, self.trajectory.period
         first, last = (value / self._unit for value in self.window)
-        cycle, time = Span(first, last, period).instant(border)
+        cycle, time = TimeWindow(first, last, period).instant(border)
         if (final.cycle, final.time) <= (cycle, time):
             return final.y
         anchor = self.gatherer.anchor(border)
@@ -305,7 +311,7 @@ class Run(Value):
             raise
 
     def _observed(self, log: Events) -> dict[str, Floats]:
-        return observed(self.system, self.trajectory.problem, log)
+        return evaluate_observables(self.system, self.trajectory.problem, log)
 
     def _log(self, table: str) -> Events:
         if self.keep != "events":

@@ -1,29 +1,64 @@
-"""One run of a system from an initial state."""
+"""Simulation of a system."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, get_args
 
-from mems_impact.analysis.checks import meeting
-from mems_impact.analysis.checks.side import tell_of_side
-from mems_impact.analysis.progress import progress_bar
+from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.run import Keep, Run
-from mems_impact.analysis.sizes import Largest, tell_of_run
-from mems_impact.analysis.state import State, is_number
-from mems_impact.analysis.statistics import Deferred, Span
-from mems_impact.analysis.still import STILL, until_still
-from mems_impact.analysis.system import System
-from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
-from mems_impact.errors import FunctionError, InvalidParameter, RunError
-from mems_impact.hybrid.run import MAX_CYCLE
-from mems_impact.hybrid.run import run as integrate
-from mems_impact.hybrid.trajectory import Events, Trajectory
-from mems_impact.interruptions import RunInterrupted
+from mems_impact.errors import FunctionError, InvalidParameter, RunError, RunInterrupted
+from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
+from mems_impact.hybrid.simulation import run as integrate
+from mems_impact.integrators.options import Options
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.state import State, is_number
+from mems_impact.systems.statistics import LazyStatistics, TimeWindow
+from mems_impact.systems.system import System
+from mems_impact.systems.typical import MaxStateRecorder, warn_if_badly_scaled_run
+from mems_impact.systems.validation import mode_monitor, tell_of_side
 
 __all__ = ["simulate"]
+
+# --- Runs that end when nothing goes on any more.
+
+STILL = "still"
+FIRST, MORE = 64, 4  # periods of the first attempt, and how many times as long the next one is
+
+
+def run_until_standstill(
+    still: Callable[[Trajectory], float | None],
+    attempt: Callable[[float], Run],
+    run: Callable[[float], Run],
+    most: float,
+) -> Run:
+    """Return the run up to where the system stands still, or over `most` periods if it never does.
+
+    A run has the same steps however far it goes, so that what a longer one has shown holds for the
+    one that ends there.
+
+    Parameters
+    ----------
+    still : callable
+        ``still(trajectory)``, the periods after which the system stands still; None if it does not.
+    attempt, run : callable
+        Runs over so many periods: with events, and as it was asked for.
+    most : float
+        Periods.
+    """
+    length = min(float(FIRST), most)
+    while True:
+        after = still(attempt(length).trajectory)
+        if after is not None:
+            return replace(run(after), ended=STILL)
+        if length >= most:
+            return run(most)
+        length = min(MORE * length, most)
+
+
+# --- One run of a system from an initial state.
 
 PERIODS = 300  # of a system with forcing, where nothing is said
 
@@ -114,7 +149,7 @@ def simulate(
         still = system.standstill()
         most = _length(system, periods, duration, None, problem.period)
         again = partial(simulate, system, initial=initial, options=options, progress=progress)
-        return until_still(still, again, partial(again, window=window, keep=keep), most)
+        return run_until_standstill(still, again, partial(again, window=window, keep=keep), most)
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)
@@ -126,11 +161,11 @@ def simulate(
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
     half = until is None  # of a run that ends nobody knows where, all counts
     first, last = _window(window, start.time / problem.period, periods, unit, half)
-    begin = partial(system.gatherer, problem, start, Span(first, last, problem.period))
+    begin = partial(system.gatherer, problem, start, TimeWindow(first, last, problem.period))
     gatherer = begin()
     kept: list[Events] = []
-    largest = None if system.is_scaled else Largest(start.y)
-    meets = meeting(system, problem)
+    largest = None if system.is_scaled else MaxStateRecorder(start.y)
+    meets = mode_monitor(system, problem)
     if meets is not None:
         meets.put(start)
     validity = system.validity(problem, start)
@@ -150,7 +185,7 @@ def simulate(
     def finished(trajectory: Trajectory) -> Run:
         if largest is not None:
             timed = system.forced or problem.time_scale is not None
-            tell_of_run(system.states, options, trajectory, largest, timed)
+            warn_if_badly_scaled_run(system.states, options, trajectory, largest, timed)
         if validity is not None:
             validity.tell(trajectory.final)
         if kept:
@@ -163,7 +198,7 @@ def simulate(
             window=(first * unit, last * unit),
             trajectory=trajectory,
             ended="until" if trajectory.ended else "time",
-            _gatherer=Deferred(begin, trajectory.events, lengths) if kept else gatherer,
+            _gatherer=LazyStatistics(begin, trajectory.events, lengths) if kept else gatherer,
         )
 
     with progress_bar(progress, "periods", periods) as report:

@@ -1,4 +1,4 @@
-"""Two runs of one motion, made by unrelated methods of integration, event by event."""
+"""Verification of a run by an independent method."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.analysis.values import Value
-from mems_impact.engines.options import Options
-from mems_impact.hybrid import loop
+from mems_impact._util.arrays import Floats
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.trajectory import Events, Floats, Trajectory
-from mems_impact.tables.common import Labels, event_codes, event_words, is_shown, with_units
-from mems_impact.tables.run import verification
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import Result
+from mems_impact.tables import Labels, event_codes, event_words, is_shown, verification, with_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,7 +43,7 @@ MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Verification(Value):
+class Verification(Result):
     """A run beside the same run by an unrelated method.
 
     Attributes
@@ -118,7 +118,7 @@ def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> 
     labels : Labels
         The system, for the table.
     """
-    comparison = _Comparison(_Log(run), _Log(other), rtol)
+    comparison = EventMatcher(EventLog(run), EventLog(other), rtol)
     agrees, until, verdict = comparison.walk()
     headings = ["time apart", "impact speed apart"]
     headings += [f"{name} apart" for name in run.automaton.states]
@@ -126,7 +126,7 @@ def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> 
     return Verification(table=table, agrees=agrees, until=until, verdict=verdict)
 
 
-class _Log:
+class EventLog:
     """What is compared of one run: its events, and its end after the last of them."""
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -166,7 +166,7 @@ class _Log:
             lasted = instants[ends] - instants[begins[: ends.size]]
             strength[begins], strength[ends] = math.inf, lasted
             strength[begins[: ends.size]] = lasted
-        strength[events.kind == loop.SWITCH] = math.inf
+        strength[events.kind == workspace.SWITCH] = math.inf
         return strength
 
     def at(self, i: int) -> float:
@@ -183,10 +183,10 @@ def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
     A rest follows a sequence of impacts, and lasts until the mode is one in which they occur. The
     last one may not have ended.
     """
-    accumulated = events.kind == loop.ACCUMULATION
+    accumulated = events.kind == workspace.ACCUMULATION
     for guard in np.unique(events.guard[accumulated]):
         here = events.guard == guard
-        striking = np.unique(events.mode_before[here & (events.kind == loop.TRANSITION)])
+        striking = np.unique(events.mode_before[here & (events.kind == workspace.TRANSITION)])
         free = np.flatnonzero(np.isin(events.mode_after, striking))
         begins = np.flatnonzero(accumulated & here)
         place = np.searchsorted(free, begins, side="right")
@@ -206,10 +206,10 @@ def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> 
     return speeds
 
 
-class _Comparison:
+class EventMatcher:
     """Walks along two logs and remembers by how much the events differ of late."""
 
-    def __init__(self, run: _Log, other: _Log, rtol: float) -> None:
+    def __init__(self, run: EventLog, other: EventLog, rtol: float) -> None:
         self.run, self.other, self.until = run, other, run.start
         self.expected = min(EXPECTED * rtol, MOST_EXPECTED)
         self.apart = self.first = self.expected
@@ -257,7 +257,7 @@ class _Comparison:
         weak = f"; weak events that one run only has: {number}" if number else ""
         return f"agree to the end, period {self.run.at(self.run.end):.9g}{weak}"
 
-    def _cut_off(self, log: _Log, i: int) -> bool:
+    def _cut_off(self, log: EventLog, i: int) -> bool:
         """Return whether event i is so near the end that the other run may end just before it."""
         left = (log.cycle[log.end] - log.cycle[i]) * log.period + log.time[log.end] - log.time[i]
         return bool(i < log.end and left <= GROWTH * self.apart)
@@ -278,12 +278,12 @@ class _Comparison:
             return False
         return self._size(self._differences(i, j), i, j) <= GROWTH * self._grown(self.run, i)
 
-    def _weak(self, log: _Log, first: int, end: int) -> bool:
+    def _weak(self, log: EventLog, first: int, end: int) -> bool:
         """Return whether the events from `first` up to `end` may be in one run alone."""
         limit = WEAK * math.sqrt(self._grown(log, first))
         return bool((log.strength[first:end] <= limit).all())
 
-    def _grown(self, log: _Log, i: int) -> float:
+    def _grown(self, log: EventLog, i: int) -> float:
         """Return what the last difference may be by event i, after periods without any event."""
         return self.apart * max(1.0, log.at(i) - self.until)
 

@@ -17,8 +17,9 @@ from typing import Any, NoReturn
 
 import click
 
-from mems_impact.cli.everywhere import with_options
-from mems_impact.cli.failures import (
+from mems_impact.cli.former import in_present_words
+from mems_impact.cli.output import finish
+from mems_impact.cli.runtime import (
     INTERRUPTED,
     PROGRAM,
     TERMINATED,
@@ -26,9 +27,8 @@ from mems_impact.cli.failures import (
     past_click,
     report,
     show_warnings_briefly,
+    with_options,
 )
-from mems_impact.cli.former import in_present_words
-from mems_impact.cli.showing import finish
 
 __all__ = ["main"]
 
@@ -61,7 +61,7 @@ class _Commands(click.Group):
     """A group whose commands are the modules of this package."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        from mems_impact import plugins
+        from mems_impact._util import plugins
 
         return list(plugins.names(plugins.COMMANDS, COMMANDS))
 
@@ -95,7 +95,7 @@ class _Commands(click.Group):
 
 def _added(name: str) -> click.Command | None:
     """Return the command of that name of another package, if there is one."""
-    from mems_impact import plugins
+    from mems_impact._util import plugins
 
     def is_command(found: Any) -> bool:
         return isinstance(found, click.Command)
@@ -121,7 +121,7 @@ def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) 
     callback=_show_version,
     help="Show the version and exit.",
 )
-def _group() -> None:
+def main_group() -> None:
     """Simulate impact microactuators: frames that walk by the blows of a block inside them.
 
     A DEVICE is the name of a preset ("mems-impact devices" lists them) or the path of a TOML file.
@@ -150,7 +150,7 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     with interruptible() as signals:
         try:
             # Outside click's own mode, which would print several lines for a usage error.
-            status = _group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
+            status = main_group.main(arguments, prog_name=PROGRAM, standalone_mode=False)
         except (Exception, KeyboardInterrupt) as error:
             status = report(error)
     if status == INTERRUPTED and signal.SIGTERM in signals:

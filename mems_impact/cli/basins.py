@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_options
+from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
     AXIS,
     axis_options,
     device_options,
+    drive_options,
     initial_option,
     output_options,
     progress_option,
+    ranges_option,
     sample_options,
     settle_options,
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import show_table
-from mems_impact.cli.studied import run_kept, study_of
+from mems_impact.cli.output import show_table
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -81,7 +81,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         system.check_parameter(options["follow"][0])
     figure, bare = options["figure"], options["no_figure"]
     with Output(options["output"], figure, bare, KIND) as files:
-        found = run_kept(
+        found = run_saving_partial(
             lambda: mi.basins(system, **given, progress=progress),
             lambda table: files.tables({"table": table}),
         )
@@ -94,7 +94,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         few.attrs = found.attractors.attrs
         show_table("attractors", few, 5)
         if options["follow"] is not None:
-            followed = run_kept(
+            followed = run_saving_partial(
                 lambda: _follow(found, options, given),
                 lambda table: files.tables({"followed": table}),
             )
@@ -105,7 +105,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that say where motions start."""
-    from mems_impact.studies.words import range_axis
+    from mems_impact.studies.engine.config import range_axis
 
     axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
     given: dict[str, Any] = {name: range_axis(*axis) for name, axis in axes.items()}
@@ -119,11 +119,11 @@ def _follow(
 ) -> mi.AttractorBranches:
     """Follow the attractors as they were found, in a store within that of the basins."""
     import mems_impact as mi
-    from mems_impact.studies.words import range_axis
+    from mems_impact.studies.engine.config import range_axis
 
     shared = ("settle", "distance", "options", "executor", "workers")
     same = {name: given[name] for name in shared if name in given}
     store = os.path.join(given["store"], "followed") if "store" in given else None
     parameter, values = range_axis(*options["follow"])
     more = {"shares": options["shares"], "store": store, "progress": options["progress"]}
-    return mi.follow_attractors(found, parameter, values, **same, **more)
+    return mi.continue_attractors(found, parameter, values, **same, **more)

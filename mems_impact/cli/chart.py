@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.failures import say, warn
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
@@ -18,7 +17,8 @@ from mems_impact.cli.options import (
     range_options,
     workers_option,
 )
-from mems_impact.cli.showing import show_table
+from mems_impact.cli.output import show_table
+from mems_impact.cli.runtime import say, warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +98,7 @@ def command(
                 progress=say if progress else False,
             )
         except mi.ChartInterrupted as interruption:
-            if interruption.total > 0 and isinstance(interruption.chart, mi.Chart):
+            if interruption.total > 0 and isinstance(interruption.chart, mi.OperatingChart):
                 files.tables(_tables(interruption.chart))
             raise
         files.tables(_tables(chart))
@@ -111,11 +111,11 @@ def command(
         files.tell()
 
 
-def _tables(chart: mi.Chart) -> dict[str, pd.DataFrame]:
+def _tables(chart: mi.OperatingChart) -> dict[str, pd.DataFrame]:
     return {"boundaries": chart.table, "types": chart.types, "points": chart.special_table}
 
 
-def _voltages(chart: mi.Chart) -> pd.DataFrame:
+def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
     """Return the voltages of both boundaries at a few frequencies, between points of the curves."""
     import numpy as np
     import pandas as pd

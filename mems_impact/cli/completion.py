@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from mems_impact.cli.failures import PROGRAM
+from mems_impact.cli.runtime import PROGRAM
 
 SHELLS = ("bash", "zsh", "fish")
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import warn
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
     device_options,
+    drive_from,
+    drive_options,
     guess_options,
     orbit_integrator_options,
     output_options,
@@ -21,7 +21,8 @@ from mems_impact.cli.options import (
     refuse_system,
     state_from,
 )
-from mems_impact.cli.showing import show, tell_tables, unit_of
+from mems_impact.cli.output import show, tell_tables, unit_of
+from mems_impact.cli.runtime import warn
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.everywhere import quiet
-from mems_impact.cli.failures import say
-from mems_impact.cli.showing import Told, show, show_text, tell_values
+from mems_impact.cli.output import OutputValue, show, show_text, tell_values
+from mems_impact.cli.runtime import quiet, say
 
 BUILD = "python -m sphinx docs docs/_build/html"
 CLOSE = 5  # how many names are told where a word is none of them
@@ -34,7 +33,7 @@ def command(*, word: str | None, text: bool) -> None:
     site = built_site()
     if not text and site is not None:
         address = page(site, word)
-        tell_values({"address": Told(address)})
+        tell_values({"address": OutputValue(address)})
         show(address)
         webbrowser.open(address)
         return

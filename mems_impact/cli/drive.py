@@ -6,9 +6,14 @@ import math
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.options import actuator_from, device_options, output_options
-from mems_impact.cli.showing import Told, show, show_values
+from mems_impact.cli.options import (
+    actuator_from,
+    device_options,
+    drive_from,
+    drive_options,
+    output_options,
+)
+from mems_impact.cli.output import OutputValue, show, show_values
 
 
 @click.command(short_help="Show what a device sees of a voltage.")
@@ -31,7 +36,7 @@ def command(
     Example:
       mems-impact drive zhao2004 --drive square --amplitude 0.3 --omega 0.5 --duty 0.3
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.actuator.figures.drive import plot_drive, seen
+    from mems_impact.actuator.plots import plot_drive, seen
     from mems_impact.cli.output import Output
 
     actuator = actuator_from(device, changes)
@@ -41,11 +46,11 @@ def command(
     more = f" and {len(drive.switches) - 8} more" if len(drive.switches) > 8 else ""
     ends = min(forces), max(forces)
     lines = {
-        "drive": Told(type(drive).__name__),
-        "forcing period": Told(drive.period, "s"),
-        "angular frequency": Told(2.0 * math.pi / drive.period, "rad/s"),
-        "switches": Told(drive.switches, "s", f"{shown}{more}" if shown else "none"),
-        "force at x2 = 0": Told(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
+        "drive": OutputValue(type(drive).__name__),
+        "forcing period": OutputValue(drive.period, "s"),
+        "angular frequency": OutputValue(2.0 * math.pi / drive.period, "rad/s"),
+        "switches": OutputValue(drive.switches, "s", f"{shown}{more}" if shown else "none"),
+        "force at x2 = 0": OutputValue(ends, "N", f"{ends[0]:.9g} to {ends[1]:.9g}"),
     }
     with Output(output, figure, no_figure, "drive") as files:
         files.draw(lambda: plot_drive(drive, actuator)[0].figure)

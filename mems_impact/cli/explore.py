@@ -9,21 +9,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import KEY, drive_choice, drive_from, drive_options, drive_source
-from mems_impact.cli.failures import say
+from mems_impact.cli.inputs import refuse_drive
 from mems_impact.cli.options import (
+    KEY,
     actuator_from,
     changes_option,
     device_argument,
+    drive_choice,
+    drive_from,
+    drive_options,
+    drive_source,
     study_integrator_options,
 )
-from mems_impact.cli.showing import Told, show, tell_values
-from mems_impact.cli.subject import refuse_drive
+from mems_impact.cli.output import OutputValue, show, tell_values
+from mems_impact.cli.runtime import say
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
-    from mems_impact.engines.options import Options
-    from mems_impact.explorer.subject import Subject
+    from mems_impact.explorer.session import Subject
+    from mems_impact.integrators.options import Options
 
 USUAL, USUAL_PORT = "zhao2004", 5006
 
@@ -72,17 +76,17 @@ def command(
         missing = "explore needs Bokeh, which is not installed"
         raise click.ClickException(f"{missing}: pip install 'mems-impact[explore]'")
     import mems_impact as mi
-    from mems_impact.explorer.picture import picture_of
     from mems_impact.explorer.server import serve
-    from mems_impact.explorer.setting import first_setting
+    from mems_impact.explorer.session import first_setting
+    from mems_impact.explorer.snapshot import take_snapshot
 
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     subject = _subject(device, changes, options)
     # Here Ctrl-C is heard while functions are compiled, and what cannot be run is said at once.
-    picture_of(subject, first_setting(subject))
+    take_snapshot(subject, first_setting(subject))
 
     def ready(address: str) -> None:
-        tell_values({"address": Told(address)})
+        tell_values({"address": OutputValue(address)})
         show(f"{subject.title}: {address} (Ctrl-C ends it)")
         if browser and not webbrowser.open(address):
             say(f"no browser was found; open {address}")
@@ -91,8 +95,8 @@ def command(
 
 
 def _subject(device: str, changes: dict[str, float], options: Options) -> Subject:
-    from mems_impact.actuator.own_system import is_system_name
-    from mems_impact.explorer.subject import of_code, of_device
+    from mems_impact.actuator.system_files import is_system_name
+    from mems_impact.explorer.session import of_code, of_device
 
     if is_system_name(device) and not Path(device).exists():
         refuse_drive(device)
@@ -105,7 +109,7 @@ def _subject(device: str, changes: dict[str, float], options: Options) -> Subjec
 
 def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
     """Return what of a sine is not given, and has to be."""
-    from mems_impact.explorer.subject import usual_sine
+    from mems_impact.explorer.session import usual_sine
 
     if drive_choice() != "sine":
         return {}

@@ -6,22 +6,24 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options, in_fields
-from mems_impact.cli.failures import FAILED
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
     assignment,
     device_options,
     directory_option,
+    drive_from,
+    drive_options,
+    in_fields,
     initial_option,
     integrator_options,
     periods_option,
+    ranges_option,
     state_from,
     transient_option,
 )
-from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import Told, show, tell_values
+from mems_impact.cli.output import OutputValue, show, tell_values
+from mems_impact.cli.runtime import FAILED
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -107,7 +109,9 @@ def command(
             options=options,
         )
         files.tables({"parameters": found.parameters, "residuals": found.residuals})
-        tell_values({name: Told(getattr(found, name)) for name in ("verdict", "note", "misfit")})
+        tell_values(
+            {name: OutputValue(getattr(found, name)) for name in ("verdict", "note", "misfit")}
+        )
         show(f"{found}\n")
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
@@ -119,7 +123,7 @@ def command(
 
 def _target(text: str) -> mi.Target:
     import mems_impact as mi
-    from mems_impact.actuator.design.targets import OF_RUN
+    from mems_impact.actuator.design.fit import OF_RUN
 
     what, _, under = text.partition(" at ")
     quantity, _, number = (part.strip() for part in what.partition("="))

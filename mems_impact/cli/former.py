@@ -11,7 +11,7 @@ from itertools import takewhile
 
 import click
 
-from mems_impact.cli.failures import warn
+from mems_impact.cli.runtime import warn
 
 _RANGE = {"--from": "--start {}", "--to": "--stop {}"}
 _DRIVE = {"--period": "--drive-period {}"}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_options
-from mems_impact.cli.failures import say, warn
+from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
     axis_options,
     device_options,
+    drive_options,
     initial_option,
     output_options,
     progress_option,
@@ -20,8 +20,8 @@ from mems_impact.cli.options import (
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.showing import show, show_table, unit_of
-from mems_impact.cli.studied import run_kept, study_of
+from mems_impact.cli.output import show, show_table, unit_of
+from mems_impact.cli.runtime import say, warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -93,7 +93,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     _check_column(column, system, given)
     with Output(options["output"], options["figure"], options["no_figure"], KIND) as files:
         chart = _chart(system, given, progress) if options["curves"] else None
-        found = run_kept(
+        found = run_saving_partial(
             lambda: mi.operating_map(system, **given, progress=progress),
             lambda table: files.tables(_tables(table)),
         )
@@ -105,7 +105,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 
 def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
-    from mems_impact.studies.words import range_axis
+    from mems_impact.studies.engine.config import range_axis
 
     given = {}
     for name, axis in axes.items():
@@ -117,16 +117,16 @@ def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
 
 def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
     """Refuse a column that the table will not have, before it is computed."""
-    from mems_impact.studies.measuring import Measuring
+    from mems_impact.studies.attractor_study import AttractorEvaluator
 
     settle = {"settle": given["settle"]} if "settle" in given else {}
-    schema = Measuring(system=system, **settle).schema
+    schema = AttractorEvaluator(system=system, **settle).schema
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")
 
 
-def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.Chart:
+def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.OperatingChart:
     """Return the curves along which the device switches on and off, in the range of the map."""
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
@@ -148,14 +148,14 @@ def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.Chart
 
 
 def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    from mems_impact.studies.motions import map_summary
+    from mems_impact.studies.attractor_study import map_summary
 
     return {"table": table, "summary": map_summary(table)}
 
 
 def _show(table: pd.DataFrame) -> None:
     """Show how many points there are of each kind, where, and why points have failed."""
-    from mems_impact.studies.motions import map_summary
+    from mems_impact.studies.attractor_study import map_summary
 
     show_table("summary", map_summary(table), 6)
     failed = table[table["status"] != "ok"]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.failures import PROGRAM
-from mems_impact.cli.showing import show, tell_files
+from mems_impact.cli.output import show, tell_files
+from mems_impact.cli.runtime import PROGRAM
 
 TEMPLATES = {
     "device": ("device.toml", "simulate {}"),

@@ -6,28 +6,29 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
-from mems_impact.cli.failures import FAILED, say, warn
+from mems_impact.cli.inputs import from_file
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
+    drive_from,
+    drive_options,
     guess_options,
     orbit_integrator_options,
     output_options,
     progress_option,
+    ranges_option,
     state_from,
     tolerance_option,
 )
-from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import (
-    Told,
+from mems_impact.cli.output import (
+    OutputValue,
     show,
     show_table,
     show_values,
     with_unit_column,
     with_units_in,
 )
-from mems_impact.cli.studied import from_file
+from mems_impact.cli.runtime import FAILED, say, warn
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,9 +107,9 @@ def command(
         --over amplitude=0.2:0.3 --over omega=0.45:0.6
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.study_file import holds_study
+    from mems_impact.actuator.system_files import holds_study
     from mems_impact.cli.output import Output
-    from mems_impact.studies.of_orbits import optimize_from
+    from mems_impact.studies.engine.config import optimize_from
 
     given: dict[str, Any]
     if holds_study(device):
@@ -170,10 +171,10 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
     better = f"{best.value:.9g}, from {begin:.6g}"
     show_values(
         {
-            best.quantity: Told(best.value, unit, better),
-            **{name: Told(value, system.unit(name)) for name, value in best.values.items()},
-            "held by": Told(best.active, text="; ".join(best.active) or "nothing"),
-            "ended": Told(best.ended),
+            best.quantity: OutputValue(best.value, unit, better),
+            **{name: OutputValue(value, system.unit(name)) for name, value in best.values.items()},
+            "held by": OutputValue(best.active, text="; ".join(best.active) or "nothing"),
+            "ended": OutputValue(best.ended),
         },
         named=system.scales.named,
     )

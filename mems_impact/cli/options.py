@@ -1,29 +1,38 @@
-"""The options that commands share, and what is made of them."""
+"""Options that commands share: drives, ranges, studies.
+
+They are collected in click's context, so that a command need not name each of them.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 from click.shell_completion import CompletionItem
 
-from mems_impact.cli.everywhere import quiet
-from mems_impact.engines.options import ENGINES, METHODS, Options
+from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.cli.runtime import quiet
+from mems_impact.integrators.options import ENGINES, METHODS, Options
 
 if TYPE_CHECKING:
+    from mems_impact.actuator.drives.base import Drive
     from mems_impact.actuator.parameters import Actuator
-    from mems_impact.analysis.state import State
+    from mems_impact.systems.state import State
+
+# --- The options that commands share, and what is made of them.
 
 Decorator = Callable[[Any], Any]
 
-# Of modules that are slow to import: `mems_impact.studies.words`, `mems_impact.analysis.attractor`.
+# Of modules that are slow to import: `mems_impact.studies.engine.config`,
+# `mems_impact.analysis.attractor`.
 EXECUTORS = ("threads", "processes")
 SAMPLINGS = ("sobol", "lhs", "random")
 EXPONENTS = ("unsettled", "all", "none")
 
 
-def combined(*decorators: Decorator) -> Decorator:
+def apply_decorators(*decorators: Decorator) -> Decorator:
     """Return one decorator that applies `decorators`, the first outermost."""
 
     def decorate(function: Any) -> Any:
@@ -86,7 +95,7 @@ changes_option = click.option(
     "tilt.angle=0.1, which is added if need be. May be repeated.",
 )
 
-device_options = combined(device_argument(), changes_option)
+device_options = apply_decorators(device_argument(), changes_option)
 
 Initial = dict[str, float] | Literal["kicked"]
 KICKED: Literal["kicked"] = "kicked"
@@ -137,7 +146,7 @@ def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None
         What the command takes for each that is not given, in words; without, both are required.
     """
     words = defaults or (None, None)
-    return combined(
+    return apply_decorators(
         *(
             click.option(
                 option, type=float, required=defaults is None, show_default=default, help=text
@@ -169,7 +178,7 @@ SUITED = "adams; auto with a term that may be stiff"
 
 
 def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
-    return combined(
+    return apply_decorators(
         click.option(
             "--method",
             type=click.Choice(METHODS),
@@ -203,7 +212,7 @@ AXIS = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
 
 def axis_options(first: str, second: str) -> Decorator:
     """Return the options of what a study is over, with these help texts."""
-    return combined(
+    return apply_decorators(
         *(
             click.option(option, type=AXIS, metavar="NAME START STOP POINTS", help=text)
             for option, text in (("--x", first), ("--y", second))
@@ -213,7 +222,7 @@ def axis_options(first: str, second: str) -> Decorator:
 
 def sample_options(samples: int, sampling: str) -> Decorator:
     """Return the options of how a study draws its points, with these defaults."""
-    return combined(
+    return apply_decorators(
         click.option(
             "--samples", type=int, default=samples, show_default=True, help="How many are drawn."
         ),
@@ -228,7 +237,7 @@ def sample_options(samples: int, sampling: str) -> Decorator:
     )
 
 
-settle_options = combined(
+settle_options = apply_decorators(
     transient_option("Forcing periods in which a motion may become periodic.", 300),
     periods_option("Forcing periods over which it is measured then, if it has not.", 100),
     click.option(
@@ -263,7 +272,7 @@ settle_options = combined(
     ),
 )
 
-study_options = combined(
+study_options = apply_decorators(
     click.option(
         "--store",
         type=click.Path(),
@@ -280,12 +289,12 @@ study_options = combined(
 )
 
 integrator_options = _integrator(Options.method, Options.rtol, Options.atol)
-# Those of `mems_impact.analysis.finding` and `attractor`, which are slow to import.
+# Those of `mems_impact.analysis.orbit` and `attractor`, which are slow to import.
 orbit_integrator_options = _integrator("auto", 1e-11, 1e-13)
 study_integrator_options = _integrator("auto", Options.rtol, Options.atol)
 
 
-guess_options = combined(
+guess_options = apply_decorators(
     initial_option,
     transient_option("Forcing periods to run before the orbit is looked for.", 300, float),
     click.option(
@@ -324,7 +333,7 @@ progress_option = click.option(
     help="Say how far the work is: on a terminal a bar, elsewhere a line now and then.",
 )
 
-output_options = combined(
+output_options = apply_decorators(
     directory_option,
     click.option(
         "--figure",
@@ -350,7 +359,7 @@ def refuse_system(device: str) -> None:
     """Refuse the name of a system where a device is wanted, and Python code without a name."""
     from pathlib import Path
 
-    from mems_impact.actuator.own_system import is_system_name
+    from mems_impact.actuator.system_files import is_system_name
 
     if device.endswith(".py"):
         problem = "Python code; name the system in it, such as"
@@ -364,15 +373,268 @@ def refuse_system(device: str) -> None:
 
 def state_from(initial: Initial, actuator: Actuator) -> State:
     """Return the state that ``--initial`` describes."""
-    from mems_impact.actuator.modes import STATES
-    from mems_impact.actuator.system import kicked
-    from mems_impact.analysis.state import state_from as state_of
+    from mems_impact.actuator.automaton import STATES
+    from mems_impact.actuator.system import kicked_state
+    from mems_impact.systems.state import state_from as state_of
 
     if initial == KICKED:
-        return kicked(actuator)
+        return kicked_state(actuator)
     assert isinstance(initial, dict)
     for name in initial:
         if name not in (*STATES, "time"):
             raise click.UsageError(f"--initial {name}: must be one of {', '.join(STATES)}, time")
     components = {name: value for name, value in initial.items() if name != "time"}
     return state_of(components, time=initial.get("time", 0.0))
+
+
+# --- The options that describe a voltage, and the drive that is made of them.
+
+KEY = "mems_impact.drive"
+PREFIX = "drive_"  # lest an option of the command has the same name
+
+# A waveform whose parameters are all among these can be described by options; others need a
+# file.
+NUMBERS: dict[str, tuple[str, str | None]] = {
+    "amplitude": ("Amplitude f of the voltage; top of a square wave or pulse [V].", None),
+    "omega": ("Angular frequency of the voltage [rad/s].", None),
+    "frequency": ("The same as omega/(2 pi) [Hz].", None),
+    "bias": ("Constant part of a sine or trapezoid [V].", "0"),
+    "phase": ("How far the voltage is ahead [rad].", "0"),
+    "duty": ("Share of the period that a square wave is high.", "0.5"),
+    "rise": ("Rise time of a square wave (both flanks) or pulse [s].", "0"),
+    "fall": ("Fall time of a pulse [s].", "0"),
+    "low": ("Voltage between the pulses [V].", "0"),
+    "flat": ("Share of the period that a trapezoid is flat.", "0.5"),
+    "width": ("Width of a pulse [s].", None),
+    "period": ("Period of pulses, or of a measured voltage [s].", None),
+}
+"""What each number is, and its default in words."""
+
+FIELDS = {"frequency": "omega"}
+"""The field that a number sets, where it is not the field itself."""
+
+OPTIONS = {"period": "--drive-period"}
+"""The option of a number, where it is not the name: --periods counts, and is a letter away."""
+
+
+def option_of(name: str) -> str:
+    """Return the option that sets a field of a drive."""
+    return OPTIONS.get(name, f"--{name}")
+
+
+def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
+    if value is not None:
+        assert parameter.name is not None
+        ctx.meta.setdefault(KEY, {})[parameter.name.removeprefix(PREFIX)] = value
+
+
+def _number(name: str) -> Decorator:
+    text, default = NUMBERS[name]
+    return click.option(
+        option_of(name),
+        f"{PREFIX}{name}",
+        type=float,
+        callback=_collect,
+        expose_value=False,
+        show_default=default,
+        help=text,
+    )
+
+
+drive_options = apply_decorators(
+    click.option(
+        "--drive",
+        f"{PREFIX}choice",
+        metavar="KIND|FILE",
+        callback=_collect,
+        expose_value=False,
+        show_default="the table [drive] of the device's file, else a sine",
+        help=f"Waveform of the voltage: its kind ({', '.join(WAVEFORMS)}) where the numbers below "
+        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV. Numbers "
+        "besides a file take the place of those in it.",
+    ),
+    click.option(
+        "--allow-code",
+        f"{PREFIX}allow_code",
+        is_flag=True,
+        callback=_collect,
+        expose_value=False,
+        help="Run the Python code that a file names. It can do all that you can: read it first.",
+    ),
+    *map(_number, NUMBERS),
+)
+
+
+def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
+    """Return the drive that the options of the running command describe.
+
+    Parameters
+    ----------
+    varied : mapping of str to float, optional
+        What the command itself varies, and the value to begin with. A parameter that is not one of
+        the drive's is left alone.
+    """
+    given = dict(click.get_current_context().meta.get(KEY, {}))
+    given.pop("choice", None)
+    choice = drive_choice()
+    allow_code = given.pop("allow_code", False)
+    for name, value in (varied or {}).items():
+        if name == "frequency":
+            problem = "vary omega [rad/s], which is 2 pi times the frequency"
+            raise click.UsageError(f"{name}: {problem}: {2.0 * math.pi * value:.6g} for {value:g}")
+        if name in given:
+            raise click.UsageError(f"{option_of(name)} is what is varied; leave it out")
+        if name == "omega" and "frequency" in given:
+            raise click.UsageError("--frequency sets omega, which is varied; leave it out")
+    if described_by_options(choice):
+        return _of_kind(choice, given, varied or {})
+    return _of_file(choice, given, varied or {}, allow_code)
+
+
+def drive_choice() -> str:
+    """Return the kind or file of the drive; of a device file with a drive, that file."""
+    from mems_impact.actuator.drives.files import holds_drive
+
+    context = click.get_current_context()
+    chosen: str | None = context.meta.get(KEY, {}).get("choice")
+    if chosen is not None:
+        return chosen
+    device = context.params.get("device")
+    return device if isinstance(device, str) and holds_drive(device) else "sine"
+
+
+def drive_source() -> str:
+    """Return the Python that loads the file of `drive_from`; empty where options describe it."""
+    from mems_impact.actuator.drives.files import TABLES
+
+    path = drive_choice()
+    if described_by_options(path):
+        return ""
+    if path.lower().endswith(TABLES):
+        return f"mi.Sampled.from_csv({path!r})"
+    return f"mi.load_drive({path!r}{', allow_code=True' if code_is_allowed() else ''})"
+
+
+def code_is_allowed() -> bool:
+    """Return whether the running command may run the Python code that a file names."""
+    return bool(click.get_current_context().meta.get(KEY, {}).get("allow_code"))
+
+
+def in_fields(given: Mapping[str, float]) -> dict[str, float]:
+    """Return options as fields of a drive: a frequency as the angular frequency."""
+    from mems_impact.errors import InvalidParameter
+
+    values = {name: value for name, value in given.items() if name not in FIELDS}
+    if "frequency" in given:
+        if "omega" in given:
+            raise click.UsageError("--frequency and --omega exclude each other; leave one out")
+        frequency = given["frequency"]
+        if not (math.isfinite(frequency) and frequency > 0.0):
+            raise InvalidParameter("frequency", frequency, "a finite number > 0")
+        values["omega"] = 2.0 * math.pi * frequency
+    return values
+
+
+def described_by_options(kind: str) -> tuple[str, ...]:
+    """Return the parameters of a waveform if each has an option, else none."""
+    from mems_impact.actuator.drives.files import drive_kinds, drive_of_kind
+
+    names = tuple(drive_of_kind(kind).model_fields) if kind in drive_kinds() else ()
+    return names if NUMBERS.keys() >= set(names) else ()
+
+
+def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) -> Drive:
+    from mems_impact.actuator.drives.files import drive_of_kind
+    from mems_impact.errors import InvalidParameter
+
+    known = described_by_options(kind)
+    for name in given:
+        if FIELDS.get(name, name) not in known:
+            takes = ", ".join(map(option_of, known))
+            raise click.UsageError(
+                f"{option_of(name)} does not belong to a {kind}, which takes {takes}"
+            )
+    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in known}}
+    try:
+        return drive_of_kind(kind)(**values)
+    except InvalidParameter as error:
+        if error.field in known and error.field not in values:
+            either = " or '--frequency'" if error.field == "omega" else ""
+            raise click.UsageError(f"missing option '{option_of(error.field)}'{either}") from None
+        raise
+
+
+def _of_file(
+    path: str, given: dict[str, float], varied: Mapping[str, float], allow_code: bool
+) -> Drive:
+    from pathlib import Path
+
+    from mems_impact.actuator.drives.files import TABLES, drive_kinds, load_drive
+    from mems_impact.actuator.drives.sampled import Sampled
+
+    if path in drive_kinds() and not Path(path).exists():
+        raise click.UsageError(f"--drive {path}: describe it in a TOML file and give that")
+    if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
+        kinds = ", ".join(filter(described_by_options, drive_kinds()))
+        raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
+    if path.lower().endswith(TABLES):
+        measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
+        drive: Drive = Sampled.from_csv(path, **measured)
+    else:
+        drive = load_drive(path, allow_code=allow_code)
+    for name in given:
+        if FIELDS.get(name, name) not in drive.names:
+            known = ", ".join(drive.names)
+            problem = f"is no parameter of the drive in {path}: {known}"
+            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND takes another one")
+    values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
+    return drive.varied(values) if values else drive
+
+
+# --- Options that give parameters or quantities a lowest and a highest value.
+
+Pairs = dict[str, tuple[float | None, float | None]]
+
+
+def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
+    """Return the callback of an option NAME=LOW:HIGH that may be repeated.
+
+    Parameters
+    ----------
+    example : str
+        For messages.
+    half_open : bool, optional
+        Whether one of the two may be left out.
+    """
+
+    def number(text: str) -> float | None:
+        return None if half_open and not text else float(text)
+
+    def read(_ctx: click.Context, _parameter: click.Parameter, texts: tuple[str, ...]) -> Pairs:
+        found: Pairs = {}
+        for text in texts:
+            name, _, limits = (part.strip() for part in text.partition("="))
+            low, colon, high = (part.strip() for part in limits.partition(":"))
+            try:
+                if not name or not colon or not (low or high):
+                    raise ValueError
+                found[name] = number(low), number(high)
+            except ValueError:
+                problem = f"{text!r} must be NAME=LOW:HIGH, such as {example}"
+                raise click.BadParameter(problem) from None
+        return found
+
+    return read
+
+
+def ranges_option(option: str, example: str, text: str, **settings: Any) -> Callable[[Any], Any]:
+    """Return an option NAME=LOW:HIGH that may be repeated; `settings` as of `click.option`."""
+    half_open = settings.pop("half_open", False)
+    return click.option(
+        option,
+        multiple=True,
+        metavar="NAME=LOW:HIGH",
+        callback=ranges(example, half_open=half_open),
+        help=f"{text} May be repeated.",
+        **settings,
+    )

@@ -6,17 +6,25 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.options import (
     Initial,
     actuator_from,
     device_options,
+    drive_from,
+    drive_options,
     guess_options,
     orbit_integrator_options,
     output_options,
     state_from,
 )
-from mems_impact.cli.showing import Told, show, show_table, show_values, tell_tables, tell_values
+from mems_impact.cli.output import (
+    OutputValue,
+    show,
+    show_table,
+    show_values,
+    tell_tables,
+    tell_values,
+)
 
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
@@ -79,19 +87,19 @@ def _show(orbit: ActuatorOrbit) -> None:
     closes = f"closes after {orbit.periods} forcing period{'s' if orbit.periods > 1 else ''}"
     components = {"x2": "m", "v2": "m/s", "v1": "m/s"}
     lines = {
-        "orbit": Told(stable, text=f"{stable}, {closes}"),
-        "forcing period": Told(orbit.period, "s"),
+        "orbit": OutputValue(stable, text=f"{stable}, {closes}"),
+        "forcing period": OutputValue(orbit.period, "s"),
         **{
-            name: Told(getattr(state, name), unit, f"{getattr(state, name):.12g}")
+            name: OutputValue(getattr(state, name), unit, f"{getattr(state, name):.12g}")
             for name, unit in components.items()
         },
-        "multipliers": Told(orbit.multipliers, text=multipliers),
-        "step": Told(orbit.step, "m"),
-        "residual, dimensionless": Told(orbit.residual, text=f"{orbit.residual:.2g}"),
-        "method": Told(orbit.options.method),
+        "multipliers": OutputValue(orbit.multipliers, text=multipliers),
+        "step": OutputValue(orbit.step, "m"),
+        "residual, dimensionless": OutputValue(orbit.residual, text=f"{orbit.residual:.2g}"),
+        "method": OutputValue(orbit.options.method),
     }
     show_values(lines, named=orbit.system.scales.named)
-    tell_values({"periods": Told(orbit.periods)})
+    tell_values({"periods": OutputValue(orbit.periods)})
     show("")
     tell_tables({"segments": orbit.segments, "impacts": orbit.impacts})
     for name, table, digits in (

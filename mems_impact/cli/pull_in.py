@@ -7,7 +7,7 @@ import math
 import click
 
 from mems_impact.cli.options import actuator_from, device_options
-from mems_impact.cli.showing import Told, show_values
+from mems_impact.cli.output import OutputValue, show_values
 
 
 @click.command("pull-in", short_help="Show the voltages at which a device pulls in and lets go.")
@@ -23,11 +23,11 @@ def command(*, device: str, changes: dict[str, float]) -> None:
     Example:
       mems-impact pull-in mita2003
     """  # noqa: D301 - click looks for the backspace itself
-    from mems_impact.actuator.design.targets import of_device
+    from mems_impact.actuator.design.fit import of_device
 
     actuator = actuator_from(device, changes)
     named = actuator.scales.named
-    told = {name: Told(*quantity) for name, quantity in of_device(actuator).items()}
+    told = {name: OutputValue(*quantity) for name, quantity in of_device(actuator).items()}
     if named:
-        told["resonance frequency"] = Told(told["resonance"].value / (2.0 * math.pi), "Hz")
+        told["resonance frequency"] = OutputValue(told["resonance"].value / (2.0 * math.pi), "Hz")
     show_values(told, named=named)

@@ -7,20 +7,20 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.drives import drive_options
+from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
     device_options,
+    drive_options,
     initial_option,
     output_options,
     progress_option,
+    ranges_option,
     sample_options,
     settle_options,
     study_integrator_options,
     study_options,
 )
-from mems_impact.cli.ranges import ranges_option
-from mems_impact.cli.showing import show_table, with_unit_column, with_units_in
-from mems_impact.cli.studied import run_kept, study_of
+from mems_impact.cli.output import show_table, with_unit_column, with_units_in
 
 KIND = "scatter"
 SPREAD = (0.05, 0.5, 0.95)
@@ -96,8 +96,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     system, given = study_of(ctx, options, KIND, lambda: _drawn(options))
     figure, bare = options["figure"], options["no_figure"]
     with Output(options["output"], figure, bare, KIND) as files:
-        found = run_kept(
-            lambda: mi.scatter(system, **given, progress=options["progress"]),
+        found = run_saving_partial(
+            lambda: mi.tolerance_analysis(system, **given, progress=options["progress"]),
             lambda table: files.tables({"table": table}),
         )
         spread = found.quantiles(SPREAD)
@@ -111,7 +111,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         if found.indices is not None:
             tables["indices"] = found.indices
         files.tables(tables)
-        files.draw(lambda: mi.plot_scatter(found).figure)
+        files.draw(lambda: mi.plot_tolerance_analysis(found).figure)
         seen = spread[spread["points"] > 0]
         seen.attrs = spread.attrs
         show_table("quantiles", with_units_in(seen, "quantity", units), 5)
@@ -123,7 +123,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arguments that say what is drawn, and what it shall be."""
-    from mems_impact.studies.words import distributions
+    from mems_impact.studies.engine.config import distributions
 
     if not options["over"]:
         raise click.UsageError("missing option '--over'")

@@ -6,25 +6,26 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
+from mems_impact.cli.inputs import from_file
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
+    drive_from,
+    drive_options,
     guess_options,
     orbit_integrator_options,
     output_options,
     state_from,
     tolerance_option,
 )
-from mems_impact.cli.showing import (
-    Told,
+from mems_impact.cli.output import (
+    OutputValue,
     show,
     show_table,
     show_values,
     with_unit_column,
     with_units_in,
 )
-from mems_impact.cli.studied import from_file
 
 if TYPE_CHECKING:
     import mems_impact as mi
@@ -75,11 +76,11 @@ def command(
       mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 --tolerance delta=0.005
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
-    from mems_impact.actuator.study_file import holds_study
+    from mems_impact.actuator.system_files import holds_study
     from mems_impact.cli.output import Output
-    from mems_impact.studies.derivatives import chosen_quantities
-    from mems_impact.studies.of_orbits import sensitivity_from
-    from mems_impact.studies.tolerance import deviations
+    from mems_impact.studies.engine.config import orbit_sensitivity_study
+    from mems_impact.studies.sampling import deviations
+    from mems_impact.studies.sensitivity import chosen_quantities
 
     given: dict[str, Any]
     if holds_study(device):
@@ -98,7 +99,7 @@ def command(
     told |= {each.name: each for each in chosen_quantities(system, [quantity])}
     deviations(tolerances, system)
     with Output(output, figure, no_figure, KIND) as files:
-        found = sensitivity_from(system, quantities=tuple(told.values()), **given)
+        found = orbit_sensitivity_study(system, quantities=tuple(told.values()), **given)
         tables = {"table": found.table}
         if tolerances:
             tables["scatter"] = with_unit_column(
@@ -116,7 +117,7 @@ def command(
 
 def _show(found: mi.Sensitivity, quantity: str) -> None:
     row = found.row(quantity)
-    value = Told(float(found.values[row]), found.units[row])
+    value = OutputValue(float(found.values[row]), found.units[row])
     show_values({quantity: value}, named=found.system.scales.named)
     show("")
     table = found.table

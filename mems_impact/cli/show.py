@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.showing import (
-    Told,
+from mems_impact.cli.output import (
+    OutputValue,
     show,
     show_table,
     tell_tables,
@@ -75,7 +75,7 @@ def _show(study: mi.StoredStudy) -> None:
     share = study.done / study.total if study.total else 1.0
     show(f"{study.kind}: {study.done} of {study.total} points ({share:.0%}), {study.failed} failed")
     told = {name: getattr(study, name) for name in ("kind", "done", "total", "failed")}
-    tell_values({name: Told(value) for name, value in told.items()})
+    tell_values({name: OutputValue(value) for name, value in told.items()})
     reasons = study.table["status"].value_counts()
     for reason, rows in reasons[reasons.index != "ok"].head(SHOWN_REASONS).items():
         show(f"  {rows} failed: {_cut(str(reason))}")

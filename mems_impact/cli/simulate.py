@@ -6,19 +6,19 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mems_impact.cli.drives import drive_options
-from mems_impact.cli.failures import FAILED
+from mems_impact.cli.inputs import load_subject
 from mems_impact.cli.options import (
     Initial,
     device_options,
+    drive_options,
     initial_option,
     integrator_options,
     output_options,
     periods_option,
     progress_option,
 )
-from mems_impact.cli.showing import Told, show, show_table, show_values, tell_values
-from mems_impact.cli.subject import subject_from
+from mems_impact.cli.output import OutputValue, show, show_table, show_values, tell_values
+from mems_impact.cli.runtime import FAILED
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -98,7 +98,7 @@ def command(
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
-    system, state = subject_from(device, changes, initial)
+    system, state = load_subject(device, changes, initial)
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     with Output(output, figure, no_figure, "simulate") as files:
         files.moving(animate)
@@ -124,7 +124,7 @@ def command(
         files.animate(animate, lambda: mi.animate(run), progress)
         _show(run)
         if verification is not None:
-            tell_values({"agrees": Told(verification.agrees)})
+            tell_values({"agrees": OutputValue(verification.agrees)})
             show(f"Two unrelated methods of integration:\n{verification}\n")
         files.tell()
     if verification is not None and not verification.agrees:
@@ -140,7 +140,9 @@ def _show(run: mi.Run) -> None:
     )
     show(f"Statistics over {over} {first:g} to {last:g}{f' {unit}' if unit else ''}:")
     units = run.statistics.attrs["units"]
-    values = {str(name): Told(value, units.get(name, "")) for name, value in run.statistics.items()}
+    values = {
+        str(name): OutputValue(value, units.get(name, "")) for name, value in run.statistics.items()
+    }
     tell_values(values)
     # Without an impact there is no impact speed: what is not defined is not shown.
     defined = run.statistics.drop(["window first", "window last"], errors="ignore").dropna()

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Literal
 
 import click
 
-from mems_impact.cli.drives import drive_from, drive_options
 from mems_impact.cli.options import (
     actuator_from,
     device_options,
+    drive_from,
+    drive_options,
     integrator_options,
     output_options,
     parameter_option,
@@ -20,7 +21,7 @@ from mems_impact.cli.options import (
     study_options,
     transient_option,
 )
-from mems_impact.cli.showing import show, show_table, tell_tables, unit_of
+from mems_impact.cli.output import show, show_table, tell_tables, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -92,7 +93,7 @@ def command(
 
     import mems_impact as mi
     from mems_impact.cli.output import Output
-    from mems_impact.studies.words import executor_named
+    from mems_impact.studies.engine.config import executor_named
 
     if "." in parameter:  # of a term, which the device may not have yet
         changes = {**changes, parameter: start}
@@ -126,7 +127,7 @@ def command(
 
 
 def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    from mems_impact.tables.sweep import sweep_summary
+    from mems_impact.tables import sweep_summary
 
     return {"table": table, "summary": sweep_summary(table)}
 
@@ -134,7 +135,7 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 def _show(table: pd.DataFrame) -> None:
     import pandas as pd
 
-    from mems_impact.tables.sweep import sweep_summary, switches
+    from mems_impact.tables import sweep_summary, switches
 
     summary = sweep_summary(table)
     show_table("summary", summary, 6)

@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.showing import show, tell_tables
+from mems_impact.cli.output import show, tell_tables
 
 
 @click.command(short_help="List the terms that a model may have.")

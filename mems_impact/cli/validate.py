@@ -6,9 +6,9 @@ from pathlib import Path
 
 import click
 
-from mems_impact.cli.failures import FAILED, say
 from mems_impact.cli.options import directory_options, progress_option, workers_option
-from mems_impact.cli.showing import Told, show, tell_values
+from mems_impact.cli.output import OutputValue, show, tell_values
+from mems_impact.cli.runtime import FAILED, say
 
 
 @click.command(short_help="Reproduce the paper, figure by figure, with verdicts.")
@@ -71,7 +71,7 @@ def command(
             files.written += map(Path, stop.report.written)
             raise
         files.written += map(Path, report.written)
-        tell_values({name: Told(verdict) for name, verdict in report.verdicts.items()})
+        tell_values({name: OutputValue(verdict) for name, verdict in report.verdicts.items()})
         show(str(report))
         show(f"{files.said()}; read {output}/report.md first")
     if expected is not None:

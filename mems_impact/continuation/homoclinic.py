@@ -1,4 +1,4 @@
-"""Branches of cycles whose period grows beyond bounds: what they pass ever more slowly."""
+"""Homoclinic ends of branches of limit cycles."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from mems_impact.continuation.ending import LOSSES
-from mems_impact.hybrid.trajectory import Floats
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import CONTINUATION_ERRORS
 from mems_impact.orbits.equilibrium import find_equilibrium
-from mems_impact.orbits.orbit import PeriodicOrbit
-from mems_impact.orbits.shooting import Point
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import ShootingEvaluation
 
 GROWN = 2.0  # factor from the shortest period of a branch
 SLOW = 0.05  # speed, in sizes of the cycle a period; its mean is above one
@@ -61,12 +61,12 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
         (speed, mode, state, sizes), (before, *_) = _slowest(last), _slowest(shorter)
         if not (speed < SLOW and speed < SLOWER * before):
             return None
-    except LOSSES:
+    except CONTINUATION_ERRORS:
         return None
     both = float(periods.min()), float(periods[-1])
     try:
         found = find_equilibrium(last.family, mode, state).state
-    except LOSSES:
+    except CONTINUATION_ERRORS:
         return SlowPassage(mode, state, False, both)
     free = last.shooting.free
     if np.abs((found - state)[free] / sizes).max() > BESIDE:
@@ -74,7 +74,7 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     return SlowPassage(mode, found, True, both)
 
 
-def amplified(point: Point) -> bool:
+def amplified(point: ShootingEvaluation) -> bool:
     """Return whether errors grow within a segment until multipliers are uncertain to 1e-3."""
     return any(np.abs(arc.by_state).max(initial=0.0) > AMPLIFIED for arc in point.arcs)
 

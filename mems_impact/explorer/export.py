@@ -1,4 +1,4 @@
-"""What a page saves: the Python that makes its picture, the picture, the file of the device."""
+"""Script, picture and file of a page."""
 
 from __future__ import annotations
 
@@ -11,15 +11,12 @@ from typing import Any
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.actuator.stored import actuator_parts, table_of
+from mems_impact.actuator.serialization import actuator_parts, table_of
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
-from mems_impact.analysis.system import System
-from mems_impact.explorer.diagram import FINE, sweep_arguments
-from mems_impact.explorer.dials import Dial
-from mems_impact.explorer.picture import run_length
-from mems_impact.explorer.setting import PageSetting, unit_of_time
-from mems_impact.explorer.subject import OPTIONS, Subject
+from mems_impact.explorer.session import OPTIONS, PageSetting, SliderSpec, Subject, unit_of_time
+from mems_impact.explorer.snapshot import FINE, run_length, sweep_arguments
+from mems_impact.systems.system import System
 
 __all__ = ["device_file", "python_of", "run_picture"]
 
@@ -27,7 +24,7 @@ DPI = 200
 LINE = 96
 
 
-def python_of(subject: Subject, setting: PageSetting, dial: Dial | None) -> str:
+def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -> str:
     """Return a script that makes the run of a setting, its orbit, its diagram and their pictures.
 
     Parameters
@@ -41,7 +38,7 @@ def python_of(subject: Subject, setting: PageSetting, dial: Dial | None) -> str:
     given: dict[str, Any] = run_length(system, setting, unit_of_time(system))
     arguments = [f"{name}={value!r}" for name, value in given.items()]
     if setting.start == "kicked":
-        arguments.append("initial=mi.kicked(actuator)")
+        arguments.append("initial=mi.kicked_state(actuator)")
     options = _options(subject)
     lines = [
         *(["import numpy as np", ""] if dial is not None else []),
@@ -93,7 +90,9 @@ def _options(subject: Subject) -> list[str]:
     return [f"options=mi.{options!r}"]
 
 
-def _sweep(system: System, setting: PageSetting, dial: Dial, options: list[str]) -> Iterator[str]:
+def _sweep(
+    system: System, setting: PageSetting, dial: SliderSpec, options: list[str]
+) -> Iterator[str]:
     given = sweep_arguments(system, setting, dial, FINE)
     name, values = given.pop("parameter"), given.pop("values")
     low, high = float(values[0]), float(values[-1])

@@ -1,4 +1,4 @@
-"""The server of the explorer: for this machine alone, and for nobody else's pages."""
+"""A local Bokeh server."""
 
 from __future__ import annotations
 
@@ -16,12 +16,11 @@ from tornado.netutil import bind_sockets
 from tornado.routing import HostMatches, Rule, RuleRouter
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.explorer.dials import dials_of
-from mems_impact.explorer.subject import Subject
+from mems_impact.explorer.background import route_warnings
+from mems_impact.explorer.session import Subject, slider_specs
 from mems_impact.explorer.view.page import Page
-from mems_impact.explorer.warned import heard
 
-__all__ = ["LOOPBACK", "serve"]
+__all__ = ["serve"]
 
 LOOPBACK = "127.0.0.1"
 NAMES = (LOOPBACK, "localhost")
@@ -49,7 +48,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     comes here by a name of its own that points to this machine, and a websocket is opened for pages
     from here alone.
     """
-    dials = dials_of(subject)
+    dials = slider_specs(subject)
     pages: list[Page] = []
 
     def show(document: Document) -> None:
@@ -80,7 +79,7 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     server.start()
     ready(f"http://{LOOPBACK}:{number}/")
     try:
-        with heard():
+        with route_warnings():
             loop.start()
     except KeyboardInterrupt:
         pass

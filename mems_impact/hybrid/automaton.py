@@ -1,16 +1,25 @@
-"""A hybrid automaton as a value: modes, flow, margins, transitions."""
+"""Hybrid automata: guards, impacts, modes and transitions."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import KW_ONLY, dataclass, field, fields
-from functools import cached_property
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
+from functools import cache, cached_property
 from typing import Any
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.portable import portable
-from mems_impact.hybrid.record import CYCLIC, HIT_BEGIN, HIT_TIME, IMPACT, ORDER, RECORDS
+from mems_impact.hybrid.event_loop.workspace import (
+    CYCLIC,
+    HIT_BEGIN,
+    HIT_TIME,
+    IMPACT,
+    ORDER,
+    RECORDS,
+)
+from mems_impact.hybrid.pickling import portable
+
+# --- A hybrid automaton as a value: modes, flow, margins, transitions.
 
 
 @dataclass(frozen=True)
@@ -33,7 +42,7 @@ class Guard:
         The modes that it watches; all by default.
     rate : callable, optional
         ``rate(mode, t, y, p)`` returns the time derivative of the margin along the flow. Without it
-        it is taken by differences (see `mems_impact.hybrid.written`).
+        it is taken by differences (see `mems_impact.hybrid.definition`).
     order : int, optional
         Guards that fire in the same instant are handled in ascending order; by default impacts come
         first, and then guards come as they are listed.
@@ -50,7 +59,8 @@ class Guard:
     Notes
     -----
     An `Automaton` has one function for all margins and one for all transitions. Where these are not
-    made from its guards (see `mems_impact.hybrid.written`), guards have a name and an order alone.
+    made from its guards (see `mems_impact.hybrid.definition`), guards have a name and an order
+    alone.
 
     Examples
     --------
@@ -236,3 +246,29 @@ class Automaton:
 def _automaton(*values: Any) -> Automaton:
     names = [each.name for each in fields(Automaton)]
     return Automaton(**dict(zip(names, values, strict=True)))
+
+
+# --- An automaton without its guards: every mode goes on for as long as it is told to.
+
+
+def _margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
+    g[0] = 1.0
+    r[0] = 1.0
+
+
+def _transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
+    return mode
+
+
+@cache
+def unguarded(automaton: Automaton) -> Automaton:
+    """Return the automaton that stays in the mode in which it starts, with the same flow."""
+    never = (Guard(name="never", order=0),)
+    return replace(
+        automaton,
+        guards=never,
+        constrained=(),
+        margins=_margins,
+        transition=_transition,
+        recipe=(unguarded, (automaton,)),
+    )

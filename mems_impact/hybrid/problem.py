@@ -1,4 +1,4 @@
-"""An automaton with its parameters and options, and the engine that it is bound to."""
+"""A problem: automaton, parameters and period, bound to an integrator."""
 
 from __future__ import annotations
 
@@ -9,18 +9,26 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from mems_impact.engines.equations import Equations
-from mems_impact.engines.options import FOLDERS, Options
-from mems_impact.errors import EngineUnavailable, FunctionsMissing, InvalidParameter
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import (
+    EngineFallbackWarning,
+    EngineUnavailable,
+    FunctionsMissing,
+    InvalidParameter,
+)
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.warnings import EngineFallbackWarning
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.options import FOLDERS, Options
 
-if TYPE_CHECKING:
-    from mems_impact.hybrid.trajectory import Instant
+__all__ = ["LoopMemory"]
+
+# --- An automaton with its parameters and options, and the engine that it is bound to.
 
 # No internal step is longer than this part of a period (or time scale), so that no two extrema of a
 # margin fall into one step. At tolerances of any use the steps are several times shorter.
@@ -29,7 +37,7 @@ STEPS_PER_PERIOD = 16.0
 Section = tuple[int, float, int]  # component, level, direction of the crossing (0: both)
 
 
-class Numbers(NamedTuple):
+class ProblemParameters(NamedTuple):
     """What of a problem depends on the values of its parameters.
 
     Attributes
@@ -51,7 +59,7 @@ class Problem:
     """An automaton with all that does not change along a run.
 
     Units are free for a run. Orbits want time and states of order one, on which the differences
-    of `mems_impact.hybrid.variational` count.
+    of `mems_impact.hybrid.variational.sensitivity` count.
 
     Parameters
     ----------
@@ -85,7 +93,9 @@ class Problem:
     options: Options = field(default_factory=Options)
     time_scale: float | None = None
     refusal: str = ""
-    falls: Callable[[Instant, float], bool] | None = field(default=None, compare=False, repr=False)
+    falls: Callable[[HybridState, float], bool] | None = field(
+        default=None, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
@@ -101,12 +111,12 @@ class Problem:
         return replace(self, period=period, time_scale=self.time_scale or self.period)
 
     @property
-    def numbers(self) -> Numbers:
+    def numbers(self) -> ProblemParameters:
         """What depends on the values of the parameters."""
-        return Numbers(self.parameters, self.period, self.switches, self.time_scale)
+        return ProblemParameters(self.parameters, self.period, self.switches, self.time_scale)
 
 
-def check_times(numbers: Numbers, size: float = 1.0, unit: str = "") -> None:
+def check_times(numbers: ProblemParameters, size: float = 1.0, unit: str = "") -> None:
     """Raise InvalidParameter if times cannot be; it tells them in a unit of `size`."""
     period, switches, scale = numbers.period * size, numbers.switches, numbers.time_scale
     if not (math.isfinite(period) and period > 0.0):
@@ -141,14 +151,14 @@ class Engine(Protocol):
 
 
 @dataclass(frozen=True)
-class Bound:
+class EngineBinding:
     """An engine for one problem, and how functions over the engine's contract are called on it.
 
     Attributes
     ----------
     call : callable
         ``call(function, *arguments)`` calls `function`, written over
-        `mems_impact.engines.contract`, with the engine as its first argument; compiled, if the
+        `mems_impact.integrators.interface`, with the engine as its first argument; compiled, if the
         engine is.
     engine : Engine
         What of it Python asks.
@@ -179,7 +189,7 @@ class Bound:
     stand_in: Any
 
 
-def bind(problem: Problem) -> Bound:
+def create_engine(problem: Problem) -> EngineBinding:
     """Create the engine that the problem's options ask for.
 
     Raises
@@ -242,29 +252,29 @@ def at_hand(options: Options) -> Options:
 
 def _module(form: str, options: Options) -> Any:
     """Import what holds the engine of the method, "compiled" or "interpreted"."""
-    return import_module(f"mems_impact.engines.{FOLDERS[str(options.method)]}.{form}")
+    return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")
 
 
 def _compiled(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
-) -> Bound:
-    from mems_impact.engines.kernels import observables_of
-    from mems_impact.hybrid import native
+) -> EngineBinding:
+    from mems_impact.hybrid.event_loop import compiled
+    from mems_impact.integrators.jit.kernels import observables_of
 
     module = _module("compiled", options)
     module.prepare()
     try:
         engine = module.Engine(equations, options, max_step)
     except Exception as error:  # numba raises what it likes
-        from mems_impact.hybrid.compiled import refused
+        from mems_impact.hybrid.diagnostics.failures import explain_compile_error
 
-        refusal = refused(automaton, error)
+        refusal = explain_compile_error(automaton, error)
         if refusal is None:
             raise
         raise refusal from error
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
-        result = native.compiled(function)(engine.handle, *rest)
+        result = compiled.compiled(function)(engine.handle, *rest)
         _look_for_fault(engine, automaton)
         return result
 
@@ -282,7 +292,7 @@ def _compiled(
     def links(clock: Any, observe: Any, n: int, count: int) -> tuple[dict[str, Any], Any]:
         kernel = observables_of(observe, n, count) if observe is not None else None
         places = {
-            "advance": native.address_of_loop(engine.handle, clock),
+            "advance": compiled.address_of_loop(engine.handle, clock),
             "observe": kernel.address if kernel is not None else 0,
         }
         return places, kernel
@@ -290,7 +300,7 @@ def _compiled(
     def place(array: Any) -> int:
         return int(array.ctypes.data)
 
-    return Bound(call, engine, table, record, 20_000, links, place, engine.address)
+    return EngineBinding(call, engine, table, record, 20_000, links, place, engine.address)
 
 
 class _Fields(SimpleNamespace):
@@ -307,14 +317,14 @@ def _look_for_fault(engine: Any, automaton: Automaton) -> None:
     """Raise FunctionError if a function has failed, at the parameters that the engine has now."""
     fault = engine.fault()
     if fault is not None:
-        from mems_impact.hybrid.faults import explained
+        from mems_impact.hybrid.diagnostics.failures import explain_fault
 
-        raise explained(automaton, np.asarray(engine.parameters).tolist(), fault)
+        raise explain_fault(automaton, np.asarray(engine.parameters).tolist(), fault)
 
 
 def _interpreted(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
-) -> Bound:
+) -> EngineBinding:
     engine = _module("interpreted", options).Engine(equations, options, max_step)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
@@ -339,4 +349,96 @@ def _interpreted(
 
         return {"observe": observed}, None
 
-    return Bound(call, engine, table, record, 1_000, links, lambda array: array, engine)
+    return EngineBinding(call, engine, table, record, 1_000, links, lambda array: array, engine)
+
+
+# --- The memory of the event loop: its clock, table and buffers, for a problem and an engine.
+
+EVENT_ROWS = 4096  # beside one for each guard
+
+
+class LoopMemory:
+    """What the event loop reads and writes; it lives as long as this.
+
+    Parameters
+    ----------
+    problem : Problem
+    bound : Bound
+    sample_rows : int
+        Room for samples.
+    **numbers
+        Fields of the clock that the problem does not tell.
+
+    Attributes
+    ----------
+    clock : CLOCK
+    table : float array, or lists where they are read by Python
+    events, samples : float array
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        bound: EngineBinding,
+        sample_rows: int,
+        **numbers: float,
+    ) -> None:
+        automaton, options = problem.automaton, problem.options
+        n, m = len(automaton.states), len(automaton.guards)
+        switches = len(problem.switches)
+        section, level, direction = problem.section or (workspace.NONE, 0.0, 0)
+        self.table = bound.table(workspace.ROWS, max(n, 2 * m, switches))
+        self.events = np.empty((EVENT_ROWS + m, workspace.HEAD + 2 * n))
+        self.samples = np.empty((sample_rows, 3 + n))
+        for i, values in (*automaton.rows, (workspace.SWITCHES, problem.switches)):
+            self.table[i][: len(values)] = values
+        self.clock: Any = bound.record(
+            workspace.LOOP_STATE,
+            {"table": self.table, "events": self.events, "samples": self.samples},
+            {
+                "width": len(self.table[0]),
+                "event_rows": EVENT_ROWS + m,
+                "sample_rows": sample_rows,
+                "n": n,
+                "m": m,
+                "switches": switches,
+                "modes": len(automaton.modes),
+                "period": problem.period,
+                "scale": problem.time_scale or problem.period,
+                "rtol": options.rtol,
+                "atol": options.atol,
+                "fresh": 1,
+                "pending": workspace.NONE,
+                "stop": np.inf,
+                "max_steps": options.max_steps,
+                "max_events": options.max_events,
+                "section": section,
+                "level": level,
+                "direction": direction,
+                **numbers,
+            },
+        )
+
+    def put(self, y: Floats) -> None:
+        """Write the state."""
+        self.table[workspace.Y][: len(y)] = np.asarray(y, dtype=float).tolist()
+
+    def take_fall(self) -> tuple[HybridState, float] | None:
+        """Return where a very short step began, and its length, once; None if there is none."""
+        clock, length = self.clock, float(self.clock["fallen"])
+        if length == 0.0:
+            return None
+        clock["fallen"] = 0.0
+        y = np.array(self.table[workspace.FALLEN][: clock["n"]], dtype=float)
+        cycle, mode = int(clock["fallen_cycle"]), int(clock["fallen_mode"])
+        return HybridState(cycle, float(clock["fallen_time"]), mode, y), length
+
+    @property
+    def local(self) -> Floats:
+        """The state as the functions see it."""
+        return np.array(self.table[workspace.Y][: self.clock["n"]], dtype=float)
+
+    @property
+    def state(self) -> Floats:
+        """The state, with what its cyclic components have gathered."""
+        return self.local + self.table[workspace.OFFSET][: self.clock["n"]]

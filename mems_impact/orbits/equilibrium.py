@@ -1,4 +1,4 @@
-"""Equilibria: where the flow of a mode vanishes, and what it does nearby."""
+"""Equilibria within one mode."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from scipy.linalg import qr
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import structural_rank
 
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.columns import weight_of
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.hybrid.variational import free_components
+from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.hybrid.variational.sensitivity import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
@@ -25,7 +25,7 @@ SLACK = 1e-9  # by which a margin may be violated before an equilibrium is calle
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class EquilibriumEvaluation:
     """One evaluation of the equations of an equilibrium: the flow is zero.
 
     Attributes
@@ -49,7 +49,7 @@ class Balance:
 
 
 @dataclass(frozen=True)
-class Balancing:
+class EquilibriumEquations:
     """The equations of the equilibria of one mode, in a family.
 
     Parameters
@@ -75,7 +75,7 @@ class Balancing:
         y[list(self.free)] = unknowns
         return y
 
-    def evaluate(self, unknowns: Floats, values: Floats) -> Balance:
+    def evaluate(self, unknowns: Floats, values: Floats) -> EquilibriumEvaluation:
         """Evaluate the flow and its derivatives, by differences.
 
         Raises
@@ -102,9 +102,9 @@ class Balancing:
             raise OrbitError(
                 f"the flow is not defined at {where}: {error}", "look elsewhere"
             ) from error
-        return Balance(unknowns, values, residual, jacobian, by_parameter)
+        return EquilibriumEvaluation(unknowns, values, residual, jacobian, by_parameter)
 
-    def margins(self, balance: Balance) -> Floats:
+    def margins(self, balance: EquilibriumEvaluation) -> Floats:
         """Return the margins of all guards, shape (m,); positive where the mode may last."""
         automaton = self.family.automaton
         m = len(automaton.guards)
@@ -135,12 +135,12 @@ class Balancing:
         automaton.transition(self.mode, automaton.projection_code, 0.0, y, parameters)
         return y[list(self.free)]
 
-    def held(self, balance: Balance) -> Balance:
+    def held(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:
         """Return an evaluation whose unknowns fulfil the constraints of the mode to rounding."""
         unknowns = self._held(balance.unknowns, self._parameters(balance.values))
         return replace(balance, unknowns=unknowns)
 
-    def linearised(self, balance: Balance) -> tuple[Floats, int]:
+    def linearised(self, balance: EquilibriumEvaluation) -> tuple[Floats, int]:
         """Return the derivative of the flow, and the dimension of its kernel that is structural.
 
         Where the mode's states lie on a manifold, in coordinates of its tangent space.
@@ -181,7 +181,7 @@ class Balancing:
 
 
 @dataclass(frozen=True)
-class StationaryState:
+class EquilibriumState:
     """A state in which a mode stands still.
 
     Attributes
@@ -202,15 +202,15 @@ class StationaryState:
 
     family: Family
     mode: int
-    balance: Balance
+    balance: EquilibriumEvaluation
     eigenvalues: NDArray[np.complex128]
     neutral: int
     margins: Floats
 
     @property
-    def equations(self) -> Balancing:
+    def equations(self) -> EquilibriumEquations:
         """What it solves."""
-        return Balancing(self.family, self.mode)
+        return EquilibriumEquations(self.family, self.mode)
 
     @property
     def state(self) -> Floats:
@@ -238,7 +238,7 @@ class StationaryState:
         )
 
 
-def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryState:
+def find_equilibrium(family: Family, mode: int, guess: Floats) -> EquilibriumState:
     """Find an equilibrium of a mode near a state, by Newton's method.
 
     Parameters
@@ -253,7 +253,7 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryStat
     OrbitError
         If there is none near the guess.
     """
-    equations = Balancing(family, mode)
+    equations = EquilibriumEquations(family, mode)
     found = solve_at(
         equations,
         np.asarray(guess, dtype=float)[list(equations.free)],
@@ -264,13 +264,15 @@ def find_equilibrium(family: Family, mode: int, guess: Floats) -> StationaryStat
     return make_equilibrium(equations, equations.held(found))
 
 
-def make_equilibrium(equations: Balancing, balance: Balance) -> StationaryState:
+def make_equilibrium(
+    equations: EquilibriumEquations, balance: EquilibriumEvaluation
+) -> EquilibriumState:
     """Return the equilibrium of solved equations, with stability and admissibility."""
     changes = dict(zip(equations.active, balance.values.tolist(), strict=True))
     matrix, neutral = equations.linearised(balance)
     eigenvalues = np.linalg.eigvals(matrix).astype(complex)
     eigenvalues = eigenvalues[np.argsort(np.abs(eigenvalues))][neutral:]
-    return StationaryState(
+    return EquilibriumState(
         family=equations.family.at(**changes),
         mode=equations.mode,
         balance=balance,

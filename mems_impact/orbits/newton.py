@@ -1,4 +1,4 @@
-"""Newton's method: the one corrector of orbits, branches and curves."""
+"""Newton's method."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.orbits.shooting import ACCEPTED, Point, Shooting
+from mems_impact.orbits.shooting import ACCEPTED, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
 ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, as a part of the terms that it is a sum of
@@ -131,7 +131,7 @@ def newton(
     raise OrbitError(f"{reason} (the residual stays at {worst:.2g})", remedy, point)
 
 
-def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> Point:
+def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvaluation:
     """Correct the unknowns of an orbit at fixed parameters.
 
     Raises

@@ -1,4 +1,4 @@
-"""Multi-segment shooting: the equations of a periodic orbit, with their derivatives.
+"""Multiple shooting: unknowns, equations, phase condition and gradients.
 
 The unknowns are the states at the starts of all segments and the times of all events. An event's
 time being an unknown, its guard is one more equation, and nothing blows up where a guard is touched
@@ -7,10 +7,13 @@ penetrates the guard. Whether an orbit is one of the automaton is a question apa
 
 Where nothing forces the system the period is one more unknown, the last one, and a phase condition
 one more equation.
+
+All are shape (unknowns + k,), and follow from the columns that a `Point` has already.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,17 +22,138 @@ from typing import Any
 import numpy as np
 from scipy.linalg import qr
 
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.passage import NO_EVENT
+from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.record import NONE
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.hybrid.variational import Arc, Event, Variational, free_components
-from mems_impact.orbits.family import Family
-from mems_impact.orbits.layout import Layout
-from mems_impact.orbits.phase import Phase
-from mems_impact.orbits.setting import Setting
-from mems_impact.orbits.signature import BOUNDARY, Guess, Segment
+from mems_impact.hybrid.variational.propagation import NO_EVENT
+from mems_impact.hybrid.variational.sensitivity import Arc, Event, Variational, free_components
+from mems_impact.orbits.family import Family, ParameterPoint
+from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
+
+# --- Which rows and columns of the shooting equations belong to what.
+
+
+class UnknownLayout:
+    """Which rows and columns of the equations belong to what; the signature says it all."""
+
+    def __init__(self, shooting: Shooting) -> None:
+        segments, events, f = shooting.segments, shooting.events, len(shooting.free)
+        count = len(segments)
+        size = f * count + len(events) + (shooting.phase is not None)
+        self.codes = np.array(
+            [(s.mode, NO_EVENT if s.code == BOUNDARY else s.code) for s in segments],
+            dtype=np.int64,
+        )
+        self.guards = np.array([segments[i].code % shooting.m for i in events], dtype=np.int64)
+        self.events = np.array(events, dtype=np.int64)
+        # Segments that begin where the one before ends, not with a period.
+        self.follows = np.array(
+            [i > 0 and segments[i - 1].cycle == s.cycle for i, s in enumerate(segments)]
+        )
+        self.by_end, self.by_start = np.zeros((count, size)), np.zeros((count, size))
+        self.by_end[self.events, f * count + np.arange(len(events))] = shooting.unit
+        self.period_ends = self.codes[:, 1] == NO_EVENT
+        if shooting.phase is not None:
+            self.by_end[self.period_ends, -1] = shooting.unit
+        self.by_start[self.follows] = self.by_end[:-1][self.follows[1:]]
+        # An event's margin stands before the states that follow on it.
+        first = np.cumsum([i in events for i in range(count)]) + f * np.arange(count)
+        self.state_rows = first[:, None] + np.arange(f)
+        self.guard_rows = first[self.events] - 1
+        columns = f * np.arange(count)[:, None] + np.arange(f)
+        self.identity = np.zeros((size, size))
+        self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
+        self.own_state = (*np.ix_(range(count), range(shooting.n), range(f))[:2], columns[:, None])
+        self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
+        self.switch = np.array([s.switch for s in segments], dtype=np.int64)
+
+    def instants(
+        self, setting: ParameterPoint, times: Floats
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return starts and ends of the segments, and their derivatives by the parameters.
+
+        These are of ends that are no unknowns.
+        """
+        count = len(self.codes)
+        ends, end_rates = np.zeros(count), np.zeros((count, setting.values.size))
+        ends[self.events] = times
+        ends[self.period_ends], end_rates[self.period_ends] = setting.period, setting.period_rates
+        if self.at_switch.any():
+            switch = self.switch[self.at_switch]
+            ends[self.at_switch] = setting.switches[switch]
+            end_rates[self.at_switch] = setting.switch_rates[:, switch].T
+        starts, start_rates = np.zeros(count), np.zeros_like(end_rates)
+        starts[self.follows] = ends[:-1][self.follows[1:]]
+        start_rates[self.follows] = end_rates[:-1][self.follows[1:]]
+        return starts, ends, start_rates, end_rates
+
+    def passage(
+        self, setting: ParameterPoint, starts: Floats, ends: Floats
+    ) -> tuple[Floats, Floats | None]:
+        """Return times and motions for `Variational.traverse`."""
+        rooms, looked = np.full(ends.size, math.inf), ends
+        if not setting.switches.size:
+            return np.stack([starts, ends, rooms, looked], axis=1), None
+        rooms[self.events] = [setting.room(time) for time in ends[self.events].tolist()]
+        looked = np.where(self.at_switch, np.nextafter(ends, 0.0), ends)  # before it switches
+        motions = [setting.motion(*span) for span in zip(starts, ends, strict=True)]
+        return np.stack([starts, ends, rooms, looked], axis=1), np.array(motions)
+
+
+# --- Where a cycle begins: the phase condition of a system that nothing forces.
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A plane in the space of the free components; the first state of a cycle lies in it.
+
+    Attributes
+    ----------
+    normal : tuple of float
+        Of length one.
+    level : float
+        Of ``normal @ y`` in the plane.
+    unit : float
+        Of the times among the unknowns, near the period: it may grow beyond all bounds on a branch.
+    """
+
+    normal: tuple[float, ...]
+    level: float
+    unit: float
+
+    @classmethod
+    def across(cls, flow: Floats, y: Floats, unit: float) -> Phase:
+        """Return the plane through a state across the flow there, both of the free components.
+
+        Raises
+        ------
+        OrbitError
+            If the flow is zero.
+        """
+        speed = float(np.linalg.norm(flow))
+        if speed == 0.0:
+            raise OrbitError("an equilibrium was reached, not a cycle", "take another guess")
+        normal = flow / speed
+        return cls(tuple(normal.tolist()), float(normal @ y), unit)
+
+    def crossed(self, flow: Floats) -> float:
+        """Return the cosine between the flow and the normal of the plane; 0 where nothing flows."""
+        speed = float(np.linalg.norm(flow))
+        return float(np.array(self.normal) @ flow) / speed if speed > 0.0 else 0.0
+
+
+def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
+    """Return a monodromy matrix without its trivial multiplier, that of the shift along the flow.
+
+    In an orthonormal basis whose first vector lies along the flow, an eigenvector, the matrix is
+    block triangular; the block that is left has all other multipliers.
+    """
+    basis = np.linalg.qr(flow[:, None], mode="complete")[0][:, 1:]
+    return np.asarray(basis.T @ matrix @ basis)
+
+
+# --- Multi-segment shooting: the equations of a periodic orbit, with their derivatives.
 
 ACCEPTED = 1e-8  # residual that the error of an integration may leave
 BESIDE = 1e-3  # of a state, by which it is moved to see what an orbit conserves
@@ -38,7 +162,7 @@ OTHER_SCALE = 1.5  # factor by which a time scale changes before steps are bound
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class ShootingEvaluation:
     """One evaluation of the equations.
 
     Attributes
@@ -61,7 +185,7 @@ class Point:
     """
 
     unknowns: Floats
-    setting: Setting
+    setting: ParameterPoint
     residual: Floats
     jacobian: Floats
     by_parameter: Floats
@@ -116,8 +240,8 @@ class Shooting:
         self.events = [i for i, s in enumerate(segments) if s.code not in (BOUNDARY, switch)]
         self.pinned = dict(pinned or {})
         self._levels: dict[int, float] = {}  # of the sums, where the equations are first evaluated
-        self.layout = Layout(self)
-        self._last: Setting | None = None
+        self.layout = UnknownLayout(self)
+        self._last: ParameterPoint | None = None
 
     def recut(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
         """Return the equations of the same cycles, begun elsewhere; they share the engine."""
@@ -148,7 +272,7 @@ class Shooting:
     def __reduce__(self) -> Any:
         return Shooting, self._key()
 
-    def pack(self, guess: Guess) -> Floats:
+    def pack(self, guess: OrbitGuess) -> Floats:
         """Return the unknowns of a guess.
 
         A component that is zero but for an earlier correction's rounding is made zero: one that the
@@ -167,7 +291,7 @@ class Shooting:
         states[np.abs(states) < NOTHING] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
-    def setting(self, values: Floats) -> Setting:
+    def setting(self, values: Floats) -> ParameterPoint:
         """Return the problem's numbers at values of the active parameters.
 
         Raises
@@ -177,19 +301,19 @@ class Shooting:
         """
         # Corrections at fixed values ask again and again.
         if self._last is None or not np.array_equal(self._last.values, values):
-            setting = Setting.of(self.family, self.active, values)
+            setting = ParameterPoint.of(self.family, self.active, values)
             if self.phase is None:
                 setting.check_period(self.family, self.active, self._last or self._first)
             self._last = setting
         return self._last
 
     @cached_property
-    def _first(self) -> Setting:
+    def _first(self) -> ParameterPoint:
         """The setting of the family as it was given."""
         values = np.array([self.family.value(name) for name in self.active])
-        return Setting.of(self.family, self.active, values)
+        return ParameterPoint.of(self.family, self.active, values)
 
-    def variational(self, setting: Setting) -> Variational:
+    def variational(self, setting: ParameterPoint) -> Variational:
         """Return arcs and events at a setting."""
         there = setting.time_scale / self._variational.time_scale
         if not 1.0 / OTHER_SCALE < there < OTHER_SCALE:
@@ -197,7 +321,7 @@ class Shooting:
             vars(self)["_variational"] = self._engine(self.family.at(**values))
         return self._variational.at(setting.parameters, setting.directions)
 
-    def evaluate(self, unknowns: Floats, values: Floats) -> Point:
+    def evaluate(self, unknowns: Floats, values: Floats) -> ShootingEvaluation:
         """Evaluate residual and derivatives.
 
         Raises
@@ -256,7 +380,7 @@ class Shooting:
             start, normal = states[0, free], np.array(self.phase.normal)
             residual[-1], jacobian[-1, : normal.size] = normal @ start - self.phase.level, normal
         happened = (code != NO_EVENT for code in layout.codes[:, 1].tolist())
-        return Point(
+        return ShootingEvaluation(
             unknowns=unknowns,
             setting=setting,
             residual=residual,
@@ -273,13 +397,13 @@ class Shooting:
             end_by_parameter=end_by_parameter,
         )
 
-    def problem(self, point: Point) -> Problem:
+    def problem(self, point: ShootingEvaluation) -> Problem:
         """Return the problem at a point, counted in periods of its orbit."""
         values = dict(zip(self.active, point.values.tolist(), strict=True))
         problem = self.family.at(**values).problem()
         return problem if self.phase is None else problem.counted_in(point.period)
 
-    def monodromy(self, point: Point, first: int | None = None) -> Floats:
+    def monodromy(self, point: ShootingEvaluation, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.
 
         Or that over the `first` segments alone.
@@ -314,11 +438,11 @@ class Shooting:
             total = total - np.outer(total[:, c], others)
         return total
 
-    def _slope_after(self, i: int, point: Point) -> Floats:
+    def _slope_after(self, i: int, point: ShootingEvaluation) -> Floats:
         following = point.arcs[(i + 1) % len(self.segments)]
         return following.slope_start
 
-    def pin(self, point: Point) -> None:
+    def pin(self, point: ShootingEvaluation) -> None:
         """Fix what of the first state the orbit can't determine.
 
         Sums of components that nothing changes, such as the velocity of a frame that is stuck all
@@ -343,7 +467,7 @@ class Shooting:
                 )
             self.pinned[c] = tuple(factors.tolist())
 
-    def _conserved(self, point: Point) -> Floats:
+    def _conserved(self, point: ShootingEvaluation) -> Floats:
         """Return sums of the free components that nothing but time changes.
 
         Left eigenvectors of the monodromy matrix, with the eigenvalue 1, along which flows do not
@@ -363,7 +487,7 @@ class Shooting:
                 columns.append(here[None])
         return _kernel(np.vstack(columns).T)
 
-    def _slope(self, point: Point, mode: int, time: float, y: Floats) -> Floats:
+    def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:
         """Return the flow of the free components at a state, put onto what its mode holds."""
         y, slope, p = y.copy(), np.zeros(self.n), point.setting.parameters
         if mode in self.automaton.constrained:
@@ -376,3 +500,51 @@ def _kernel(matrix: Floats) -> Floats:
     """Return the sums of rows that are zero, shape (k, rows)."""
     vectors, sizes, _ = np.linalg.svd(matrix)
     return np.asarray(vectors[:, sizes < ACCEPTED].T)
+
+
+# --- Derivatives of what an orbit's margins do, by its unknowns and the active parameters.
+
+
+def length_gradient(shooting: Shooting, point: ShootingEvaluation, i: int) -> Floats:
+    """Return the derivatives of the length of segment `i`."""
+    layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
+    _, _, start_rates, end_rates = layout.instants(point.setting, times)
+    by_unknown = layout.by_end[i] - layout.by_start[i]
+    return np.append(by_unknown, end_rates[i] - start_rates[i])
+
+
+def rate_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: int) -> Floats:
+    """Return the derivatives of the rate of `guard` at the event that ends segment `i`."""
+    event, k = point.events[i], len(shooting.active)
+    if event is None or i not in shooting.events:
+        raise OrbitError(f"segment {i} ends with no guard", "take another point")
+    row = shooting.m + guard  # the rates stand behind the margins
+    by_end = event.margin_by_state[row]
+    by_unknown = by_end @ point.end_by_unknown[i]
+    by_unknown = by_unknown + float(event.margin_by_time[row]) * shooting.layout.by_end[i]
+    by_parameter = event.margin_by_parameter[row, :k] * point.setting.scales
+    return np.append(by_unknown, by_end @ point.end_by_parameter[i] + by_parameter)
+
+
+def touch_gradient(shooting: Shooting, point: ShootingEvaluation, i: int, guard: int) -> Floats:
+    """Return the derivatives of the smallest margin at a closest approach inside segment `i`.
+
+    There the margin stands still, so that the instant's own motion is no matter.
+    """
+    setting, layout, k = point.setting, shooting.layout, len(shooting.active)
+    arc, mode = point.arcs[i], shooting.segments[i].mode
+    y, columns = arc.touches[guard, 0], arc.touches[guard, 1:]
+    time = float(arc.minima_time[guard])
+    event = shooting.variational(setting).event(mode, guard, time, y, setting.room(time))
+    by_column = columns @ event.margin_by_state[guard]
+    f = len(shooting.free)
+    by_state, by_parameter = by_column[:f], by_column[f : f + k]
+    # The columns of the parameters are carried at instants that move with them.
+    moved = setting.motion(point.starts[i], point.ends[i])[:k] @ np.array([1.0, time])
+    by_parameter = by_parameter + float(event.margin_by_time[guard]) * moved
+    by_parameter = (by_parameter + event.margin_by_parameter[guard, :k]) * setting.scales
+    by_start = -float(by_state @ arc.slope_start[shooting.free])
+    _, _, start_rates, _ = layout.instants(setting, shooting.unpack(point.unknowns)[1])
+    by_unknown = by_start * layout.by_start[i]
+    by_unknown[f * i : f * (i + 1)] += by_state
+    return np.append(by_unknown, by_parameter + by_start * start_rates[i])

@@ -1,4 +1,4 @@
-"""The signature of an orbit: its segments, each in one mode, and what ends each of them."""
+"""The signature of an orbit: its modes and events in order."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.record import NONE
-from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Events, Floats, Instant, Trajectory
+from mems_impact.hybrid.simulation import Events, Trajectory, run
+from mems_impact.hybrid.state import HybridState
 
 BOUNDARY = -1  # a segment that ends with the period, not with an event
 
@@ -47,7 +48,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Guess:
+class OrbitGuess:
     """Segments with approximate states at their starts and times at their ends.
 
     Attributes
@@ -68,9 +69,9 @@ class Guess:
 
 def read_guess(
     problem: Problem,
-    start: Instant,
+    start: HybridState,
     periods: int,
-) -> Guess:
+) -> OrbitGuess:
     """Read the signature off a run of `periods` periods that begins at `start`.
 
     Raises
@@ -80,10 +81,10 @@ def read_guess(
     """
     start = at_period_start(problem, start)
     trajectory = run(problem, start, periods)
-    return guess_from(trajectory, periods, problem.switches)
+    return read_signature(trajectory, periods, problem.switches)
 
 
-def at_period_start(problem: Problem, start: Instant) -> Instant:
+def at_period_start(problem: Problem, start: HybridState) -> HybridState:
     """Return `start`, or where the run from there comes to the start of the next period."""
     if start.time != 0.0:
         rest = 1.0 - start.time / problem.period
@@ -91,7 +92,9 @@ def at_period_start(problem: Problem, start: Instant) -> Instant:
     return replace(start, cycle=0, time=0.0)
 
 
-def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] = ()) -> Guess:
+def read_signature(
+    trajectory: Trajectory, periods: int, switches: Sequence[float] = ()
+) -> OrbitGuess:
     """Cut a trajectory that begins with a period into segments."""
     automaton, period = trajectory.automaton, trajectory.period
     m = len(automaton.guards)
@@ -107,11 +110,13 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
         states.append(y)
         times.append(time)
 
-    chosen = np.flatnonzero(np.isin(events.kind, (loop.TRANSITION, loop.ACCUMULATION, loop.SWITCH)))
+    chosen = np.flatnonzero(
+        np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH))
+    )
     for i in chosen:
         kind, guard, time = int(events.kind[i]), int(events.guard[i]), float(events.time[i])
         now = (int(events.cycle[i]), time)
-        at_end = kind == loop.SWITCH and time == 0.0  # the switch that closes a period
+        at_end = kind == workspace.SWITCH and time == 0.0  # the switch that closes a period
         if at_end and events.cycle[i] == 0:  # the one before the first
             mode, y = int(events.mode_after[i]), _without_cyclic(automaton, events.after[i])
             continue
@@ -119,20 +124,20 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
             close(BOUNDARY, period)
             cycle += 1
             y = _without_cyclic(automaton, _at_boundary(trajectory, cycle))
-        if kind == loop.TRANSITION:
+        if kind == workspace.TRANSITION:
             close(guard, time)
             struck[guard] = now
-        elif kind == loop.ACCUMULATION and (
+        elif kind == workspace.ACCUMULATION and (
             guard not in struck
-            or not completes(events, int(i))
+            or not completes_chatter(events, int(i))
             or struck[guard] == now  # flights that drown in rounding: no time for one more
         ):
             close(m + guard, time)
-        elif kind == loop.ACCUMULATION:
+        elif kind == workspace.ACCUMULATION:
             # The loop leaps over the rest of the sequence from the last impact that it saw. Here
             # one flight more is taken, and the impact after it is the one without rebound.
             whole, since = struck[guard]
-            seen = Instant(cycle, (whole - cycle) * period + since, mode, y)
+            seen = HybridState(cycle, (whole - cycle) * period + since, mode, y)
             rest = int(events.mode_after[i])
             for step in completion(trajectory.problem, seen, guard, time - seen.time, rest):
                 close(step.code, step.time)
@@ -159,10 +164,10 @@ def guess_from(trajectory: Trajectory, periods: int, switches: Sequence[float] =
                 f"{later / period:.6g} of the period after its start",
                 remedy="move the parameter a little",
             )
-    return Guess(tuple(segments), np.array(states), np.array(times), trajectory.stiff)
+    return OrbitGuess(tuple(segments), np.array(states), np.array(times), trajectory.stiff)
 
 
-def completes(events: Events, i: int) -> bool:
+def completes_chatter(events: Events, i: int) -> bool:
     """Return whether row `i` completes a sequence of impacts, being none itself.
 
     The loop takes a contact that is not closing for an impact without rebound; where it leaps over
@@ -171,7 +176,7 @@ def completes(events: Events, i: int) -> bool:
     return i > 0 and bool(np.array_equal(events.before[i], events.after[i - 1]))
 
 
-class Happening(NamedTuple):
+class TransitionRecord(NamedTuple):
     """A transition: its code, its time since the start of the orbit's period, and what it does."""
 
     code: int
@@ -182,8 +187,8 @@ class Happening(NamedTuple):
 
 
 def completion(
-    problem: Problem, seen: Instant, guard: int, length: float, rest: int
-) -> Iterator[Happening]:
+    problem: Problem, seen: HybridState, guard: int, length: float, rest: int
+) -> Iterator[TransitionRecord]:
     """Yield what happens from `seen`, after an impact at `guard`, until it rests in mode `rest`.
 
     The next impact is taken for one without rebound. What it sets off, a slip say, ends within the
@@ -197,7 +202,7 @@ def completion(
             continue
         code, time, y = len(automaton.guards) + guard, step.time, step.before.copy()
         mode = int(automaton.transition(mode, code, time, y, problem.parameters))
-        yield Happening(code, time, mode, step.before, y)
+        yield TransitionRecord(code, time, mode, step.before, y)
         for later in _transitions(problem, replace(seen, time=time, mode=mode, y=y), length):
             if mode == rest:
                 return
@@ -206,12 +211,12 @@ def completion(
         return
 
 
-def _transitions(problem: Problem, start: Instant, length: float) -> Iterator[Happening]:
+def _transitions(problem: Problem, start: HybridState, length: float) -> Iterator[TransitionRecord]:
     events = run(problem, start, length / problem.period).events
-    for i in np.flatnonzero(events.kind == loop.TRANSITION):
+    for i in np.flatnonzero(events.kind == workspace.TRANSITION):
         time = (events.cycle[i] - start.cycle) * problem.period + events.time[i]
         mode, before, after = int(events.mode_after[i]), events.before[i], events.after[i]
-        yield Happening(int(events.guard[i]), float(time), mode, before, after)
+        yield TransitionRecord(int(events.guard[i]), float(time), mode, before, after)
 
 
 def _at_boundary(trajectory: Trajectory, cycle: int) -> Floats:

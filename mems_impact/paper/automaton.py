@@ -6,8 +6,8 @@ from typing import Any
 
 import pandas as pd
 
-from mems_impact.actuator.modes import CONTACT, FRICTION
-from mems_impact.plotting.placing import legend_above
+from mems_impact.actuator.automaton import CONTACT, FRICTION
+from mems_impact.plotting.labels import legend_above
 from mems_impact.plotting.style import color, new_figure, styled
 
 __all__ = ["plot_automaton"]

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from mems_impact.plotting.labels import Label, label_axis, label_of
-from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above
 from mems_impact.plotting.style import DASHES, color, graded, new_figure, styled, thickness
 
 if TYPE_CHECKING:

@@ -12,9 +12,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mems_impact.actuator.design.impacts import is_impact
-from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.modes import (
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator.automaton import (
     GUARDS,
     MODES,
     RELEASE,
@@ -28,10 +27,11 @@ from mems_impact.actuator.modes import (
     direction_of,
     side_of,
 )
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.impacts import is_impact
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.analysis.simulate import simulate
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.trajectory import Floats
 from mems_impact.paper import tables
 from mems_impact.paper.automaton import plot_automaton
 from mems_impact.paper.outcome import Devices, Effort, Outcome

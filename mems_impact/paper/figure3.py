@@ -6,17 +6,15 @@ import math
 
 import numpy as np
 
-from mems_impact.actuator.design.blows import blows
 from mems_impact.actuator.design.estimates import pull_in_voltage
-from mems_impact.actuator.drives import Sine
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.impacts import blows
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.verbs import simulate
 from mems_impact.paper import tables
 from mems_impact.paper.displacement import plot_displacement
 from mems_impact.paper.outcome import Devices, Effort, Outcome
-
-__all__ = ["compute"]
 
 VOLTS, HERTZ = 100.0, 1.0
 WAIT, MEASURE = 2, 4  # forcing periods

@@ -7,9 +7,7 @@ import numpy as np
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
 from mems_impact.paper.switching import JUST_ABOVE, at_rest, diagram, period_one
-from mems_impact.tables.sweep import sweep_summary
-
-__all__ = ["compute"]
+from mems_impact.tables import sweep_summary
 
 OMEGA, LOW, HIGH = 0.5, 0.16, 0.24
 

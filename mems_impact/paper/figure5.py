@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mems_impact.analysis.state import State
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
@@ -14,8 +13,7 @@ from mems_impact.paper.switching import (
     period_one,
     switching,
 )
-
-__all__ = ["compute"]
+from mems_impact.systems.state import State
 
 OMEGA, LOW, HIGH = 0.485, 0.171, 0.177
 

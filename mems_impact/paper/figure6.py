@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.design.crisis import crisis
-from mems_impact.actuator.drives import Sine
-from mems_impact.analysis.state import State
+from mems_impact.actuator.design.operating_chart import locate_crisis
+from mems_impact.actuator.drives.sine import Sine
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
 from mems_impact.paper.switching import JUST_ABOVE, at_rest, diagram, period_of, period_one
-
-__all__ = ["compute"]
+from mems_impact.systems.state import State
 
 OMEGA, LOW, HIGH = 0.45, 0.22, 0.29
 
@@ -36,7 +34,7 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
         periods = effort.of(2000, 250)
         drive = Sine(amplitude=above, omega=OMEGA)
         try:
-            lost = crisis(actuator, drive, below=above, width=0.1 * above, periods=periods)
+            lost = locate_crisis(actuator, drive, below=above, width=0.1 * above, periods=periods)
         except MemsImpactError as error:
             notes.append(f"the crisis was not found: {error}")
         else:

@@ -7,19 +7,16 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from mems_impact.actuator.design.chart import Chart
-from mems_impact.actuator.design.charting import operating_chart
-from mems_impact.actuator.figures.chart import plot_chart
-from mems_impact.analysis.state import State
+from mems_impact.actuator.design.operating_chart import OperatingChart, operating_chart
+from mems_impact.actuator.plots import plot_chart
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper import tables
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.statements import Value
 from mems_impact.paper.switching import JUST_ABOVE, Switching, period_of, switching
-from mems_impact.plotting.placing import legend_above
+from mems_impact.plotting.labels import legend_above
 from mems_impact.plotting.style import new_figure, styled
-
-__all__ = ["compute"]
+from mems_impact.systems.state import State
 
 OMEGA = (0.44, 0.51)
 CHECKED = (0.46, 0.484, 0.495)  # by brute force, at the nearest frequency of the chart
@@ -98,7 +95,7 @@ def compute(devices: Devices, effort: Effort) -> Outcome:
     )
 
 
-def _nearest(chart: Chart, omega: float) -> float:
+def _nearest(chart: OperatingChart, omega: float) -> float:
     """Return the frequency of the chart nearest to `omega`, inside the same type."""
     types, table = chart.types, chart.table
     row = types[(types["omega from"] <= omega) & (omega <= types["omega to"])].iloc[0]
@@ -109,7 +106,7 @@ def _nearest(chart: Chart, omega: float) -> float:
     return float(points[np.abs(points - omega).argmin()]) if len(points) else omega
 
 
-def _boundaries(chart: Chart, omega: float) -> tuple[str, float, float]:
+def _boundaries(chart: OperatingChart, omega: float) -> tuple[str, float, float]:
     """Return the type at `omega` and the amplitudes of switching on and off, interpolated."""
     table = chart.table
     types = chart.types

@@ -13,23 +13,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from mems_impact.errors import InvalidFile, InvalidParameter
-from mems_impact.interruptions import Interrupted
+from mems_impact._util.files import replacing, unwritable
+from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
 from mems_impact.paper.outcome import Devices, Effort, Outcome
 from mems_impact.paper.report import summary, to_html, to_markdown
 from mems_impact.paper.statements import Judgement, Value, judge, load_statements
 from mems_impact.plotting.style import wearing
-from mems_impact.studies.executors import ctrl_c_for_us_alone
-from mems_impact.writing import replacing, unwritable
+from mems_impact.studies.engine.executors import ctrl_c_for_us_alone
 
-__all__ = [
-    "FIGURES",
-    "Report",
-    "SuiteInterrupted",
-    "changed_verdicts",
-    "expected_verdicts",
-    "run_suite",
-]
+__all__ = ["FIGURES", "SuiteInterrupted", "changed_verdicts", "expected_verdicts", "run_suite"]
 
 FIGURES = (2, 3, 4, 5, 6, 7)
 

@@ -7,30 +7,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mems_impact.actuator.drives import Sine
+from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorRun
-from mems_impact.actuator.system import kicked
+from mems_impact.actuator.system import kicked_state
 from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
-from mems_impact.analysis.finding import find_orbit
-from mems_impact.analysis.orbit import Orbit
-from mems_impact.analysis.special import SpecialPoint, grazing_type
-from mems_impact.analysis.state import State
+from mems_impact.analysis.orbit import Orbit, find_orbit
+from mems_impact.analysis.special_points import SpecialPoint, grazing_type
 from mems_impact.errors import MemsImpactError
 from mems_impact.paper.outcome import Effort
-from mems_impact.plotting.branch import plot_branch
+from mems_impact.plotting.bifurcation import plot_branch, plot_sweep
 from mems_impact.plotting.style import new_figure, styled
-from mems_impact.plotting.sweep import plot_sweep
 from mems_impact.studies.sweep import sweep
-from mems_impact.tables.sweep import sweep_summary
+from mems_impact.systems.state import State
+from mems_impact.tables import sweep_summary
 
 if TYPE_CHECKING:
     from typing import Any
 
     import pandas as pd
 
-__all__ = ["Switching", "SwitchingDiagram", "at_rest", "diagram", "period_of", "switching"]
+__all__ = ["Switching", "at_rest", "diagram", "period_of", "switching"]
 
 JUST_ABOVE = 1.001
 LONGEST = 32  # periods
@@ -153,7 +151,7 @@ def diagram(
     branches: list[Branch] = []
     # Down from the orbit with impacts, through fold and grazing onto the one without; or up, if
     # there is none with impacts to begin with.
-    for start, amplitude, stop in ((kicked(actuator), high, low), (State(), low, high)):
+    for start, amplitude, stop in ((kicked_state(actuator), high, low), (State(), low, high)):
         try:
             here = drive.replace(amplitude=amplitude)
             orbit = find_orbit(actuator, here, guess=start, periods=1, transient=500)
@@ -170,7 +168,7 @@ def period_one(actuator: Actuator, omega: float, amplitude: float) -> tuple[floa
     """Return the impacts per period of the stable orbit of one period, 0 without one; the orbit."""
     drive = Sine(amplitude=amplitude, omega=omega)
     try:
-        orbit = find_orbit(actuator, drive, guess=kicked(actuator), periods=1, transient=500)
+        orbit = find_orbit(actuator, drive, guess=kicked_state(actuator), periods=1, transient=500)
     except MemsImpactError:
         return 0.0, None
     return (float(len(orbit.impacts)), orbit) if orbit.stable else (0.0, None)

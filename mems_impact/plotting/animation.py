@@ -1,7 +1,8 @@
-"""A run that moves: the object that holds its frames and writes them as MP4, GIF or HTML."""
+"""Animations and phase portraits."""
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 import subprocess
@@ -11,17 +12,206 @@ from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import resolve_name
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
-from mems_impact.analysis.progress import progress_bar
+import numpy as np
+import pandas as pd
+
+from mems_impact._util.files import replacing
+from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.run import Run
 from mems_impact.errors import FileNotWritten, InvalidParameter
-from mems_impact.plotting.portrait import portrait
-from mems_impact.plotting.scene import Scene
-from mems_impact.plotting.style import styled, wearing
-from mems_impact.writing import replacing
+from mems_impact.plotting.labels import label_axis, label_of, symbol
+from mems_impact.plotting.style import color, new_figure, styled, thickness, wearing
+from mems_impact.plotting.trajectories import between, jump, line, moves, plane
 
-__all__ = ["ENDINGS", "Animation", "animate", "check_ending"]
+__all__ = [
+    "Animation",
+    "Frames",
+    "Scene",
+    "animate",
+    "caption",
+    "check_ending",
+    "clock",
+    "frames_of",
+    "glow",
+]
+
+# --- What moving pictures share: their frames out of a run, and flashes that none of them misses.
+
+SHOWN = 6  # forcing periods by default
+FLASH = 6  # frames over which the flash of an impact fades
+FEWEST = 400  # samples of a line in a period
+
+
+class Scene(NamedTuple):
+    """A figure that moves.
+
+    Attributes
+    ----------
+    figure : matplotlib Figure
+    draw : callable
+        Puts its artists where they are in the frame of that number.
+    frames : int
+        How many frames there are.
+    moving : list of Artist
+        All that changes; the rest is drawn once.
+    """
+
+    figure: Any
+    draw: Callable[[int], None]
+    frames: int
+    moving: list[Any]
+
+
+class Frames(NamedTuple):
+    """The part of a run that moves.
+
+    Attributes
+    ----------
+    samples : DataFrame
+        Close to each other, for lines.
+    every : int
+        Which of them are frames: each one after so many.
+    corners : DataFrame
+        The transitions among them.
+    """
+
+    samples: pd.DataFrame
+    every: int
+    corners: pd.DataFrame
+
+    @property
+    def shown(self) -> pd.DataFrame:
+        """The samples that are frames."""
+        return self.samples.iloc[:: self.every].reset_index(drop=True)
+
+    @property
+    def step(self) -> float:
+        """The time from one frame to the next."""
+        t = self.samples["t"].to_numpy()
+        return float((t[-1] - t[0]) / (len(t) - 1) * self.every)
+
+
+def frames_of(run: Run, first: float | None, last: float | None, per_period: int) -> Frames:
+    """Return the samples of a run that frames show, and the transitions among them."""
+    begin, end = run.extent
+    every = math.ceil(FEWEST / per_period)
+    rate = per_period * every
+    if run.system.forced:
+        if first is None:
+            first = max(begin, (end if last is None else last) - SHOWN)
+    else:  # as many frames in all as there would be by default
+        whole = max((end - begin) * run.system.out("time", run.trajectory.period), 1e-300)
+        low, high = 0.0 if first is None else first, whole if last is None else last
+        rate = every * max(1, math.ceil(SHOWN * per_period / max(high - low, 1e-300)))
+    samples = run.samples(rate, first, last)
+    if len(samples) <= every:
+        raise InvalidParameter("first, last", (first, last), "at least two frames apart")
+    return Frames(samples, every, between(run.corners, samples))
+
+
+def glow(time: float, step: float, hits: pd.DataFrame) -> pd.DataFrame:
+    """Return the impacts that flash at a time, one row each, with their `strength` in (0, 1].
+
+    An impact flashes at full strength in the first frame that is not before it, and fades over
+    `FLASH` frames.
+    """
+    frame = np.maximum(np.ceil((time - hits["t"]) / step - 1e-6), 0.0)
+    seen = (hits["t"] <= time + 1e-6 * step) & (frame < FLASH)
+    return hits[seen].assign(strength=1.0 - frame[seen] / FLASH)
+
+
+def caption(ax: Any) -> Any:
+    """Return the text above axes; a title would wander, as axes are drawn without it."""
+    return ax.annotate(
+        " ", (0.0, 1.0), xycoords="axes fraction", xytext=(0, 3), textcoords="offset points",
+        fontsize="small", va="bottom",
+    )  # fmt: skip
+
+
+def clock(run: Run, time: float) -> str:
+    """Return what a frame says of the time."""
+    period = run.system.forcing_period
+    if period is not None:
+        return f"period {time / period:.2f}"
+    unit = run.system.unit("time")
+    return f"t = {time:.4g} {unit}".rstrip()
+
+
+# --- A phase portrait that draws itself.
+
+
+def portrait(
+    run: Run, first: float | None, last: float | None, per_period: int, x: str | None, y: str | None
+) -> Scene:
+    """Return the phase portrait of a run, its last period standing out.
+
+    Of a system without forcing the last sixth of what is shown.
+
+    Parameters
+    ----------
+    run : Run
+    first, last, per_period, x, y
+        As in `mems_impact.animate`.
+    """
+    x, y = plane(run.system, x, y)
+    frames = frames_of(run, first, last, per_period)
+    names = [name for name in (x, y) if name != "t"]
+    curve = line(frames.samples, frames.corners, names)
+    time, points = curve["t"].to_numpy(), curve[[x, y]].to_numpy(dtype=float)
+    corners = frames.corners
+    hits = corners[corners["impact"].astype(bool)]
+    leaps = corners[np.any([moves(corners, name, frames.samples) for name in names], axis=0)]
+    leapt, sides = leaps["t"].to_numpy(), [_ends(leaps, name) for name in (x, y)]
+    shown, step = frames.shown, frames.step
+    lately = run.system.forcing_period or step * len(shown) / 6.0
+
+    ax = new_figure(1.3).subplots()
+    motion, black = color("motion"), color("impact")
+    ax.plot(*points.T, linestyle="none")  # for the limits of the axes
+    (before,) = ax.plot([], [], color=color("dots"), linewidth=thickness(0.6), zorder=2)
+    (trail,) = ax.plot([], [], color=motion, zorder=3)
+    (jumps,) = ax.plot([], [], **jump())
+    (head,) = ax.plot([], [], linestyle="none", marker="o", markersize=6, color=motion, zorder=6,
+                      markeredgecolor="white")  # fmt: skip
+    label_axis(ax.xaxis, label_of(shown, x, "time" if x == "t" else symbol(x)))
+    label_axis(ax.yaxis, label_of(shown, y, "time" if y == "t" else symbol(y)))
+    now = caption(ax)
+    moving = [before, trail, jumps, head, now]
+    still = len(moving)
+
+    def draw(number: int) -> None:
+        here = shown.iloc[number]
+        since, until = np.searchsorted(time, [here["t"] - lately, here["t"]], side="right")
+        before.set_data(*points[: since + 1].T)
+        trail.set_data(*points[since:until].T)
+        done = np.searchsorted(leapt, here["t"], side="right")
+        jumps.set_data(*(side[: 3 * done] for side in sides))
+        head.set_data([here[x]], [here[y]])
+        now.set_text(clock(run, here["t"]))
+        for flash in moving[still:]:
+            flash.remove()
+        del moving[still:]
+        for _, hit in glow(here["t"], step, hits).iterrows():
+            place = [hit["t" if name == "t" else f"{name} before"] for name in (x, y)]
+            size = 4.0 + 10.0 * hit["strength"]
+            moving.extend(
+                ax.plot(*place, color=black, alpha=hit["strength"], marker="*", markersize=size,
+                        zorder=5)
+            )  # fmt: skip
+
+    return Scene(ax.figure, draw, len(shown), moving)
+
+
+def _ends(leaps: pd.DataFrame, name: str) -> np.ndarray[Any, Any]:
+    """Return where jumps begin and end in one direction of the plane, with gaps between them."""
+    before, after = ("t", "t") if name == "t" else (f"{name} before", f"{name} after")
+    gap = np.full(len(leaps), np.nan)
+    return np.column_stack([leaps[before], leaps[after], gap]).ravel()
+
+
+# --- A run that moves: the object that holds its frames and writes them as MP4, GIF or HTML.
 
 ENDINGS = (".mp4", ".gif", ".html")
 FPS = 25
@@ -266,9 +456,9 @@ def _palette(picture: Any) -> list[tuple[int, int, int]]:
     """Return the colours that are there most, of those that the eye parts; so white stays white."""
     chosen: list[tuple[int, int, int]] = []
     counted = sorted(picture.getcolors(picture.width * picture.height), reverse=True)
-    for _, color in counted:
-        if all(max(abs(a - b) for a, b in zip(color, c, strict=True)) >= APART for c in chosen):
-            chosen.append(color)
+    for _, paint in counted:
+        if all(max(abs(a - b) for a, b in zip(paint, c, strict=True)) >= APART for c in chosen):
+            chosen.append(paint)
         if len(chosen) == COLORS:
             break
     return chosen

@@ -1,25 +1,242 @@
-"""What stands at an axis: symbols, units with their prefixes, plain numbers without offsets."""
+"""Axis labels with SI prefixes, and placement of labels."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from itertools import product
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mems_impact.plotting.placing import text_size
-from mems_impact.units import PREFIXED, PREFIXES
+from mems_impact._util.units import PREFIXED, PREFIXES
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = [
-    "Label", "crosses", "label_axis", "label_of", "on_section", "parameter_label", "prefixed",
+    "Label",
+    "Mark",
+    "crosses",
+    "free_corner",
+    "label_axis",
+    "label_of",
+    "label_points",
+    "legend_above",
+    "on_section",
+    "parameter_label",
+    "prefixed",
     "symbol",
-]  # fmt: skip
+]
+
+# --- Where texts stand so that none lies over another: labels of points, and legends above axes.
+
+Floats = NDArray[np.float64]
+NEAR = (0.5, 1.2, 2.2, 3.4)  # distances of a label from its point, in heights of its text
+SIDES = tuple(
+    side for side in product((1, -1, 0, 0.5, -0.5), (1, -1, 0)) if abs(side[0]) + side[1] ** 2 >= 1
+)
+PAD = 1.5  # pt, about a label
+DOT = 4.0  # pt: the smallest dot that is seen in a legend
+TAKEN, OUTSIDE = 1e4, 1e5  # what a place costs that lies on another text, or outside the axes
+
+
+class Mark(NamedTuple):
+    """A point and what shall stand beside it."""
+
+    text: str
+    x: float
+    y: float
+
+
+@lru_cache(1024)
+def text_size(text: str, size: float) -> tuple[float, float]:
+    """Return width and height of a text in points; both without a renderer."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    lines = text.split("\n")
+    widths = [
+        TextPath((0.0, 0.0), line, prop=FontProperties(size=size)).get_extents().width
+        for line in lines if line.strip()
+    ]  # fmt: skip
+    return max(widths, default=0.0), 1.25 * size * len(lines)
+
+
+def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
+    """Write labels beside points, where they cover neither each other nor much of the lines.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+        On which all else is drawn.
+    marks : sequence of Mark
+    **options
+        Of the texts.
+
+    Returns
+    -------
+    list of Annotation
+    """
+    from matplotlib import rcParams
+    from matplotlib.font_manager import FontProperties
+
+    if not marks:
+        return []
+    _root(ax).draw_without_rendering()  # the layout decides where points are
+    scale = ax.figure.dpi / 72.0
+    size = FontProperties(size=options.setdefault("fontsize", "small")).get_size_in_points()
+    points = ax.transData.transform([(mark.x, mark.y) for mark in marks])
+    lines = _dense(ax)
+    frame = np.array(ax.bbox.extents)
+    radius = 0.8 * scale * float(rcParams["lines.markersize"]) + scale
+    taken = [np.array([*(point - radius), *(point + radius)]) for point in points]
+    found = []
+    for mark, point in zip(marks, points, strict=True):
+        extent = scale * (np.array(text_size(mark.text, size)) + PAD)
+        best, cost, away = taken[0], np.inf, np.zeros(2)
+        for far, side in product(NEAR, SIDES):
+            shift = np.trunc(side) * (radius + (far - 0.5) * scale * size)
+            low = point + shift + 0.5 * (np.array(side) - 1.0) * extent
+            box = np.concatenate([low, low + extent])
+            price = _price(box, taken, lines, frame) + 3.0 * far
+            if price < cost:
+                best, cost, away = box, price, shift
+        taken.append(best)
+        middle = 0.5 * (best[:2] + best[2:]) - point
+        leader = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0.0, "shrinkB": 2.0}
+        found.append(
+            ax.annotate(
+                mark.text, (mark.x, mark.y), xytext=tuple(middle / scale), ha="center", va="center",
+                textcoords="offset points", zorder=8,
+                arrowprops=leader if np.abs(away).max() > radius + scale * size else None,
+                **options,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _root(ax: Any) -> Any:
+    """Return the figure that axes, maybe in a subfigure, belong to."""
+    figure = ax.figure
+    while getattr(figure, "_parent", None) is not None:
+        figure = figure._parent
+    return figure
+
+
+def _dense(ax: Any) -> Floats:
+    """Return points along all lines of axes, on the screen, near enough to stop a text."""
+    parts = [np.empty((0, 2))]
+    for line in ax.lines:
+        if line.get_transform() != ax.transData:
+            continue
+        xy = ax.transData.transform(np.column_stack(line.get_data(orig=False)).astype(float))
+        if line.get_linestyle() != "None" and len(xy) > 1:
+            step = np.hypot(*np.diff(xy, axis=0).T) / 6.0
+            counts = np.clip(np.nan_to_num(step, nan=0.0), 1, 200).astype(int)
+            weights = [np.linspace(0.0, 1.0, n, endpoint=False)[:, None] for n in counts]
+            pairs = zip(xy[:-1], xy[1:], weights, strict=True)
+            xy = np.concatenate([a + (b - a) * w for a, b, w in pairs])
+        parts.append(xy[np.isfinite(xy).all(axis=1)])
+    return np.concatenate(parts)
+
+
+def _price(box: Floats, taken: Sequence[Floats], lines: Floats, frame: Floats) -> float:
+    """Return what it costs to write where `box` is."""
+    price = OUTSIDE * float((box[:2] < frame[:2]).any() or (box[2:] > frame[2:]).any())
+    for other in taken:
+        price += TAKEN * float((box[:2] < other[2:]).all() and (box[2:] > other[:2]).all())
+    return price + float(((lines > box[:2]) & (lines < box[2:])).all(axis=1).sum())
+
+
+def free_corner(
+    ax: Any, width: float, height: float, top: float = 0.97
+) -> tuple[float, float] | None:
+    """Return where a box of that part of the axes covers no line: its lower left corner.
+
+    Below `top`; None, where it fits nowhere.
+    """
+    _root(ax).draw_without_rendering()
+    lines = ax.transAxes.inverted().transform(_dense(ax))
+    left, below = 0.1, 0.1  # for the numbers at its axes
+    for y, x in product(np.linspace(top - height, below, 12), np.linspace(left, 0.98 - width, 12)):
+        low, high = np.array([x - left, y - below]), np.array([x + width, y + height])
+        if not ((lines > low) & (lines < high)).all(axis=1).any():
+            return float(x), float(y)
+    return None
+
+
+def legend_above(ax: Any, handles: Sequence[Any] | None = None, **options: Any) -> Any:
+    """Put a legend above axes, where nothing is drawn, in as many columns as fit; its dots seen.
+
+    Parameters
+    ----------
+    ax : matplotlib Axes
+    handles : sequence of Artist, optional
+        What it shows; all that have labels by default.
+    **options
+        Of the legend.
+
+    Returns
+    -------
+    Legend or None
+        None where there is nothing to show.
+    """
+    from matplotlib import rcParams
+    from matplotlib.font_manager import FontProperties
+
+    named: dict[str, Any] = {}
+    for artist in ax.get_legend_handles_labels()[0] if handles is None else handles:
+        named.setdefault(artist.get_label(), artist)
+    if not named:
+        return None
+    shown = list(named.values())
+    size = FontProperties(size=rcParams["legend.fontsize"]).get_size_in_points()
+    beside = size * (rcParams["legend.handlelength"] + rcParams["legend.handletextpad"])
+    widths = [text_size(artist.get_label(), size)[0] + beside for artist in shown]
+    room = _room(ax)
+    columns = next(
+        (n for n in range(len(shown), 0, -1) if _width(widths, n, size) <= room), 1
+    )  # fmt: skip
+    legend = ax.legend(
+        handles=shown, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, **options
+    )
+    for handle in legend.legend_handles:
+        if hasattr(handle, "set_markersize"):
+            handle.set_markersize(max(DOT, handle.get_markersize()))
+            if handle.get_fillstyle() == "none":
+                handle.set_markeredgewidth(max(0.7, handle.get_markeredgewidth()))
+    return legend
+
+
+def _room(ax: Any) -> float:
+    """Return the width in points that a legend above axes may take."""
+    box, figure = ax.get_position(), ax.figure
+    spec = ax.get_subplotspec()
+    first = spec is None or spec.is_first_col()
+    # The layout, which is made later, may leave less.
+    share = 0.9 * (box.x1 - (0.0 if first else box.x0))
+    return float(share * 72.0 * figure.bbox.width / figure.dpi)
+
+
+def _width(widths: Sequence[float], columns: int, size: float) -> float:
+    """Return the width of a legend in so many columns, which are filled one after the other."""
+    from matplotlib import rcParams
+
+    rows, longer = divmod(len(widths), columns)
+    total, at = 0.0, 0
+    for column in range(columns):
+        count = rows + (column < longer)
+        total += max(widths[at : at + count], default=0.0)
+        at += count
+    return total + size * (rcParams["legend.columnspacing"] * (columns - 1) + 1.0)
+
+
+# --- What stands at an axis: symbols, units with their prefixes, plain numbers without offsets.
 
 GREEK = [
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",

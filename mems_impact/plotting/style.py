@@ -1,4 +1,4 @@
-"""How figures look: the style sheet, what colours mean, a figure that belongs to no backend."""
+"""The style of figures: style sheet, colors, axes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,49 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
 from inspect import signature
+from io import BytesIO
 from pathlib import Path
 from typing import Any, TypeVar
+
+from matplotlib.figure import Figure
 
 from mems_impact.errors import InvalidParameter
 
 __all__ = [
-    "DASHES", "DOTS", "LINES", "MODE_COLORS", "cased", "color", "given_axes", "graded", "inches",
-    "new_figure", "style", "styled", "thickness", "wearing",
-]  # fmt: skip
+    "DASHES",
+    "DOTS",
+    "LINES",
+    "MODE_COLORS",
+    "cased",
+    "color",
+    "given_axes",
+    "graded",
+    "inches",
+    "new_figure",
+    "style",
+    "styled",
+    "thickness",
+    "wearing",
+]
+
+# --- The figure that all others are drawn on.
+
+DPI = 120  # in a notebook
+
+
+class ShownFigure(Figure):
+    """A figure that a notebook shows, be pyplot in use there or not.
+
+    A notebook shows matplotlib's own figures once pyplot has made one, and these belong to none.
+    """
+
+    def _repr_png_(self) -> bytes:
+        picture = BytesIO()
+        self.savefig(picture, format="png", dpi=DPI)
+        return picture.getvalue()
+
+
+# --- How figures look: the style sheet, what colours mean, a figure that belongs to no backend.
 
 SHEET = Path(__file__).with_name("mems_impact.mplstyle")
 VARIABLE = "MEMS_IMPACT_STYLE"
@@ -193,8 +227,6 @@ def new_figure(panels: float = 1.0, rows: float = 0.0) -> Any:
         Its height, in panels of the style's height and rows of text.
     """
     from matplotlib import rcParams
-
-    from mems_impact.plotting.canvas import ShownFigure
 
     size = (rcParams["figure.figsize"][0], inches(panels, rows))
     return ShownFigure(figsize=size, layout="constrained")

@@ -11,38 +11,49 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import STUDY_OPTIONS, Attractor, Case, Settling
-from mems_impact.analysis.kinds import FAILED
-from mems_impact.analysis.state import State, is_number, state_from
-from mems_impact.analysis.storing.identity import identity_of_state
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    InitialCondition,
+    RecurrenceOptions,
+)
 from mems_impact.errors import InvalidParameter
-from mems_impact.studies import census
-from mems_impact.studies.axes import axis
-from mems_impact.studies.measuring import Measuring, MotionStudy
-from mems_impact.studies.recognition import Recognition
-from mems_impact.studies.running import run_study
-from mems_impact.studies.sampling import Sampling, check_sample
-from mems_impact.studies.starts import Grid, Sample, Starts, box_of
-from mems_impact.studies.study import STATUS, Columns
+from mems_impact.integrators.options import Options
+from mems_impact.studies import attractor_matching
+from mems_impact.studies.attractor_matching import AttractorMatcher
+from mems_impact.studies.attractor_study import AttractorEvaluator, AttractorStudy
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.study import STATUS, Columns
+from mems_impact.studies.sampling import (
+    Grid,
+    InitialConditions,
+    Sample,
+    Sampling,
+    axis,
+    box_of,
+    check_sample,
+)
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.statistics import FAILED
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
 
 __all__ = ["Basins", "BasinsStudy", "basins"]
 
-ATTRACTOR = census.ATTRACTOR
+ATTRACTOR = attractor_matching.ATTRACTOR
 
 
 @dataclass(frozen=True, kw_only=True)
-class BasinsStudy(MotionStudy):
+class BasinsStudy(AttractorStudy):
     """Motions of one system from many states."""
 
-    starts: Starts
-    recognition: Recognition
+    starts: InitialConditions
+    recognition: AttractorMatcher
     initial: State
 
     kind: ClassVar[str] = "basins"
@@ -74,10 +85,10 @@ class BasinsStudy(MotionStudy):
         told = self.measuring.attrs(tuple(self.schema))
         return {**told, "starts": list(self.starts.names)}
 
-    def _case(self, number: int) -> Case:
+    def _case(self, number: int) -> InitialCondition:
         place = self.starts.points[number].tolist()
         start = self.initial.replace(**dict(zip(self.starts.names, place, strict=True)))
-        return Case(self.measuring.system, start)
+        return InitialCondition(self.measuring.system, start)
 
     def _told(self, found: Sequence[Attractor]) -> Columns:
         return {**self.measuring.columns(found), **self.recognition.columns(found)}
@@ -87,7 +98,7 @@ class BasinsStudy(MotionStudy):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Basins(Value):
+class Basins(Result):
     """What motions come to from many states of one system.
 
     Attributes
@@ -105,15 +116,15 @@ class Basins(Value):
     attractors : DataFrame
         One row an attractor, that of the most points first: its name, ``motion``, ``period``,
         ``points``, ``share`` of all points and between which bounds it lies, ``low`` and ``high``;
-        the largest Lyapunov exponent if `Settling` asks for it, computed once an attractor, by
-        which one that does not repeat itself is "chaotic" or "quasi-periodic"; then what the table
-        tells of the first of its points.
+        the largest Lyapunov exponent if `RecurrenceOptions` asks for it, computed once an
+        attractor, by which one that does not repeat itself is "chaotic" or "quasi-periodic"; then
+        what the table tells of the first of its points.
     returns : DataFrame
         The states at the returns of each attractor, once round or as many as were followed.
 
     See Also
     --------
-    basins, follow_attractors, plot_basins
+    basins, continue_attractors, plot_basins
 
     Examples
     --------
@@ -166,7 +177,7 @@ class Basins(Value):
         names = self.attractors[ATTRACTOR]
         if name not in set(names):
             raise InvalidParameter("name", name, f"one of {', '.join(names)}")
-        return census.state_of(self.system, self.attractors[names == name].iloc[0])
+        return attractor_matching.state_of(self.system, self.attractors[names == name].iloc[0])
 
     def grid(self, column: str = ATTRACTOR) -> NDArray[Any]:
         """Return a column of the table as an array.
@@ -213,7 +224,7 @@ def basins(
     sampling: Sampling = "random",
     seed: int = 0,
     initial: State | Mapping[str, float] | None = None,
-    settle: Settling = Settling(),  # noqa: B008 - immutable
+    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     distance: float = 1e-3,
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
@@ -246,7 +257,7 @@ def basins(
         Of the sample.
     initial : State or mapping of str to float, optional
         All other components; the system's own start by default.
-    settle : Settling, optional
+    settle : RecurrenceOptions, optional
         How long motions are given, and when they count as periodic.
     distance : float, optional
         Within which two motions are one, relative to the size of each component: far above the
@@ -275,7 +286,7 @@ def basins(
 
     See Also
     --------
-    Basins, follow_attractors, plot_basins, operating_map
+    Basins, continue_attractors, plot_basins, operating_map
 
     Notes
     -----
@@ -305,29 +316,35 @@ def basins(
     start = system.initial if initial is None else initial
     if not isinstance(start, State):
         start = state_from(start)
-    if not isinstance(settle, Settling):
-        raise InvalidParameter("settle", settle, "a Settling(…)")
+    if not isinstance(settle, RecurrenceOptions):
+        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
     system.instant(start, system.problem(options))
-    measuring = Measuring(system=system, settle=settle, options=options)
+    measuring = AttractorEvaluator(system=system, settle=settle, options=options)
     study = BasinsStudy(
         starts=starts,
         measuring=replace(measuring, settle=replace(settle, exponents="none")),
-        recognition=Recognition(system=system, options=options, distance=distance),
+        recognition=AttractorMatcher(system=system, options=options, distance=distance),
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
-    labels = census.recognised(table, starts.names, study.recognition, study.measuring)
-    found = census.followed(census.representatives(table, labels), measuring)
-    table, attractors = census.taken(table, labels, found, starts, settle.longest)
+    labels = attractor_matching.match_attractors(
+        table, starts.names, study.recognition, study.measuring
+    )
+    found = attractor_matching.followed(
+        attractor_matching.representatives(table, labels), measuring
+    )
+    table, attractors = attractor_matching.label_points(
+        table, labels, found, starts, settle.longest
+    )
     return Basins(
         system=system,
         starts=starts,
         initial=start,
         table=table,
         attractors=attractors,
-        returns=census.returns(attractors, found, system),
+        returns=attractor_matching.returns(attractors, found, system),
     )
 
 

@@ -11,28 +11,32 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.analysis.attractor import STUDY_OPTIONS, Case, Settling
-from mems_impact.analysis.state import State, state_from
-from mems_impact.analysis.storing.identity import identity_of_state
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
+from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
 from mems_impact.errors import InvalidParameter
-from mems_impact.studies.axes import Axis, axis, check_apart, identity_of_axis
-from mems_impact.studies.measuring import Measuring, MotionStudy
-from mems_impact.studies.motions import in_order, motions
-from mems_impact.studies.running import run_study
-from mems_impact.studies.study import Columns
+from mems_impact.integrators.options import Options
+from mems_impact.studies.attractor_study import (
+    AttractorEvaluator,
+    AttractorStudy,
+    in_order,
+    motions,
+)
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.study import Columns
+from mems_impact.studies.sampling import Axis, axis, check_apart, identity_of_axis
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.state import State, state_from
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["MapStudy", "OperatingMap", "operating_map"]
+__all__ = ["OperatingMap", "operating_map"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapStudy(MotionStudy):
+class MapStudy(AttractorStudy):
     """The points of an operating map: the values of x go by first."""
 
     x: Axis
@@ -71,8 +75,8 @@ class MapStudy(MotionStudy):
         told = self.measuring.attrs(tuple(self.schema))
         return {**told, "x": self.x.name, "y": self.y.name}
 
-    def _case(self, number: int) -> Case:
-        return Case(self._system(number), self.initial)
+    def _case(self, number: int) -> InitialCondition:
+        return InitialCondition(self._system(number), self.initial)
 
     def _places(self, first: int, last: int) -> Columns:
         numbers = np.arange(first, last)
@@ -89,7 +93,7 @@ class MapStudy(MotionStudy):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OperatingMap(Value):
+class OperatingMap(Result):
     """What motions come to over two parameters.
 
     Attributes
@@ -114,7 +118,8 @@ class OperatingMap(Value):
     >>> actuator = mi.load_actuator("zhao2004")
     >>> found = mi.operating_map(
     ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
-    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]), initial=mi.kicked(actuator),
+    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]),
+    ...     initial=mi.kicked_state(actuator),
     ... )
     >>> found.table["motion"].tolist()
     ['periodic', 'periodic', 'off', 'periodic']
@@ -172,7 +177,7 @@ def operating_map(
     x: tuple[str, ArrayLike],
     y: tuple[str, ArrayLike],
     initial: State | Mapping[str, float] | None = None,
-    settle: Settling = Settling(),  # noqa: B008 - immutable
+    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
@@ -191,8 +196,8 @@ def operating_map(
         A parameter and its values, in the units of the system: ``("amplitude", values)``.
     initial : State or mapping of str to float, optional
         Where every motion starts; the system's own start by default. Of two attractors it decides
-        which one is seen: of an actuator, `kicked` shows where it walks once it has begun to.
-    settle : Settling, optional
+        which one is seen: of an actuator, `kicked_state` shows where it walks once it has begun to.
+    settle : RecurrenceOptions, optional
         How long motions are given, and when they count as periodic.
     options : Options, optional
         How they are integrated; method "auto" by default.
@@ -230,7 +235,7 @@ def operating_map(
     >>> found = mi.operating_map(
     ...     actuator, drive,
     ...     x=("amplitude", np.linspace(0.2, 0.26, 4)), y=("omega", [0.49, 0.5]),
-    ...     initial=mi.kicked(actuator),
+    ...     initial=mi.kicked_state(actuator),
     ... )
     >>> found.grid("displacement per period").shape
     (2, 4)
@@ -241,13 +246,13 @@ def operating_map(
     start = initial
     if start is not None and not isinstance(start, State):
         start = state_from(start)
-    if not isinstance(settle, Settling):
-        raise InvalidParameter("settle", settle, "a Settling(…)")
+    if not isinstance(settle, RecurrenceOptions):
+        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
     system.instant(start, system.problem(options))
     study = MapStudy(
         x=across,
         y=up,
-        measuring=Measuring(system=system, settle=settle, options=options),
+        measuring=AttractorEvaluator(system=system, settle=settle, options=options),
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)

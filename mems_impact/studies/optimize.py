@@ -1,4 +1,4 @@
-"""The drive or the device that does best, along an orbit that stays what it is."""
+"""Optimization of periodic orbits: one objective, Pareto fronts, constraints."""
 
 from __future__ import annotations
 
@@ -6,33 +6,127 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import progress_bar
 from mems_impact.analysis.orbit import Orbit
-from mems_impact.analysis.progress import progress_bar
-from mems_impact.analysis.quantity import Quantity
-from mems_impact.analysis.special import check_kind
-from mems_impact.analysis.state import is_number, whole
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.interruptions import OptimizationInterrupted
+from mems_impact.analysis.special_points import check_kind
+from mems_impact.errors import InvalidParameter, OptimizationInterrupted, OrbitError
 from mems_impact.orbits.signature import BOUNDARY
-from mems_impact.studies.derivatives import chosen_quantities, derivatives
-from mems_impact.studies.limits import Constraint, limits_of
-from mems_impact.studies.margins import margins
-from mems_impact.studies.moving import moved
-from mems_impact.studies.searching import HOLDS, Local, Search, search
-from mems_impact.studies.sensitivity import scatter
-from mems_impact.studies.tolerance import deviations
+from mems_impact.studies.sampling import deviations
+from mems_impact.studies.sensitivity import (
+    bifurcation_margins,
+    chosen_quantities,
+    continue_to,
+    derivatives,
+    scatter,
+)
+from mems_impact.studies.trust_region import HOLDS, Iterate, LocalModel, search
+from mems_impact.systems.observables import MULTIPLIER, Quantity
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import is_number, whole
+from mems_impact.systems.system import System
+from mems_impact.tables import unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Optimum", "optimize"]
+__all__ = ["Optimum", "ParetoFront", "optimize", "pareto_front"]
+
+# --- Limits on what an orbit may be, as margins that must not become negative.
+
+STABLE = 0.95  # largest modulus of a multiplier, where nothing else is said: folds are near one
+CLOSEST = "closest approach"
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Between which values a quantity must stay.
+
+    Attributes
+    ----------
+    name : str
+        Of the quantity.
+    low, high : float
+        Infinite where there is none.
+    scale : float
+        In parts of which a margin counts.
+    """
+
+    name: str
+    low: float
+    high: float
+    scale: float
+
+    @property
+    def sides(self) -> list[tuple[float, float]]:
+        """Sign of the margin and value of each limit that there is."""
+        pairs = [(1.0, self.low), (-1.0, self.high)]
+        return [(sign, bound) for sign, bound in pairs if math.isfinite(bound)]
+
+    def margins(self, value: float, gradient: Floats) -> tuple[Floats, Floats]:
+        """Return how far a value is from each limit, and the derivatives of that.
+
+        What an orbit does not have does not limit it.
+        """
+        signs = np.array([sign for sign, _ in self.sides])
+        bounds = np.array([bound for _, bound in self.sides])
+        if math.isnan(value):
+            return np.ones(signs.size), np.zeros((signs.size, gradient.size))
+        return signs * (value - bounds) / self.scale, np.outer(signs, gradient) / self.scale
+
+    def words(self, unit: str) -> list[str]:
+        """Return what each limit demands, in words."""
+        word = {1.0: "least", -1.0: "most"}
+        return [
+            f"{self.name} at {word[sign]} {bound:.6g} {unit}".rstrip() for sign, bound in self.sides
+        ]
+
+
+def limits_of(
+    orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
+) -> tuple[Constraint, ...]:
+    """Return the limits on an orbit: those that are given, stability, and no penetration.
+
+    A pair of None limits nothing; the quantity is only shown.
+
+    Raises
+    ------
+    InvalidParameter
+        If a pair is none of numbers or None, in order.
+    """
+    known = {each.name: each for each in orbit.system.orbit_quantities}
+    given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, STABLE)}
+    if CLOSEST in known:
+        given[CLOSEST] = (0.0, None)
+    found = []
+    for name, pair in {**given, **subject_to}.items():
+        low, high = _checked_pair(name, pair)
+        size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
+        if size == 0.0 and name in known:
+            size = abs(known[name](orbit))
+        found.append(Constraint(name, low, high, size if 0.0 < size < math.inf else 1.0))
+    return tuple(found)
+
+
+def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[float, float]:
+    """Return a pair of limits, infinite where there is none."""
+    try:
+        low, high = pair
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not all(each is None or is_number(each) for each in (low, high)):
+        raise InvalidParameter(f"subject_to {name}", pair, "(lowest, highest), None for none")
+    bounds = -math.inf if low is None else float(low), math.inf if high is None else float(high)
+    if not bounds[0] < bounds[1]:
+        raise InvalidParameter(f"subject_to {name}", pair, "(lowest, highest), in this order")
+    return bounds
+
+
+# --- The drive or the device that does best, along an orbit that stays what it is.
 
 Bounds = Mapping[str, tuple[float, float]]
 Limits = Mapping[str, tuple[float | None, float | None]]
@@ -47,7 +141,7 @@ ENDINGS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Optimum(Value):
+class Optimum(Result):
     """The best orbit that a search has found.
 
     Attributes
@@ -80,7 +174,7 @@ class Optimum(Value):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
     >>> best.quantity, best.ended
     ('mean speed', 'converged')
@@ -107,7 +201,7 @@ class Optimum(Value):
 
         As `margins`, from half to one and a half of each value.
         """
-        return margins(self.orbit, tuple(self.over))
+        return bifurcation_margins(self.orbit, tuple(self.over))
 
     def summary(self) -> dict[str, Any]:
         """Return where it is, what holds it and why the search ended."""
@@ -184,18 +278,18 @@ def optimize(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
     >>> best.converged, best.values
     (True, {'amplitude': 0.25})
     """
     check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
-    aim = _Aim.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
+    aim = Objective.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
     most = whole("iterations", iterations, 1)
-    taken: list[Search[Orbit]] = []
+    taken: list[Iterate[Orbit]] = []
     with progress_bar(progress, "points") as show:
 
-        def report(found: Search[Orbit]) -> None:
+        def report(found: Iterate[Orbit]) -> None:
             taken.append(found)
             if show is not None:
                 show(len(taken))
@@ -209,7 +303,7 @@ def optimize(
             if not taken:
                 raise
             last = taken[-1]
-            stopped = Search(last.x, last.item, last.local, "interrupted", "")
+            stopped = Iterate(last.x, last.item, last.local, "interrupted", "")
             raise OptimizationInterrupted(aim.optimum(stopped, taken), len(taken)) from None
     best = aim.optimum(found, taken)
     if found.local.violation > HOLDS:
@@ -224,7 +318,7 @@ def optimize(
 
 
 @dataclass(frozen=True, eq=False)
-class _Aim:
+class Objective:
     """What is wanted of an orbit, as a search sees it: in the unit box, and in parts of scales."""
 
     over: dict[str, tuple[float, float]]
@@ -243,7 +337,7 @@ class _Aim:
         minimize: str | Quantity | None,
         subject_to: Limits,
         tolerances: Mapping[str, float | str],
-    ) -> _Aim:
+    ) -> Objective:
         if (maximize is None) == (minimize is None):
             raise InvalidParameter("maximize", maximize, "given, or minimize; and not both")
         system = orbit.system
@@ -286,9 +380,9 @@ class _Aim:
 
     def move(self, orbit: Orbit, x: Floats) -> Orbit:
         """Return the orbit at a place in the unit box."""
-        return moved(orbit, self.values(x))
+        return continue_to(orbit, self.values(x))
 
-    def look(self, orbit: Orbit) -> Local:
+    def look(self, orbit: Orbit) -> LocalModel:
         """Return value, limits and gradients, in parts of their scales."""
         quantities = (self.quantity, *self.limited)
         values, found = derivatives(orbit, quantities, tuple(self.over))
@@ -299,7 +393,7 @@ class _Aim:
             each.margins(value, gradient)
             for each, value, gradient in zip(self.limits, values[1:], gradients[1:], strict=True)
         ]
-        return Local(
+        return LocalModel(
             value=self.sign * float(values[0]) / self.scale,
             gradient=self.sign * gradients[0] / self.scale,
             margins=np.concatenate([margin for margin, _ in parts]),
@@ -307,7 +401,7 @@ class _Aim:
             piece=_piece(orbit),
         )
 
-    def optimum(self, found: Search[Orbit], taken: list[Search[Orbit]]) -> Optimum:
+    def optimum(self, found: Iterate[Orbit], taken: list[Iterate[Orbit]]) -> Optimum:
         """Return what a search has found, in the user's terms."""
         orbit, values = found.item, self.values(found.x)
         return Optimum(
@@ -322,15 +416,15 @@ class _Aim:
             converged=found.ended == "converged",
         )
 
-    def violated(self, found: Search[Orbit]) -> list[str]:
+    def violated(self, found: Iterate[Orbit]) -> list[str]:
         """Return the limits that an orbit misses, in words."""
         return self._words(found, found.local.margins < -HOLDS)
 
-    def holding(self, found: Search[Orbit]) -> list[str]:
+    def holding(self, found: Iterate[Orbit]) -> list[str]:
         """Return the limits at which an orbit stands, in words."""
         return self._words(found, np.abs(found.local.margins) <= HOLDS)
 
-    def _words(self, found: Search[Orbit], chosen: Any) -> list[str]:
+    def _words(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
         system = found.item.system
         words = [
             sentence
@@ -339,14 +433,14 @@ class _Aim:
         ]
         return [sentence for sentence, yes in zip(words, chosen, strict=True) if yes]
 
-    def _bounds(self, found: Search[Orbit]) -> list[str]:
+    def _bounds(self, found: Iterate[Orbit]) -> list[str]:
         return [
             f"{name} at its {'lowest' if part <= HOLDS else 'highest'} value"
             for name, part in zip(self.over, found.x.tolist(), strict=True)
             if part <= HOLDS or part >= 1.0 - HOLDS
         ]
 
-    def _end(self, found: Search[Orbit]) -> list[str]:
+    def _end(self, found: Iterate[Orbit]) -> list[str]:
         words = [f"the orbit ends: {found.lost}"] if found.ended == "lost" else []
         here = _sequence(found.item)
         return words + [
@@ -354,7 +448,7 @@ class _Aim:
             for other in found.edge
         ]
 
-    def _history(self, taken: list[Search[Orbit]], system: System) -> pd.DataFrame:
+    def _history(self, taken: list[Iterate[Orbit]], system: System) -> pd.DataFrame:
         import pandas as pd
 
         rows = []
@@ -421,3 +515,220 @@ def _checked_bounds(system: System, over: Bounds) -> dict[str, tuple[float, floa
             system.changed(**{name: float(bound)})
         found[name] = (float(low), float(high))
     return found
+
+
+# --- What two aims cost each other: the front of orbits none of which is better in both.
+
+Sense = Literal["maximize", "minimize"]
+SENSES = ("maximize", "minimize")
+EQUAL = 1e-6  # part of its size by which one point must beat another in an aim
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParetoFront(Result):
+    """Optima none of which is better in both aims than another.
+
+    Attributes
+    ----------
+    aims : dict of str to str
+        The two quantities, and whether each was maximized or minimized.
+    optima : tuple of Optimum
+        From the best in the second aim to the best in the first.
+    start : Orbit
+        Where the searches began.
+    failed : tuple of str
+        Why points are missing, if any are.
+
+    See Also
+    --------
+    pareto_front, plot_pareto
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> front = mi.pareto_front(
+    ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
+    ... )
+    >>> list(front.aims), len(front.table)
+    (['mean speed', 'energy lost per period'], 3)
+    """
+
+    aims: dict[str, Sense]
+    optima: tuple[Optimum, ...] = field(repr=False)
+    start: Orbit = field(repr=False)
+    failed: tuple[str, ...] = ()
+
+    @property
+    def system(self) -> System:
+        """That of the orbit where the searches began."""
+        return self.start.system
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row an optimum: the two quantities, the parameters, what was limited, what holds it.
+
+        As the last row of `Optimum.history`, and a column "held by".
+        """
+        import pandas as pd
+
+        rows = [each.history.iloc[-1].to_dict() for each in self.optima]
+        first, second = self.aims
+        names = [first, second, *(name for name in rows[0] if name not in self.aims)]
+        table = pd.DataFrame(rows)[names]
+        table["held by"] = ["; ".join(each.active) for each in self.optima]
+        table.attrs = {**self.optima[0].history.attrs, "aims": dict(self.aims)}
+        return table
+
+    def summary(self) -> dict[str, Any]:
+        """Return the ends of the front."""
+        table = self.table
+        pairs = {name: table[name].iloc[[0, -1]].to_list() for name in self.aims}
+        ends = {name: f"{one:.6g} to {other:.6g}" for name, (one, other) in pairs.items()}
+        told = {"system": repr(self.system), "points": len(table), **ends}
+        return {**told, **({"missing": "; ".join(self.failed)} if self.failed else {})}
+
+
+def pareto_front(
+    orbit: Orbit,
+    aims: Mapping[str, Sense],
+    *,
+    over: Bounds,
+    points: int = 9,
+    subject_to: Limits | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
+    iterations: int = 60,
+    progress: bool | Callable[[float], None] = False,
+) -> ParetoFront:
+    """Return what two aims cost each other, along an orbit that stays what it is.
+
+    The method of epsilon constraints: each aim by itself first, then the first one while the
+    second is held at values between what these two gave.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Stable and admissible.
+    aims : mapping of str to {"maximize", "minimize"}
+        Two quantities: ``{"mean speed": "maximize", "energy lost per period": "minimize"}``.
+    over : mapping of str to tuple of float
+        The parameters to vary, each with its lowest and highest value.
+    points : int, optional
+        On the front, ends included, >= 2.
+    subject_to, tolerances
+        As for `optimize`; neither of the two aims may be limited.
+    iterations : int, optional
+        Points that each search tries at most.
+    progress : bool or callable, optional
+        True: show a counter if it takes over a second. A function is called with the number of
+        points done.
+
+    Returns
+    -------
+    ParetoFront
+        Points that another one beats are left out.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    OrbitError
+        If an end of the front has no orbit that meets `subject_to`.
+    OptimizationInterrupted
+        By Ctrl-C; the front so far is in ``optimum``.
+
+    See Also
+    --------
+    ParetoFront, plot_pareto, optimize
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> front = mi.pareto_front(
+    ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
+    ... )
+    >>> len(front.optima)
+    3
+    """
+    check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
+    count = whole("points", points, 2)
+    held = dict(subject_to or {})
+    first, second = _checked_objectives(aims, held)
+
+    def best(begin: Orbit, name: str, limits: Limits) -> Optimum:
+        sought = {str(aims[name]): name}
+        return optimize(
+            begin, over=over, subject_to=limits, tolerances=tolerances, iterations=iterations,
+            **sought,  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    found: list[Optimum] = []
+    failed: list[str] = []
+    with progress_bar(progress, "points", count) as show:
+        try:
+            # Each end in both aims: the other one is shown beside it, but not limited.
+            for name, other in ((second, first), (first, second)):
+                found.append(best(orbit, name, {**held, other: (None, None)}))
+                if show is not None:
+                    show(len(found))
+            low, high = (_value(each, second) for each in found)
+            near, unit = found[0], unit_of(second, orbit.system.units)
+            for level in np.linspace(low, high, count)[1:-1].tolist():
+                limit = (level, None) if aims[second] == "maximize" else (None, level)
+                try:
+                    near = best(near.orbit, first, {**held, second: limit})
+                    found.append(near)
+                except OrbitError as error:
+                    where = f"{second} {level:.6g} {unit}".rstrip()
+                    failed.append(f"{where}: {error.reason}")
+                if show is not None:
+                    show(len(found) + len(failed))
+        except KeyboardInterrupt:
+            if not found:
+                raise
+            front = _front(orbit, aims, found, failed)
+            raise OptimizationInterrupted(front, len(found)) from None
+    return _front(orbit, aims, found, failed)
+
+
+def _front(
+    orbit: Orbit, aims: Mapping[str, Sense], found: list[Optimum], failed: list[str]
+) -> ParetoFront:
+    """Return the points that no other beats, in order of the second aim, the best of it first."""
+    signs = [-1.0 if sense == "maximize" else 1.0 for sense in aims.values()]
+    costs = np.array([[_value(each, name) for name in aims] for each in found]) * signs
+    slack = EQUAL * np.abs(costs).max(axis=0)
+    kept = [
+        i
+        for i, cost in enumerate(costs)
+        if not any(
+            (other <= cost + slack).all() and (other < cost - slack).any() for other in costs
+        )
+        and not any((np.abs(other - cost) <= slack).all() for other in costs[:i])
+    ]
+    order = sorted(kept, key=lambda i: (costs[i, 1], costs[i, 0]))
+    return ParetoFront(
+        aims=dict(aims), optima=tuple(found[i] for i in order), start=orbit, failed=tuple(failed)
+    )
+
+
+def _value(optimum: Optimum, name: str) -> float:
+    return float(optimum.history[name].iloc[-1])
+
+
+def _checked_objectives(aims: Mapping[str, Sense], held: Limits) -> tuple[str, str]:
+    if not isinstance(aims, Mapping) or len(aims) != 2 or not set(aims.values()) <= set(SENSES):
+        allowed = 'two quantities, each with "maximize" or "minimize"'
+        raise InvalidParameter("aims", aims, allowed)
+    for name in aims:
+        if name in held:
+            raise InvalidParameter("subject_to", name, "a quantity that is none of the aims")
+    first, second = aims
+    return first, second

@@ -1,19 +1,91 @@
-"""Samples of the unit cube, each a pure function of its size, its kind and its seed."""
+"""Axes, grids, samples, distributions and initial conditions of studies."""
 
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 import warnings
-from typing import Any, Literal, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import binomtest, qmc
 
-from mems_impact.analysis.state import is_number, whole
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.trajectory import Floats
+from mems_impact.systems.state import is_number, whole
+from mems_impact.systems.system import System
 
-__all__ = ["SAMPLINGS", "Sampling", "check_sample", "digest_of", "unit_sample", "wilson"]
+__all__ = [
+    "FIRST",
+    "SECOND",
+    "Axis",
+    "Grid",
+    "InitialConditions",
+    "Making",
+    "ParameterSample",
+    "Sample",
+    "Sampling",
+    "axis",
+    "box_of",
+    "check_sample",
+    "deviations",
+    "distributions",
+    "draw",
+    "matrices",
+    "unit_sample",
+    "wilson",
+]
+
+# --- Axes of a study: a parameter and its values.
+
+
+class Axis(NamedTuple):
+    """A parameter and its values, in the units of the system."""
+
+    name: str
+    values: tuple[float, ...]
+
+
+def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Axis:
+    """Return an axis as it was given.
+
+    Raises
+    ------
+    InvalidParameter
+        If it is no pair, the name none of `names`, or the values not numbers that differ.
+    """
+    allowed = 'a name and its values: ("amplitude", [0.2, 0.21])'
+    try:
+        name, values = given
+        numbers = np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        raise InvalidParameter(field, given, allowed) from None
+    if not isinstance(name, str) or name not in names:
+        raise InvalidParameter(field, name, f"one of {', '.join(names)}")
+    fine = numbers.ndim == 1 and numbers.size > 0 and bool(np.isfinite(numbers).all())
+    if not fine or len(np.unique(numbers)) != numbers.size:
+        raise InvalidParameter(field, values, "one or more finite numbers that differ")
+    return Axis(name, tuple(numbers.tolist()))
+
+
+def identity_of_axis(given: Axis) -> dict[str, Any]:
+    """Return what tells an axis from others."""
+    return {"name": given.name, "values": list(given.values)}
+
+
+def check_apart(x: Axis, y: Axis, system: System) -> None:
+    """Raise InvalidParameter if two axes are one."""
+    if x.name == y.name:
+        others = ", ".join(name for name in system.parameters if name != x.name)
+        raise InvalidParameter("y", y.name, f"another one than x: one of {others}")
+
+
+# --- Samples of the unit cube, each a pure function of its size, its kind and its seed.
 
 Sampling = Literal["sobol", "lhs", "random"]
 SAMPLINGS = get_args(Sampling)
@@ -66,3 +138,333 @@ def wilson(count: int, points: int) -> tuple[float, float]:
     """Return Wilson's interval of a share of which `count` of some points are an estimate."""
     interval = binomtest(count, points).proportion_ci(LEVEL, method="wilson")
     return float(interval.low), float(interval.high)
+
+
+# --- Tolerances of parameters: in their units, or as a part of their values.
+
+RELATIVE = '"5%", or "uniform: 5%" to either side'
+KINDS = ("norm", "uniform")
+
+
+def part_of(text: Any) -> float | None:
+    """Return what a text such as "5%" is as a part; None of anything else."""
+    if not isinstance(text, str) or not text.rstrip().endswith("%"):
+        return None
+    try:
+        part = float(text.rstrip().removesuffix("%")) / 100.0
+    except ValueError:
+        return None
+    return part if math.isfinite(part) and part >= 0.0 else None
+
+
+def deviations(
+    tolerances: Mapping[str, float | str], system: System, known: Sequence[str] | None = None
+) -> dict[str, float]:
+    """Return standard deviations in the units of the parameters.
+
+    Raises InvalidParameter unless each is one of a known parameter, of the system by default.
+    """
+    names = tuple(system.parameters) if known is None else known
+    found = {}
+    for name, given in tolerances.items():
+        if name not in names:
+            raise InvalidParameter("tolerances", name, f"of one of {', '.join(names)}")
+        part = part_of(given)
+        value = given if part is None else part * _size("tolerance of", name, system)
+        if not (is_number(value) and float(value) >= 0.0):
+            allowed = 'a finite number >= 0, or a part of the value such as "5%"'
+            raise InvalidParameter(f"tolerance of {name}", given, allowed)
+        found[name] = float(value)
+    return found
+
+
+def relative_distribution(name: str, text: str, system: System) -> Any:
+    """Return a distribution about the system's own value of a parameter, frozen.
+
+    Of "5%" the normal one of that standard deviation, of "uniform: 5%" as much to either side.
+    """
+    from scipy import stats
+
+    kind, _, width = text.rpartition(":")
+    part, kind = part_of(width), kind.strip() or KINDS[0]
+    if part is None or kind not in KINDS or not part > 0.0:
+        raise InvalidParameter(f"over.{name}", text, f"a distribution, or {RELATIVE}")
+    system.check_parameter(name, "over")
+    value, spread = system.value(name), part * _size("over", name, system)
+    if kind == "uniform":
+        return stats.uniform(value - spread, 2.0 * spread)
+    return stats.norm(value, spread)
+
+
+def _size(field: str, name: str, system: System) -> float:
+    size = abs(system.value(name))
+    if size == 0.0:
+        problem = f"{name} is 0, of which no part can be taken; give the tolerance in its unit"
+        raise InvalidParameter(f"{field} {name}", None, "", problem=problem)
+    return size
+
+
+# --- What is drawn for a study of scatter: quantities by their distributions, parameters of them.
+
+Making = Callable[..., Mapping[str, float]]
+
+FIRST, SECOND = "A", "B"  # the two samples of which indices are made
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParameterSample:
+    """Points that are drawn.
+
+    Attributes
+    ----------
+    names : tuple of str
+        What is drawn.
+    values : float array, shape (points, names)
+    parameters : tuple of str
+        The parameters of the system that are made of it.
+    settings : float array, shape (points, parameters)
+    blocks : tuple of str
+        To which sample each block of as many points belongs; one without indices.
+    identity : dict
+        What tells them from others.
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    parameters: tuple[str, ...]
+    settings: Floats
+    blocks: tuple[str, ...]
+    identity: dict[str, Any]
+
+
+def distributions(over: Any, system: System) -> dict[str, Any]:
+    """Return distributions by name, those that are told as a part of a parameter about its value.
+
+    InvalidParameter unless the others are frozen ones of scipy.stats.
+    """
+    allowed = 'distributions by name: {"e": scipy.stats.norm(0.62, 0.02), "d": "5%"}'
+    if not isinstance(over, Mapping) or not over:
+        raise InvalidParameter("over", over, allowed)
+    found = {
+        name: relative_distribution(name, given, system) if isinstance(given, str) else given
+        for name, given in over.items()
+    }
+    for name, given in found.items():
+        if not (callable(getattr(given, "ppf", None)) and hasattr(given, "dist")):
+            frozen = 'a frozen distribution of scipy.stats, such as norm(0.62, 0.02), or "5%"'
+            raise InvalidParameter(f"over.{name}", given, frozen)
+    return found
+
+
+def draw(
+    system: System,
+    over: Mapping[str, Any],
+    making: Making | None,
+    *,
+    samples: int,
+    sampling: str,
+    seed: int,
+    indices: bool,
+) -> ParameterSample:
+    """Draw points.
+
+    Parameters
+    ----------
+    system : System
+    over : mapping of str to distribution
+    making : callable, optional
+        Parameters by name of what is drawn, given by name; what is drawn are parameters by default.
+    samples : int
+        Points of a sample.
+    sampling : {"sobol", "lhs", "random"}
+    seed : int
+    indices : bool
+        Whether two samples are drawn, and for every quantity the first once more, with that
+        quantity from the second (Saltelli et al., *Computer Physics Communications* 181, 259,
+        2010).
+    """
+    names, count = tuple(over), len(over)
+    unit = unit_sample(samples, 2 * count if indices else count, sampling, seed)
+    blocks = [
+        np.stack([over[name].ppf(part) for name, part in zip(names, block.T, strict=True)], axis=1)
+        for block in np.split(unit, 2 if indices else 1, axis=1)
+    ]
+    which: tuple[str, ...] = ("",)
+    if indices:
+        first, second = blocks
+        for i in range(count):
+            mixed = first.copy()
+            mixed[:, i] = second[:, i]
+            blocks.append(mixed)
+        which = (FIRST, SECOND, *(f"{FIRST}, {name} of {SECOND}" for name in names))
+    values = np.concatenate(blocks)
+    parameters, settings = _made(system, names, values, making)
+    told = {
+        "over": {name: _result_columns(given) for name, given in over.items()},
+        "samples": samples,
+        "sampling": sampling,
+        "seed": seed,
+        "indices": indices,
+        "points": digest_of(np.hstack([values, settings])),
+    }
+    return ParameterSample(
+        names=names,
+        values=values,
+        parameters=parameters,
+        settings=settings,
+        blocks=which,
+        identity=told,
+    )
+
+
+def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the values of quantities, a column each, at the two samples and at those between.
+
+    Returns
+    -------
+    first, second : array, shape (quantities, n)
+    between : array, shape (drawn, quantities, n)
+    """
+    blocks = np.stack(np.split(values.T, len(draws.blocks), axis=1))
+    return blocks[0], blocks[1], blocks[2:]
+
+
+def _made(
+    system: System, names: tuple[str, ...], values: Floats, making: Making | None
+) -> tuple[tuple[str, ...], Floats]:
+    """Return the parameters of the system that are made of what is drawn."""
+    known = system.parameters
+    if making is None:
+        for name in names:
+            system.check_parameter(name, "over")
+        return names, values
+    made = [making(**dict(zip(names, row, strict=True))) for row in values.tolist()]
+    parameters = tuple(made[0]) if isinstance(made[0], Mapping) else ()
+    unknown = [name for name in parameters if name not in known]
+    if unknown or not parameters:
+        problem = f"must return parameters among {', '.join(known)}"
+        problem += f", not {unknown[0]}" if unknown else ""
+        raise InvalidParameter("parameters", None, "", problem=problem)
+    rows = [[float(row[name]) for name in parameters] for row in made]
+    return parameters, np.array(rows)
+
+
+def _result_columns(given: Any) -> dict[str, Any]:
+    """Return what tells a distribution from others; its points are told apart from that."""
+    kind = given.dist
+    told = {"name": getattr(kind, "name", type(kind).__name__), "args": given.args, **given.kwds}
+    found: dict[str, Any] = json.loads(json.dumps(told, default=np.ndarray.tolist))
+    return found
+
+
+# --- Where the motions of a study start: a grid over components of the state, or a sample.
+
+
+class InitialConditions(Protocol):
+    """Values of some components of the state, numbered from 0."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The components."""
+
+    @property
+    def points(self) -> Floats:
+        """Their values, a row a point."""
+
+    def identity(self) -> dict[str, Any]:
+        """Return what tells them from others."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All pairs of the values of x and y, those of x first; or the values of x."""
+
+    x: Axis
+    y: Axis | None = None
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """X, and y if there is one."""
+        return (self.x,) if self.y is None else (self.x, self.y)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The components."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Values of y, values of x."""
+        return tuple(len(axis.values) for axis in reversed(self.axes))
+
+    @cached_property
+    def points(self) -> Floats:
+        """Their values, a row a point."""
+        grids = np.meshgrid(*(np.array(axis.values) for axis in self.axes))
+        return np.stack([grid.ravel() for grid in grids], axis=1)
+
+    def identity(self) -> dict[str, Any]:
+        """Return what tells them from others."""
+        names = ("x", "y")[: len(self.axes)]
+        return {name: identity_of_axis(axis) for name, axis in zip(names, self.axes, strict=True)}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample of a box, uniform in it.
+
+    Attributes
+    ----------
+    box : tuple of (str, float, float)
+        Components of the state, each with its ends.
+    n : int
+    sampling : {"random", "sobol", "lhs"}
+    seed : int
+    """
+
+    box: tuple[tuple[str, float, float], ...]
+    n: int
+    sampling: str
+    seed: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The components."""
+        return tuple(name for name, _, _ in self.box)
+
+    @cached_property
+    def points(self) -> Floats:
+        """Their values, a row a point."""
+        low, high = np.array([ends for _, *ends in self.box]).T
+        return low + (high - low) * unit_sample(self.n, len(self.box), self.sampling, self.seed)
+
+    def identity(self) -> dict[str, Any]:
+        """Return what tells them from others."""
+        return {
+            "box": {name: [low, high] for name, low, high in self.box},
+            "samples": self.n,
+            "sampling": self.sampling,
+            "seed": self.seed,
+            "points": digest_of(self.points),
+        }
+
+
+def box_of(
+    given: Mapping[str, tuple[float, float]], names: tuple[str, ...]
+) -> tuple[tuple[str, float, float], ...]:
+    """Return a box as it was given; InvalidParameter unless it has ends for some of `names`."""
+    allowed = f'ends of some components, {{"{names[0]}": (low, high)}}'
+    if not isinstance(given, Mapping) or not given:
+        raise InvalidParameter("box", given, allowed)
+    box = []
+    for name, ends in given.items():
+        if name not in names:
+            raise InvalidParameter("box", name, f"of components among {', '.join(names)}")
+        try:
+            low, high = ends
+        except (TypeError, ValueError):
+            raise InvalidParameter(f"box.{name}", ends, "two numbers, low and high") from None
+        if not (is_number(low) and is_number(high) and low < high):
+            raise InvalidParameter(f"box.{name}", ends, "two finite numbers, the lower one first")
+        box.append((name, float(low), float(high)))
+    return tuple(box)

@@ -1,32 +1,475 @@
-"""How the numbers of an orbit move with the parameters, and how they scatter with tolerances."""
+"""Sensitivities of periodic orbits, and margins to bifurcations."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mems_impact.analysis.orbit import Orbit
-from mems_impact.analysis.quantity import Quantity
-from mems_impact.analysis.special import check_kind
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.trajectory import Floats
-from mems_impact.studies.derivatives import chosen_quantities, derivatives
-from mems_impact.studies.tolerance import deviations
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.orbit import Orbit, orbit_of
+from mems_impact.analysis.special_points import check_kind
+from mems_impact.continuation.arclength import StepControl
+from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem, ProblemParameters
+from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.hybrid.variational.sensitivity import Arc, Event
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.newton import solve
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Shooting, rate_gradient, touch_gradient
+from mems_impact.studies.sampling import deviations
+from mems_impact.systems.observables import Quantity
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import is_number
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Sensitivity", "scatter", "sensitivity"]
+__all__ = [
+    "Sensitivity",
+    "bifurcation_margins",
+    "chosen_quantities",
+    "continue_to",
+    "derivatives",
+    "scatter",
+    "sensitivity",
+]
+
+# --- The orbits beside one, as a parameter goes on: to first order, or solved.
+
+SINGULAR = 1e-12  # of the Jacobian's largest singular value: there the orbit stands at a fold
+
+
+class TangentOrbit:
+    """The orbits of the same signature beside `orbit`, as one of its parameters goes on.
+
+    The shooting equations F(u, p) = 0 hold along them, so that their unknowns move at the rate
+    du/dp = -(dF/du)^-1 dF/dp, and all else at the rate that the variational equations give.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    parameter : str
+        Of the orbit's family.
+
+    Raises
+    ------
+    OrbitError
+        If the orbit stands at a fold: it has no derivative there.
+    """
+
+    def __init__(self, orbit: PeriodicOrbit, parameter: str) -> None:
+        self._orbit, self._parameter = orbit, parameter
+        self._value = orbit.family.value(parameter)
+        self._shooting = shooting = orbit.equations((parameter,))
+        self._point = point = shooting.evaluate(orbit.point.unknowns, np.array([self._value]))
+        sizes = np.linalg.svd(point.jacobian, compute_uv=False)
+        if not sizes[-1] > SINGULAR * sizes[0]:
+            raise OrbitError(
+                "the orbit stands at a fold, where it has no derivative",
+                "move a parameter away from the fold",
+            )
+        self._rate = np.linalg.solve(point.jacobian, -point.by_parameter[:, 0])
+        self._by_both = np.append(self._rate, 1.0)
+        self._arcs = [self._arc_rates(i) for i in range(len(shooting.segments))]
+
+    def to_first_order(self, step: float) -> PeriodicOrbit:
+        """Return what the orbit is to first order at a parameter larger by `step`.
+
+        States, times, margins and rates of events are moved. Multipliers are not known: NaN.
+        """
+        shooting, before, value = self._shooting, self._point, self._value + step
+        unknowns = before.unknowns + step * self._rate
+        setting = shooting.setting(np.array([value]))
+        if shooting.phase is not None:
+            setting = setting.lasting(shooting.unit * float(unknowns[-1]))
+        starts, ends, _, _ = shooting.layout.instants(setting, shooting.unpack(unknowns)[1])
+        moved = [self._moved(i, step) for i in range(len(before.arcs))]
+        point = replace(
+            before,
+            unknowns=unknowns,
+            setting=setting,
+            starts=starts,
+            ends=ends,
+            arcs=tuple(arc for arc, _ in moved),
+            events=tuple(event for _, event in moved),
+        )
+        return replace(
+            self._orbit,
+            family=self._orbit.family.at(**{self._parameter: value}),
+            shooting=shooting,
+            point=point,
+            multipliers=np.full(self._orbit.multipliers.shape, np.nan, dtype=complex),
+        )
+
+    def solved(self, step: float) -> PeriodicOrbit:
+        """Return the orbit at a parameter larger by `step`, admissible or not.
+
+        Raises
+        ------
+        OrbitError
+            If none is found there.
+        """
+        guess = self._point.unknowns + step * self._rate
+        return make_orbit(
+            self._shooting, solve(self._shooting, guess, np.array([self._value + step]))
+        )
+
+    def _arc_rates(self, i: int) -> tuple[Floats, Floats, Floats, float]:
+        """Return the derivatives of the end of arc `i`, of what follows, of minima, of the rate."""
+        shooting, point = self._shooting, self._point
+        arc, event, own = point.arcs[i], point.events[i], shooting.segments[i].guard(shooting.m)
+        layout, times = shooting.layout, shooting.unpack(point.unknowns)[1]
+        _, _, start_rates, end_rates = layout.instants(point.setting, times)
+        end = point.end_by_unknown[i] @ self._rate + point.end_by_parameter[i, :, 0]
+        # A start that moves cuts off what cyclic states had gathered before, of which the
+        # equations know nothing.
+        begins = float(layout.by_start[i] @ self._rate + start_rates[i, 0])
+        cyclic = list(shooting.automaton.cyclic)
+        end[cyclic] -= begins * arc.slope_start[cyclic]
+        minima = np.zeros(shooting.m)
+        for guard in np.flatnonzero(np.isfinite(arc.minima)).tolist():
+            minima[guard] = touch_gradient(shooting, point, i, guard) @ self._by_both
+        if event is None:
+            return end, end, minima, 0.0
+        instant = layout.by_end[i] @ self._rate + end_rates[i, 0]
+        after = event.jump_by_state @ end + event.jump_by_time * instant
+        after = after + event.jump_by_parameter[:, 0] * point.setting.scales[0]
+        rate = 0.0
+        if own >= 0 and i in shooting.events:
+            rate = float(rate_gradient(shooting, point, i, own) @ self._by_both)
+        return end, after, minima, rate
+
+    def _moved(self, i: int, step: float) -> tuple[Arc, Event | None]:
+        end, after, minima, rate = self._arcs[i]
+        arc, event = self._point.arcs[i], self._point.events[i]
+        arc = arc._replace(end=arc.end + step * end, minima=arc.minima + step * minima)
+        if event is None:
+            return arc, None
+        rates, own = event.rates.copy(), self._shooting.segments[i].guard(self._shooting.m)
+        if own >= 0:
+            rates[own] += step * rate
+        return arc, event._replace(after=event.after + step * after, rates=rates)
+
+
+# --- Derivatives of an orbit's quantities by its parameters.
+
+STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in rounding
+SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
+"""Of orbits that are corrected, which leaves more than rounding; shorter where one ends nearby."""
+
+ROUNDING = np.array([1e-10, 1e-8])
+"""Parts of a value that differences leave: by first order, and of corrected orbits."""
+
+
+def derivatives(
+    orbit: Orbit, quantities: Sequence[Quantity], parameters: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Return the values of quantities, and their derivatives by parameters.
+
+    The orbit's own derivatives come from the variational equations. A quantity is a plain function
+    of an orbit, so that its derivative is that along the orbit as it moves to first order, by
+    central differences of sixth order of this function alone. What needs solved orbits is
+    differentiated along the corrected ones.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    quantities : sequence of Quantity
+    parameters : sequence of str
+
+    Returns
+    -------
+    values : float array, shape (quantities,)
+    derivatives : float array, shape (quantities, parameters)
+        In the units of the system.
+
+    Raises
+    ------
+    OrbitError
+        If the orbit stands at a fold, or no orbits are found beside it.
+    """
+    values = np.array([each(orbit) for each in quantities])
+    found = np.zeros((len(quantities), len(parameters)))
+    of_solved = np.array([each.solved for each in quantities])
+    for column, name in enumerate(parameters):
+        beside = TangentOrbit(orbit.found, name)
+        inner = orbit.found.family.value(name)
+        size = abs(inner) if inner != 0.0 else 1.0
+        for kind in (False, True):
+            rows = np.flatnonzero(of_solved == kind)
+            wanted = [quantities[row] for row in rows.tolist()]
+            if wanted and kind:
+                found[rows, column] = _along_solved(orbit.system, wanted, beside, size)
+            elif wanted:
+                found[rows, column] = _central(
+                    orbit.system, wanted, beside.to_first_order, STEP * size
+                )
+        # A parameter that changes nothing has the derivative zero.
+        nothing = np.abs(found[:, column]) * size <= ROUNDING[of_solved.astype(int)] * np.abs(
+            values
+        )
+        found[nothing, column] = 0.0
+        found[:, column] /= float(orbit.system.out(name, 1.0))
+    return values, found
+
+
+def _along_solved(
+    system: System, quantities: Sequence[Quantity], beside: TangentOrbit, size: float
+) -> Floats:
+    for part in SOLVED_STEPS[:-1]:
+        try:
+            return _central(system, quantities, beside.solved, part * size)
+        except OrbitError:
+            continue
+    return _central(system, quantities, beside.solved, SOLVED_STEPS[-1] * size)
+
+
+def _central(
+    system: System,
+    quantities: Sequence[Quantity],
+    at: Callable[[float], PeriodicOrbit],
+    h: float,
+) -> Floats:
+    total = np.zeros(len(quantities))
+    for s in (-3, -2, -1, 1, 2, 3):
+        there = orbit_of(system, at(s * h))
+        total += weight_of(s) / h * np.array([each(there) for each in quantities])
+    return total
+
+
+def chosen_quantities(
+    system: System, wanted: Sequence[str | Quantity] | None
+) -> tuple[Quantity, ...]:
+    """Return the quantities of a system by name; all but costly ones by default.
+
+    Raises
+    ------
+    InvalidParameter
+        If a name is none of the system's, or comes twice.
+    """
+    known = {each.name: each for each in system.orbit_quantities}
+    if wanted is None:
+        return tuple(each for each in known.values() if not each.costly)
+    found = []
+    for each in wanted:
+        if not isinstance(each, Quantity) and each not in known:
+            raise InvalidParameter("quantity", each, f"one of {', '.join(known)}, or a Quantity")
+        found.append(each if isinstance(each, Quantity) else known[each])
+    names = [each.name for each in found]
+    if not names or len(set(names)) != len(names):
+        raise InvalidParameter("quantities", names, "one or more different quantities")
+    return tuple(found)
+
+
+# --- Moving an orbit to other parameters, as far as it is the same orbit.
+
+BIFURCATIONS = ("G", "CF", "PD", "NS", "BP", "?")
+"""Labels of special points at which an orbit becomes another one, or loses its stability."""
+PART = "part"
+FARTHEST = 0.3  # part of the size of an orbit by which its states may move in one stride
+REMEDY = "take a shorter way"
+
+
+@dataclass(frozen=True)
+class _Line:
+    """The problems on a straight line in the space of parameters, from 0 to 1."""
+
+    family: Family
+    target: Mapping[str, float]
+
+    def __call__(self, values: Mapping[str, float]) -> Problem:
+        return self._at(values).problem()
+
+    def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
+        return self._at(values).numbers()
+
+    @cached_property
+    def automaton(self) -> Automaton:
+        return self.family.automaton
+
+    def _at(self, values: Mapping[str, float]) -> Family:
+        part, start = values[PART], self.family.values
+        way = {name: start[name] + part * (end - start[name]) for name, end in self.target.items()}
+        return self.family.at(**way)
+
+
+def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
+    """Return an orbit at other values of parameters: in one stride, or followed on a straight way.
+
+    On the way events may pass from one forcing period to the next, or past each other. It ends
+    where an impact is grazed, or at a fold, or where the orbit loses its stability.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    values : mapping of str to float
+        In the units of the system.
+
+    Raises
+    ------
+    OrbitError
+        If the way ends before: at what, its `reason` says.
+    """
+    system, found = orbit.system, orbit.found
+    target = {name: system.into(name, value) for name, value in values.items()}
+    try:
+        there = _solved(found, target, found)
+        if there.admissible and _is_near(found, there):
+            return orbit_of(system, there)
+    except OrbitError:
+        pass
+    return orbit_of(system, _solved(_followed(orbit, target), target, found))
+
+
+def _solved(
+    near: PeriodicOrbit, target: Mapping[str, float], found: PeriodicOrbit
+) -> PeriodicOrbit:
+    """Return the orbit of the signature of `near`, in the family of `found`."""
+    shooting = Shooting(
+        found.family.at(**target), near.segments, (), near.shooting.pinned, near.shooting.phase
+    )
+    return make_orbit(shooting, solve(shooting, near.point.unknowns, np.zeros(0)))
+
+
+def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
+    """Return whether the states of an orbit have moved by a small part of their size."""
+    here, there = (each.shooting.unpack(each.point.unknowns)[0] for each in (one, other))
+    return bool(np.abs(there - here).max() < FARTHEST * np.abs(here).max())
+
+
+def _followed(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
+    """Return the orbit at the end of a straight way, still in the family of that way."""
+    found = orbit.found
+    line = Family(_Line(found.family, dict(target)), {PART: 0.0})
+    shooting = Shooting(line, found.segments, (), found.shooting.pinned, found.shooting.phase)
+    branch = OrbitBranch(PART)
+    begin = replace(found, family=line, shooting=shooting)
+    for point in points_of(branch, begin, low=0.0, high=1.0):
+        passed = [each for each in branch.special_points if each.label in BIFURCATIONS]
+        if passed:
+            raise OrbitError(f"{passed[0].kind} on the way", REMEDY)
+        if point.value == 1.0:
+            return point.orbit
+    raise OrbitError(branch.ended, REMEDY)
+
+
+# --- How far an orbit is from its next bifurcation, along single parameters.
+
+
+class _End(NamedTuple):
+    at: float
+    what: str
+
+
+def bifurcation_margins(
+    orbit: Orbit, parameters: Sequence[str], reach: float = 0.5
+) -> pd.DataFrame:
+    """Return how far parameters may move, one at a time, before an orbit bifurcates.
+
+    The orbit is followed both ways, until it grazes, folds, doubles its period or otherwise loses
+    its stability, or until what else ends it.
+
+    Parameters
+    ----------
+    orbit : Orbit
+        Stable.
+    parameters : sequence of str
+    reach : float, optional
+        How far to look: the part of a parameter's value, in (0, 1].
+
+    Returns
+    -------
+    DataFrame
+        One row a parameter and direction: parameter, value, direction ("down", "up"), at (where it
+        happens; the end of the way where nothing does), margin (to there), relative (to the value)
+        and what happens ("" for nothing).
+
+    Raises
+    ------
+    InvalidParameter
+        If there is no such parameter, or it is 0, or `reach` is out of range.
+
+    See Also
+    --------
+    sensitivity, continue_orbit, period_one_window
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> table = mi.bifurcation_margins(orbit, ["amplitude"])
+    >>> table.columns.tolist()
+    ['parameter', 'value', 'direction', 'at', 'margin', 'relative', 'what']
+    """
+    import pandas as pd
+
+    check_kind(orbit, "orbit", Orbit, "an Orbit, from find_orbit")
+    if not (is_number(reach) and 0.0 < reach <= 1.0):
+        raise InvalidParameter("reach", reach, "in (0, 1]")
+    system, rows = orbit.system, []
+    for name in parameters:
+        system.check_continued(name)
+        here = system.value(name)
+        if here == 0.0:
+            raise InvalidParameter(name, here, "another value than 0, of which reach is a part")
+        for direction, sign in (("down", -1.0), ("up", 1.0)):
+            stop = _allowed(orbit, name, here + sign * reach * abs(here))
+            end = _next(orbit, name, stop)
+            margin = abs(end.at - here)
+            rows.append((name, here, direction, end.at, margin, margin / abs(here), end.what))
+    headings = ["parameter", "value", "direction", "at", "margin", "relative", "what"]
+    table = pd.DataFrame(rows, columns=headings)
+    table.attrs = {"system": repr(system)}
+    return table
+
+
+def _allowed(orbit: Orbit, name: str, stop: float) -> float:
+    """Return `stop`, or what is nearest to it of what a parameter may be."""
+    here = orbit.system.value(name)
+    for part in (1.0, 0.9, 0.75, 0.5, 0.25, 0.1, 0.01):
+        try:
+            orbit.system.changed(**{name: here + part * (stop - here)})
+        except InvalidParameter:
+            continue
+        return here + part * (stop - here)
+    return here
+
+
+def _next(orbit: Orbit, name: str, stop: float) -> _End:
+    system, here = orbit.system, orbit.found.family.value(name)
+    end = system.into(name, stop)
+    if end == here:
+        return _End(stop, "the end of its range")
+    branch, last = OrbitBranch(name), here
+    low, high = min(here, end), max(here, end)
+    sign = math.copysign(1.0, end - here)
+    steps = StepControl(largest=0.02)
+    for point in points_of(branch, orbit.found, low=low, high=high, direction=sign, steps=steps):
+        for each in branch.special_points:
+            if each.label in BIFURCATIONS:
+                return _End(float(system.out(name, each.value)), each.kind)
+        last = point.value
+        if last == end:
+            return _End(stop, "")
+    return _End(float(system.out(name, last)), branch.ended)
+
+
+# --- How the numbers of an orbit move with the parameters, and how they scatter with tolerances.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sensitivity(Value):
+class Sensitivity(Result):
     """The derivatives of an orbit's quantities by its parameters, in the units of the system.
 
     Attributes
@@ -47,7 +490,7 @@ class Sensitivity(Value):
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> found = mi.sensitivity(orbit)
     >>> "mean speed" in found.quantities, "omega" in found.parameters
     (True, True)
@@ -215,7 +658,7 @@ def sensitivity(
     >>> import mems_impact as mi
     >>> actuator = mi.load_actuator("zhao2004")
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked(actuator))
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
     >>> found = mi.sensitivity(orbit)
     >>> f"{found.gradient('mean speed')['omega']:.5e}"
     '1.82824e-03'

@@ -4,13 +4,14 @@ from functools import cache
 
 import numpy as np
 
+from mems_impact.actuator.automaton import FREE, STUCK, actuator_automaton, mode_of, mode_under
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.equations import attraction
-from mems_impact.actuator.modes import FREE, STUCK, actuator_automaton, mode_of, mode_under
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.options import Options
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 
 ZHAO = load_actuator("zhao2004")
 
@@ -40,7 +41,7 @@ def start(actuator, drive, y, time=0.0):
     p = parameters(actuator, drive)
     pull = attraction(y[2], drive.voltage(time, drive.parameters()), p)
     mode = mode_under(y, pull, p)
-    return Instant(0, time, mode, y)
+    return HybridState(0, time, mode, y)
 
 
 def simulate(actuator, drive, y, periods, *, time=0.0, **options):

@@ -66,7 +66,7 @@ def random_device(seed):
         for part in (0.5, 0.46, 0.54, 0.42, 0.58):
             drive = mi.Sine(amplitude=volts * pull_in, omega=part * own)
             try:
-                orbit = mi.find_orbit(device, drive, guess=mi.kicked(device), transient=300)
+                orbit = mi.find_orbit(device, drive, guess=mi.kicked_state(device), transient=300)
             except mi.OrbitError:
                 continue
             if orbit.stable and orbit.admissible and orbit.periods == len(orbit.impacts) == 1:

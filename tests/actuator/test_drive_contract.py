@@ -144,11 +144,11 @@ def test_contract_of_random_pairs(wave, phase):
 def test_compiles_unchanged(name):
     drive = DRIVES[name]
     q = drive.parameters()
-    from mems_impact.engines.snapshot import take
+    from mems_impact.integrators.jit.closures import take_snapshot
 
     for pair in channels(drive):
         for function in pair:
-            compiled = numba.njit(*take(function).frozen())
+            compiled = numba.njit(*take_snapshot(function).frozen())
             for t in (0.0, 0.3, *drive.switches[:3], 1.9 * drive.period):
                 assert compiled(t, q) == pytest.approx(function(t, q), rel=1e-13, abs=1e-15)
 

@@ -15,7 +15,7 @@ def arrived(mode, t, y, p):
 
 def test_the_frame_comes_to_a_place():
     zhao = mi.load_actuator("zhao2004")
-    start = mi.kicked(zhao)
+    start = mi.kicked_state(zhao)
     run = mi.simulate(zhao, DRIVE, until=arrived, initial=start)
     assert run.ended == "until"
     assert run.final.x1 == pytest.approx(0.01 * zhao.delta, rel=1e-12)
@@ -29,7 +29,7 @@ def test_the_frame_comes_to_a_place():
 
 def test_a_run_of_it_in_a_file(tmp_path):
     zhao = mi.load_actuator("zhao2004")
-    run = mi.simulate(zhao, DRIVE, until=arrived, initial=mi.kicked(zhao))
+    run = mi.simulate(zhao, DRIVE, until=arrived, initial=mi.kicked_state(zhao))
     place = tmp_path / "run.mi"
     run.save(place)
     there = mi.load(place)
@@ -44,7 +44,7 @@ def test_a_run_of_it_in_a_file(tmp_path):
 @pytest.mark.slow
 def test_other_values_and_other_functions():
     zhao = mi.load_actuator("zhao2004")
-    start = mi.kicked(zhao)
+    start = mi.kicked_state(zhao)
     system = mi.simulate(zhao, DRIVE, until=arrived, initial=start).system
     run = mi.simulate(system.changed(e=0.4), initial=start)
     assert run.ended == "until"

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mems_impact.actuator.automaton import MODES, actuator_automaton
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.modes import MODES, actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.options import Options
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 
 DRIVE = Sine(amplitude=0.3, omega=0.5, bias=0.1)
 AUTOMATON = actuator_automaton(Sine.voltage, Sine.voltage_rate)
@@ -43,7 +43,7 @@ def test_newton_with_it_gives_what_newton_with_differences_gives(engine, periods
             period=DRIVE.period,
             options=Options(method="bdf", rtol=1e-9, engine=engine),
         )
-        start = Instant(0, 0.0, 0, np.array([0.0, 0.0, 0.2, 0.5]))
+        start = HybridState(0, 0.0, 0, np.array([0.0, 0.0, 0.2, 0.5]))
         finals.append(run(problem, start, periods).final)
     assert finals[0].mode == finals[1].mode
     np.testing.assert_allclose(finals[0].y, finals[1].y, atol=1e-6)

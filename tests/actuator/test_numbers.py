@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
+from mems_impact._util.units import DIMENSIONLESS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.units import DeviceScales
-from mems_impact.units import DIMENSIONLESS
 
 SCALES = DeviceScales.of_device(m2=1.7e-9, k=1.3, d=2.1e-6, alpha=3.3e-18)
 ZHAO = mi.load_actuator("zhao2004")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.terms.base import Contribution, Term
+from mems_impact.actuator.terms.base import Term, TermContribution
 from tests.actuator.waveforms import DRIVES, SINE, channels
 
 ZHAO = mi.load_actuator("zhao2004")
@@ -56,7 +56,7 @@ class Nothing(Term):
 
     @classmethod
     def contribution(cls, at, shape):
-        return Contribution()
+        return TermContribution()
 
 
 def times(drive):

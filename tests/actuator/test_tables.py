@@ -3,10 +3,10 @@
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.actuator import tables
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
-from mems_impact.tables import run as generic
+from mems_impact import tables as generic
+from mems_impact.actuator import results
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
 
 SYSTEM = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
 
@@ -23,7 +23,7 @@ def log(kind, guard):
 
 def test_impacts():
     steps, lost = np.array([0.1, np.nan]), np.array([2.0, 3.0])
-    table = tables.impacts(log([0, 0], [0, 1]), steps, lost, 2.0, SYSTEM)
+    table = results.impacts(log([0, 0], [0, 1]), steps, lost, 2.0, SYSTEM)
     assert table["stopper"].tolist() == ["right", "left"]
     assert table["phase"].tolist() == [0.25, 0.25]
     assert table["t"].tolist() == [0.5, 2.5]
@@ -33,8 +33,9 @@ def test_impacts():
 
 
 def test_events_are_named():
-    kinds = [loop.TRANSITION, loop.ACCUMULATION, loop.APPROACH, loop.SECTION_CROSSING, loop.REBASE,
-             loop.SWITCH, loop.TRANSITION]  # fmt: skip
+    kinds = [workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH,
+    workspace.SECTION_CROSSING, workspace.REBASE,
+             workspace.SWITCH, workspace.TRANSITION]  # fmt: skip
     table = generic.events(log(kinds, [0, 1, 0, 1, 0, 10, 4]), 2.0, SYSTEM, {})
     names = ["right impact", "chatter ends", "drive switches", "break-away"]
     assert table["event"].tolist() == names

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import mems_impact as mi
+from mems_impact._util.units import DIMENSIONLESS
 from mems_impact.actuator.parameters import PARAMETER_NAMES, preset_names
 from mems_impact.actuator.units import UNITS, DeviceScales
-from mems_impact.units import DIMENSIONLESS
 
 number = st.floats(1e-25, 1e12)
 
@@ -143,9 +143,10 @@ def test_why_a_branch_ends_is_in_the_units_of_the_device():
 def test_results_show_six_digits_and_units_where_there_are_any(name):
     si = name == "mita2003"
     unit = " m" if si else ""
-    blows = mi.Blows(count=3, per_period=1 / 3, displacement_per_blow=0.1 / 3, displacement_std=0.0,
+    blows = mi.BlowStatistics(count=3, per_period=1 / 3, displacement_per_blow=0.1 / 3,
+    displacement_std=0.0,
                      si=si)  # fmt: skip
-    told = f"Blows(count=3, per_period=0.333333, displacement_per_blow=0.0333333{unit}, "
+    told = f"BlowStatistics(count=3, per_period=0.333333, displacement_per_blow=0.0333333{unit}, "
     assert repr(blows) == f"{told}displacement_std=0{unit})"
     run = mi.simulate(
         mi.load_actuator(name), mi.Sine(amplitude=0.1, omega=1885.0 if si else 0.5), 1,

@@ -193,7 +193,7 @@ def test_a_chart_is_a_value(tmp_path):
     assert loaded == chart
     assert loaded.table.equals(chart.table)
     assert loaded.types.equals(chart.types)
-    assert repr(chart).startswith("Chart(omega 0.499 to 0.505, types ")
+    assert repr(chart).startswith("OperatingChart(omega 0.499 to 0.505, types ")
     assert "<table>" in chart._repr_html_()
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.analysis.attractor import Case, Settling, attractors
+from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
 from tests.analysis import oscillators
 from tests.analysis.systems import ball, oscillator
 
 ACTUATOR = mi.load_actuator("zhao2004")
 FAST = mi.Options(method="dop853")
-SHORT = Settling(transient=200, periods=40)
+SHORT = RecurrenceOptions(transient=200, periods=40)
 
 
 def device(amplitude, omega=0.5):
@@ -22,11 +22,11 @@ def device(amplitude, omega=0.5):
 
 
 def cases(*amplitudes):
-    return [Case(device(amplitude), mi.State(v2=1.0)) for amplitude in amplitudes]
+    return [InitialCondition(device(amplitude), mi.State(v2=1.0)) for amplitude in amplitudes]
 
 
 def test_kinds_of_motion_of_the_paper():
-    off, one, wild = attractors(cases(0.15, 0.24, 0.262), SHORT, FAST)
+    off, one, wild = map_attractors(cases(0.15, 0.24, 0.262), SHORT, FAST)
     assert (off.motion, off.period) == ("off", 1)
     assert (one.motion, one.period) == ("periodic", 1)
     assert off.measures["impacts per period"] == 0.0
@@ -36,7 +36,7 @@ def test_kinds_of_motion_of_the_paper():
 
 
 def test_measures_are_the_statistics_of_a_settled_run():
-    (found,) = attractors(cases(0.24), replace(SHORT, tolerance=1e-9), FAST)
+    (found,) = map_attractors(cases(0.24), replace(SHORT, tolerance=1e-9), FAST)
     run = mi.simulate(
         device(0.24), 300, initial=mi.State(v2=1.0), window=(250, 290), options=FAST
     ).statistics
@@ -49,9 +49,11 @@ def test_measures_are_the_statistics_of_a_settled_run():
 def test_a_motion_that_wanders_is_measured_after_the_transient():
     # In the chaotic band; statistics over the same periods as an ordinary run gathers.
     amplitude, omega = 0.24, 0.45
-    settle = Settling(transient=20, periods=15, longest=2, tolerance=1e-12)
+    settle = RecurrenceOptions(transient=20, periods=15, longest=2, tolerance=1e-12)
     settle = replace(settle, exponents="none")
-    (found,) = attractors([Case(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST)
+    (found,) = map_attractors(
+        [InitialCondition(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST
+    )
     assert found.motion == "unsettled"
     run = mi.simulate(
         device(amplitude, omega), 35, initial=mi.State(v2=1.0), window=(20, 35), options=FAST
@@ -65,20 +67,20 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
 @pytest.mark.parametrize("method", ["dop853", "adams"])
 def test_a_point_is_the_same_whoever_goes_with_it(method):
     options = mi.Options(method=method)
-    settle = Settling(transient=60, periods=10)
+    settle = RecurrenceOptions(transient=60, periods=10)
     many = cases(0.15, 0.2, 0.24, 0.28)
-    together = attractors(many, settle, options)
+    together = map_attractors(many, settle, options)
     for case, one in zip(many, together, strict=True):
-        (alone,) = attractors([case], settle, options)
+        (alone,) = map_attractors([case], settle, options)
         assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
         assert np.array_equal(alone.states, one.states)
         assert (alone.motion, alone.period, alone.returns) == (one.motion, one.period, one.returns)
 
 
 def test_interpreted_and_compiled_tell_the_same():
-    settle = Settling(transient=25, periods=3, tolerance=1e-4)
-    (fast,) = attractors(cases(0.24), settle, FAST)
-    (slow,) = attractors(cases(0.24), settle, replace(FAST, engine="interpreted"))
+    settle = RecurrenceOptions(transient=25, periods=3, tolerance=1e-4)
+    (fast,) = map_attractors(cases(0.24), settle, FAST)
+    (slow,) = map_attractors(cases(0.24), settle, replace(FAST, engine="interpreted"))
     assert (fast.motion, fast.period, fast.returns) == (slow.motion, slow.period, slow.returns)
     assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
 
@@ -101,9 +103,9 @@ def test_an_orbit_is_known_once_it_has_come_again_twice(engine):
         guards=[mi.Guard("one", one, lambda mode, t, y, p: (mode, (y.s - 1.0, 0.0)))],
         initial={"s": 0.25},
     )  # fmt: skip
-    settle = Settling(transient=10, periods=2, tolerance=1e-6, exponents="none")
+    settle = RecurrenceOptions(transient=10, periods=2, tolerance=1e-6, exponents="none")
     options = replace(FAST, engine=engine)
-    found = attractors(2 * [Case(turning)], settle, options)
+    found = map_attractors(2 * [InitialCondition(turning)], settle, options)
     assert [(each.motion, each.period, each.returns) for each in found] == 2 * [("periodic", 1, 4)]
 
 
@@ -118,9 +120,11 @@ def test_what_moves_slowly_does_not_rest(unit):
         section=("y", 0.0),
         initial={"x": 1.0, "y": -0.1},
     )
-    settle = Settling(transient=40.0 * unit, periods=5.0 * unit, tolerance=1e-5, exponents="none")
+    settle = RecurrenceOptions(
+        transient=40.0 * unit, periods=5.0 * unit, tolerance=1e-5, exponents="none"
+    )
     options = replace(FAST, engine="interpreted")
-    (found,) = attractors([Case(round_and_round)], settle, options)
+    (found,) = map_attractors([InitialCondition(round_and_round)], settle, options)
     assert (found.motion, found.period) == ("periodic", 1)
     assert found.measures["return time"] == pytest.approx(2.0 * math.pi * unit, rel=1e-6)
 
@@ -131,8 +135,8 @@ def test_a_slow_approach_is_no_orbit_yet():
     # to period are below the tolerance when the way to go is still thirty times as far.
     creeping = oscillator(zeta=0.004, omega=0.8, A=0.05)
     tolerance = 1e-3
-    settle = Settling(transient=300, periods=40, tolerance=tolerance)
-    (found,) = attractors([Case(creeping, mi.State(x=0.5))], settle, FAST)
+    settle = RecurrenceOptions(transient=300, periods=40, tolerance=tolerance)
+    (found,) = map_attractors([InitialCondition(creeping, mi.State(x=0.5))], settle, FAST)
     assert found.motion == "off"
     assert found.period == 1
     exact = mi.find_orbit(creeping).state
@@ -144,9 +148,12 @@ def test_a_slow_approach_is_no_orbit_yet():
 
 def test_chaos_is_told_by_the_exponent():
     # The exponent by two neighbouring runs: 0.51 per period (`tests/analysis/test_lyapunov.py`).
-    wild, near_off = attractors(
-        [Case(device(0.24, 0.45), mi.State(v2=1.0)), Case(device(0.2), mi.State(v2=1.0))],
-        Settling(transient=60, periods=20),
+    wild, near_off = map_attractors(
+        [
+            InitialCondition(device(0.24, 0.45), mi.State(v2=1.0)),
+            InitialCondition(device(0.2), mi.State(v2=1.0)),
+        ],
+        RecurrenceOptions(transient=60, periods=20),
         FAST,
     )
     assert wild.motion == "chaotic"
@@ -157,8 +164,8 @@ def test_chaos_is_told_by_the_exponent():
 
 def test_a_limit_cycle_is_told_by_its_returns():
     cycle = oscillators.belt()
-    settle = Settling(transient=80.0, periods=20.0, tolerance=1e-8)
-    (found,) = attractors([Case(cycle)], settle, FAST)
+    settle = RecurrenceOptions(transient=80.0, periods=20.0, tolerance=1e-8)
+    (found,) = map_attractors([InitialCondition(cycle)], settle, FAST)
     assert (found.motion, found.period) == ("periodic", 1)
     period = oscillators.belt_period(0.3, 0.4)
     assert found.measures["return time"] == pytest.approx(period, rel=1e-8)
@@ -166,21 +173,21 @@ def test_a_limit_cycle_is_told_by_its_returns():
 
 
 def test_rest_of_a_system_without_forcing():
-    settle = Settling(transient=30.0, periods=5.0)
-    (found,) = attractors([Case(ball())], settle, FAST)
+    settle = RecurrenceOptions(transient=30.0, periods=5.0)
+    (found,) = map_attractors([InitialCondition(ball())], settle, FAST)
     assert found.motion == "resting"
     assert found.status == "ok"
 
 
 def test_a_failing_point_says_why():
     bad, good = device(0.24), device(0.24)
-    cases = [Case(bad, mi.State(x2=5.0)), Case(good, mi.State(v2=1.0))]
-    failed, fine = attractors(cases, SHORT, FAST)
+    cases = [InitialCondition(bad, mi.State(x2=5.0)), InitialCondition(good, mi.State(v2=1.0))]
+    failed, fine = map_attractors(cases, SHORT, FAST)
     assert failed.motion == "failed"
     assert "x2" in failed.status
     assert fine.motion == "periodic"
     few = mi.Options(method="dop853", max_steps=3)
-    (failed,) = attractors([Case(good, mi.State(v2=1.0))], SHORT, few)
+    (failed,) = map_attractors([InitialCondition(good, mi.State(v2=1.0))], SHORT, few)
     assert "max_steps = 3" in failed.status
 
 
@@ -202,8 +209,8 @@ def _circle(mode, t, y, p):
 
 def _found(system, **settle):
     options = replace(FAST, engine="interpreted")
-    settle = Settling(**{"transient": 60, "periods": 20, "exponents": "none", **settle})
-    return attractors([Case(system)], settle, options)[0]
+    settle = RecurrenceOptions(**{"transient": 60, "periods": 20, "exponents": "none", **settle})
+    return map_attractors([InitialCondition(system)], settle, options)[0]
 
 
 @pytest.mark.parametrize(("a", "motion", "period"), [(2.97, "resting", 1), (3.012, "periodic", 2)])
@@ -234,8 +241,8 @@ def test_a_map_between_whose_iterations_nothing_moves_does_not_rest():
 def test_what_passes_an_unstable_orbit_by_chance_is_no_orbit():
     """Chaos comes near every orbit now and then, here near the unstable one of period 1."""
     wild = mapped(_logistic, 3.6807680393195996)
-    settle = Settling(transient=25_500, periods=100, exponents="none")
-    (found,) = attractors([Case(wild)], settle, FAST)
+    settle = RecurrenceOptions(transient=25_500, periods=100, exponents="none")
+    (found,) = map_attractors([InitialCondition(wild)], settle, FAST)
     assert (found.motion, found.period) == ("unsettled", 0)
 
 
@@ -251,5 +258,5 @@ def test_a_transient_among_chaos_is_not_chaotic(a, motion, period):
         apart = [abs(states[-1] - states[-1 - n]) for n in range(1, 19)]
     exact = next(n for n, each in enumerate(apart, start=1) if each < 1e-20)
     assert exact == (period or 18)
-    (found,) = attractors([Case(mapped(_logistic, a))], Settling(), FAST)
+    (found,) = map_attractors([InitialCondition(mapped(_logistic, a))], RecurrenceOptions(), FAST)
     assert (found.motion, found.period) == (motion, period)

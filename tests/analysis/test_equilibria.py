@@ -212,7 +212,7 @@ def test_results_are_values(tmp_path):
 
 def test_figure_of_a_branch():
     (first,) = mi.find_equilibria(LORENZ)
-    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.Steps(largest=0.5))
+    branch = mi.continue_equilibrium(first, "r", 30.0, steps=mi.StepControl(largest=0.5))
     ax = mi.plot_branch(branch)
     assert {text.get_text() for text in ax.texts} == {"H"}
     assert [line.get_label() for line in ax.get_lines()[:2]] == [
@@ -278,7 +278,7 @@ def test_no_mode_of_a_part_stands_still_off_its_surface():
         states=("x", "v"),
         flow=padded,
         parameters={"load": 0.6},
-        parts=[mi.Surface("pad", "x", level=1.0)],
+        parts=[mi.SwitchingSurface("pad", "x", level=1.0)],
     )
     (below,) = [each for each in mi.find_equilibria(system) if each.admissible]
     assert (below.mode, below.state.x) == ("below", pytest.approx(0.6, abs=1e-12))

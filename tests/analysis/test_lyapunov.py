@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.simulation import run
 from tests.analysis.oscillators import belt, lorenz, roessler, stribeck_belt, van_der_pol
 from tests.analysis.systems import ball, oscillator
 

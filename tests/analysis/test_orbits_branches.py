@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design import boundaries, charting
-from mems_impact.actuator.design.crisis import crisis
+from mems_impact.actuator.design import operating_chart
+from mems_impact.actuator.design.operating_chart import locate_crisis
 from mems_impact.actuator.units import DeviceScales
-from mems_impact.analysis.finding import ORBIT_OPTIONS
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 
 ZHAO = mi.load_actuator("zhao2004")
 
 
 def orbit_at(amplitude, omega):
     drive = mi.Sine(amplitude=amplitude, omega=omega)
-    return mi.find_orbit(ZHAO, drive, guess=mi.kicked(ZHAO), transient=300)
+    return mi.find_orbit(ZHAO, drive, guess=mi.kicked_state(ZHAO), transient=300)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def test_special_points_of_fig_4(branch):
 def test_a_fold_with_its_impact_at_the_start_of_a_period(branch):
     fold = branch.special_points[0]
     drive = mi.Sine(amplitude=0.24, omega=0.5, phase=0.5 * fold.orbit.impacts["time"].iloc[0])
-    orbit = mi.find_orbit(ZHAO, drive, guess=mi.kicked(ZHAO), transient=300)
+    orbit = mi.find_orbit(ZHAO, drive, guess=mi.kicked_state(ZHAO), transient=300)
     shifted = mi.continue_orbit(orbit, "amplitude", stop=0.16)
     assert [s.label for s in shifted.special_points] == ["CF", "G"]
     assert shifted.special_points[0].value == pytest.approx(fold.value, abs=1e-9)
@@ -70,8 +70,8 @@ SQUARE = mi.Square(amplitude=0.6106797744688056, omega=0.8738705532393327, duty=
 
 @pytest.fixture(scope="module")
 def switched():
-    orbit = mi.find_orbit(SWITCHED, SQUARE, guess=mi.kicked(SWITCHED), transient=300)
-    return mi.continue_orbit(orbit, "delta", 0.144, steps=mi.Steps(largest=0.02, most=60))
+    orbit = mi.find_orbit(SWITCHED, SQUARE, guess=mi.kicked_state(SWITCHED), transient=300)
+    return mi.continue_orbit(orbit, "delta", 0.144, steps=mi.StepControl(largest=0.02, most=60))
 
 
 @pytest.mark.slow
@@ -122,7 +122,7 @@ def test_numbers_of_any_drive_are_continued(parameter):
             right=mi.Sine(amplitude=0.24, omega=0.5), left=mi.Sine(amplitude=1e-9, omega=0.5)
         ),
     }
-    orbit = mi.find_orbit(ZHAO, drives[parameter], guess=mi.kicked(ZHAO), transient=300)
+    orbit = mi.find_orbit(ZHAO, drives[parameter], guess=mi.kicked_state(ZHAO), transient=300)
     branch = mi.continue_orbit(orbit, parameter, stop=0.16)
     assert [s.label for s in branch.special_points] == ["CF", "G"]
     values = [s.value for s in branch.special_points]
@@ -202,7 +202,7 @@ def test_switching_to_twice_the_period(doubling):
 
 def test_a_parameter_of_the_device_up_to_the_end_of_its_range(branch):
     orbit = branch.orbits[0]
-    more = mi.continue_orbit(orbit, "c", 0.0, steps=mi.Steps(most=60))
+    more = mi.continue_orbit(orbit, "c", 0.0, steps=mi.StepControl(most=60))
     assert more.table["c"].iloc[0] == ZHAO.c
     assert more.ended
 
@@ -250,7 +250,7 @@ def test_more_wrong_arguments(branch):
 
 def test_a_branch_that_cannot_go_on_says_so(branch):
     orbit = branch.orbits[0]
-    few = mi.continue_orbit(orbit, "amplitude", 0.16, steps=mi.Steps(most=5))
+    few = mi.continue_orbit(orbit, "amplitude", 0.16, steps=mi.StepControl(most=5))
     assert len(few) == 5
     assert "budget" in few.ended
     assert len(few.table) == 5
@@ -295,7 +295,7 @@ def test_the_band_of_a_chart_is_about_the_resonance():
 
 def default_band(device, bias=0.0):
     drive = mi.Sine(amplitude=0.0, omega=1.0, bias=bias)
-    return charting._band(device.under(drive))
+    return operating_chart._band(device.under(drive))
 
 
 def test_a_chart_without_a_band_says_what_it_found():
@@ -315,10 +315,10 @@ def test_what_keeps_a_chart_from_being_made_is_told_in_the_units_of_the_device()
 
 def test_a_stopper_before_pull_in_bounds_the_search():
     device = ZHAO.replace(delta=0.2)
-    maker = boundaries.Boundaries(
+    maker = operating_chart.ChartBuilder(
         device.under(mi.Sine(amplitude=0.0, omega=1.0)),
         ORBIT_OPTIONS,
-        mi.Steps(),
+        mi.StepControl(),
         print,
         (0.44, 0.51),
     )
@@ -339,7 +339,7 @@ def test_a_weak_contact_after_which_the_frame_slides_on_is_named(branch):
 def test_crisis_by_simulation():
     # At omega = 0.5 the attractor ends in the fold, which is known.
     drive = mi.Sine(amplitude=0.2, omega=0.5)
-    value = crisis(ZHAO, drive, below=0.177, begin=0.24, tolerance=1e-4, periods=400)
+    value = locate_crisis(ZHAO, drive, below=0.177, begin=0.24, tolerance=1e-4, periods=400)
     assert value == pytest.approx(0.17651544, abs=5e-5)
     with pytest.raises(mi.OrbitError, match="begin higher"):
-        crisis(ZHAO, drive, below=0.1, periods=300)
+        locate_crisis(ZHAO, drive, below=0.1, periods=300)

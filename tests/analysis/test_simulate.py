@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.analysis import progress
+from mems_impact._util import progress
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)

@@ -7,7 +7,7 @@ import pytest
 import mems_impact as mi
 
 INTERPRETED = mi.Options(engine="interpreted")
-SHORT = mi.Settling(transient=1, periods=1, exponents="none")
+SHORT = mi.RecurrenceOptions(transient=1, periods=1, exponents="none")
 TYPICAL = {"typical": {"x": 1e-6, "time": 1e-3}, "initial": {"x": 1e-6}}
 UNITS = {"x": "m", "v": "m/s", "time": "s", "w": "rad/s", "late": "s", "m": "m"}
 
@@ -41,12 +41,12 @@ def spiral(mode, t, y, p):
 
 
 def test_a_motion_that_does_not_return(monkeypatch):
-    from mems_impact.orbits import returning
+    from mems_impact.orbits import period_detection
 
-    monkeypatch.setattr(returning, "STEPS", 300)
+    monkeypatch.setattr(period_detection, "STEPS", 300)
     units = {name: UNITS[name] for name in ("x", "time")}
     system = mi.System(states=("x", "v"), flow=spiral, units=units, **TYPICAL)
-    monkeypatch.setattr(returning, "first_return", lambda *_, **__: 0)
+    monkeypatch.setattr(period_detection, "first_return", lambda *_, **__: 0)
     with pytest.raises(mi.OrbitError, match=r"within a time of \S+ s;") as caught:
         mi.find_orbit(system, options=INTERPRETED)
     lasted = float(str(caught.value).partition("within a time of ")[2].split()[0])

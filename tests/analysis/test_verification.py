@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design.impacts import is_impact
+from mems_impact.actuator.impacts import is_impact
 from mems_impact.analysis.verification import other_family
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
 
 ZHAO = mi.load_actuator("zhao2004")
 PERIODIC = mi.Sine(amplitude=0.24, omega=0.5)
@@ -126,7 +126,7 @@ def test_a_shifted_impact_is_found(motion, name, by, request):
 def test_a_lost_switch_of_the_drive_is_found():
     run = mi.simulate(ZHAO, mi.Square(amplitude=0.2, omega=0.5), periods=10)
     assert run.verify().agrees
-    row = np.flatnonzero(run.trajectory.events.kind == loop.SWITCH)[5]
+    row = np.flatnonzero(run.trajectory.events.kind == workspace.SWITCH)[5]
     found = with_events(run, lambda column: np.delete(column, row, axis=0)).verify()
     assert not found.agrees
     assert "drive switches" in found.verdict
@@ -158,7 +158,7 @@ def test_a_lost_rest_is_found():
     mita = mi.load_actuator("mita2003")
     run = mi.simulate(mita, mi.Sine(amplitude=100, omega=2 * np.pi), periods=3)
     events = run.trajectory.events
-    row = np.flatnonzero(events.kind == loop.ACCUMULATION)[0]
+    row = np.flatnonzero(events.kind == workspace.ACCUMULATION)[0]
     found = with_events(run, lambda column: np.delete(column, row, axis=0)).verify()
     assert not found.agrees
     rest = events.cycle[row] + events.time[row] / run.trajectory.period

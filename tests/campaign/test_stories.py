@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.modes import GUARDS, RIGHT, STUCK, V1, mode_of
-from mems_impact.hybrid import loop
+from mems_impact.actuator.automaton import GUARDS, RIGHT, STUCK, V1, mode_of
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import ENGINES, INF, SQUARE, STOP, TAU, simulate, stop, times
 from validation.campaign.balance import imbalance
 from validation.campaign.cases import Case, hold_voltage
@@ -24,7 +24,7 @@ ZHAO = mi.load_actuator("zhao2004")
 MEETING = """
 import ctypes, sys
 import numpy as np
-from mems_impact.engines.kernels import kernels
+from mems_impact.integrators.jit.kernels import kernels
 import tests.campaign.waveforms as waveforms
 
 for name in sys.argv[1]:
@@ -125,7 +125,7 @@ def test_a_margin_that_dips_within_a_step_and_ends_level(engine):
     """
     run = simulate(DIP, (0.0,), [0.0], 0.1, period=32.0, engine=engine)
     first = 0.8 / math.pi * math.asin(math.sqrt(0.5 / 0.6))
-    assert times(run, loop.TRANSITION)[:1] == pytest.approx([first], abs=1e-9)
+    assert times(run, workspace.TRANSITION)[:1] == pytest.approx([first], abs=1e-9)
 
 
 @pytest.mark.slow
@@ -139,7 +139,7 @@ def test_the_end_of_a_chatter_does_not_push_the_frame_back(engine):
     """
     case = Case("", zhao(e=0.9), steady(0.8, 100.0), (0.0, 0.0, 0.45, 0.2), 0.0, 0.1, TIGHT)
     done = case.run(engine=engine).trajectory
-    ends = done.events[done.events.kind == loop.ACCUMULATION]
+    ends = done.events[done.events.kind == workspace.ACCUMULATION]
     assert len(ends) == 1
     assert ends.after[0, V1] >= 0.0
     assert max(imbalance(case, engine)) < 1e-8
@@ -183,7 +183,7 @@ def test_slips_and_impacts_below_rounding_end(share, v2, engine):
     hold = hold_voltage(zhao())
     case = Case("", zhao(), steady(share * hold), (0.0, 0.0, 0.5, v2), 0.0, 0.1, TIGHT)
     events = case.run(engine=engine).trajectory.events
-    assert np.count_nonzero(events.kind == loop.TRANSITION) < 30
+    assert np.count_nonzero(events.kind == workspace.TRANSITION) < 30
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -215,7 +215,7 @@ def test_a_slip_below_the_tolerance_is_one_slip(excess, engine):
     wave = Spec("sine", {"amplitude": 0.2, "omega": 0.05})
     case = Case("", device, wave, (0.0, 0.0, 0.0, 0.0), 0.0, 0.01, {"rtol": 1e-9, "atol": 1e-11})
     events = case.run(engine=engine).trajectory.events
-    assert np.count_nonzero(events.kind == loop.TRANSITION) == 1
+    assert np.count_nonzero(events.kind == workspace.TRANSITION) == 1
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -255,5 +255,5 @@ def test_a_voltage_that_swings_through_zero_between_two_switches_lets_the_frame_
         options=mi.Options(method=method, engine=engine),
     )
     events = run.trajectory.events
-    moved = events[events.kind == loop.TRANSITION]
+    moved = events[events.kind == workspace.TRANSITION]
     assert [GUARDS[guard].name for guard in moved.guard] == ["break-away", "slip end"]

@@ -7,8 +7,8 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator import drives
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.cli import COMMANDS, _group
-from mems_impact.cli.drives import FIELDS, NUMBERS, described_by_options, drive_from
+from mems_impact.cli import COMMANDS, main_group
+from mems_impact.cli.options import FIELDS, NUMBERS, described_by_options, drive_from
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -22,7 +22,7 @@ def test_the_options_are_the_fields():
 
 
 RAMP = """
-from mems_impact.actuator.checked import NonNegative, Positive
+from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.drives.sine import Sine
 
 
@@ -103,7 +103,7 @@ def test_a_device_file_tells_its_own_drive(cli, own, words):
 def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
     """All make it in one place, of the argument that they call DEVICE."""
     for name in COMMANDS:
-        command = _group.get_command(None, name)
+        command = main_group.get_command(None, name)
         if any(each.name == "drive_choice" for each in command.params):
             with click.Context(command) as context:
                 context.params["device"] = own

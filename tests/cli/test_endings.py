@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import failures
-from mems_impact.cli.failures import interruptible
+from mems_impact.cli import runtime
+from mems_impact.cli.runtime import interruptible
 
 resource = pytest.importorskip("resource")
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of Unix")
@@ -222,7 +222,7 @@ def test_an_interrupt_waits_for_an_extension_module(monkeypatch):
         signal.raise_signal(signal.SIGINT)
         imported.append(True)
 
-    monkeypatch.setattr(failures, "_IMPORTS", {importing.__code__})
+    monkeypatch.setattr(runtime, "_IMPORTS", {importing.__code__})
 
     def work():
         with interruptible():

@@ -36,8 +36,8 @@ def test_table_summary_and_figure(cli, tmp_path):
         mi.Sine(amplitude=0.2, omega=0.48),
         x=("amplitude", np.linspace(0.2, 0.26, 3)),
         y=("omega", [0.48, 0.5]),
-        initial=mi.kicked(actuator),
-        settle=mi.Settling(transient=20, periods=5),
+        initial=mi.kicked_state(actuator),
+        settle=mi.RecurrenceOptions(transient=20, periods=5),
     )
     pd.testing.assert_frame_equal(table, found.table, check_exact=True)
     summary = pd.read_csv(tmp_path / "out" / "map-summary.csv")

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import _group
+from mems_impact.cli import main_group
 from mems_impact.cli.new import TEMPLATES
 
 
@@ -57,7 +57,7 @@ def test_a_shell_completes_commands_options_and_devices():
     from click.shell_completion import BashComplete
 
     def offered(*before, begun):
-        bash = BashComplete(_group, {}, "mems-impact", "_MEMS_IMPACT_COMPLETE")
+        bash = BashComplete(main_group, {}, "mems-impact", "_MEMS_IMPACT_COMPLETE")
         found = bash.get_completions(list(before), begun)
         return [(each.type, each.value) for each in found]
 

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies.running import run_study
+from mems_impact.studies.engine.scheduler import run_study
 from tests.studies.toys import Toy
 
 
@@ -88,4 +88,4 @@ def test_basins_and_scatters_are_drawn(cli, tmp_path, verb, arguments):
     assert (tmp_path / f"{verb}.png").read_bytes().startswith(b"\x89PNG")
     study = mi.read_study(tmp_path / "store")
     with pytest.raises(mi.InvalidParameter, match="must be"):
-        (mi.plot_scatter if verb == "basins" else mi.plot_basins)(study)
+        (mi.plot_tolerance_analysis if verb == "basins" else mi.plot_basins)(study)

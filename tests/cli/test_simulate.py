@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.tables.common import with_units
+from mems_impact.tables import with_units
 
 ARGUMENTS = ["simulate", "zhao2004", "--amplitude", "0.24", "--omega", "0.5", "--periods", "20"]
 
@@ -123,13 +123,13 @@ def test_interrupted(cli, monkeypatch):
 
 
 def test_a_fallback_is_one_line(cli, monkeypatch):
-    from mems_impact.engines.cvode import library
     from mems_impact.errors import EngineUnavailable
+    from mems_impact.integrators.cvode import compiled
 
     def unavailable():
         raise EngineUnavailable("no SUNDIALS here", "install it")
 
-    monkeypatch.setattr(library, "load", unavailable)
+    monkeypatch.setattr(compiled, "load", unavailable)
     done = cli(*ARGUMENTS, "--no-figure", "--periods", "1")
     assert done.status == 0
     assert done.err.count("\n") == 1

@@ -22,7 +22,7 @@ def test_basins_of_a_grid(cli, tmp_path):
         mi.Sine(amplitude=0.2, omega=0.5),
         x=("x2", [-0.2, 0.05, 0.3]),
         y=("v2", [0.0, 0.6]),
-        settle=mi.Settling(transient=60, periods=5),
+        settle=mi.RecurrenceOptions(transient=60, periods=5),
     )
     assert attractors["share"].tolist() == found.attractors["share"].tolist()
     assert "written: out/basins-table.csv" in done.out

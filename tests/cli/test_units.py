@@ -6,7 +6,7 @@ import math
 import pandas as pd
 
 import mems_impact as mi
-from mems_impact.cli.showing import with_unit_column
+from mems_impact.cli.output import with_unit_column
 
 VOLTAGE = ["--frequency", "200", "--no-figure"]  # below pull-in nothing strikes
 

@@ -69,7 +69,9 @@ def test_results_and_devices_are_small_tables_in_a_notebook():
     assert "<th style='text-align:left'>k [N/m]</th><td style='text-align:left'>4.765</td>" in (
         device._repr_html_()
     )
-    blows = mi.Blows(count=3, per_period=1.0, displacement_per_blow=0.25, displacement_std=0.0)
+    blows = mi.BlowStatistics(
+        count=3, per_period=1.0, displacement_per_blow=0.25, displacement_std=0.0
+    )
     assert "<caption>Blows</caption>" in blows._repr_html_()
     assert "0.25" in blows._repr_html_()
     for name in mi.__all__:

@@ -74,13 +74,15 @@ def devices() -> tuple[mi.Actuator, mi.Drive]:
 def runs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     run = mi.simulate(actuator, drive, periods=300, initial=mi.State(x2=0.0, v2=1.0))
     assert_type(run, ActuatorRun)
-    assert_type(mi.simulate(actuator.under(drive), 3, initial=mi.kicked(actuator)), ActuatorRun)
+    assert_type(
+        mi.simulate(actuator.under(drive), 3, initial=mi.kicked_state(actuator)), ActuatorRun
+    )
     assert_type(mi.simulate(actuator=actuator, drive=drive, options=mi.Options()), ActuatorRun)
     assert_type(run.verify(), mi.Verification)
-    assert_type(mi.blows(run), mi.Blows)
-    assert_type(mi.duty_cycle(run), mi.Duty)
+    assert_type(mi.blows(run), mi.BlowStatistics)
+    assert_type(mi.duty_cycle(run), mi.DutyCycle)
     assert_type(mi.energy(run), mi.Energy)
-    assert_type(mi.life(run, wear=1e-16, area=1e-9, depth=1e-7), mi.Life)
+    assert_type(mi.life(run, wear=1e-16, area=1e-9, depth=1e-7), mi.WearLife)
     assert_type(mi.lyapunov(run), mi.LyapunovSpectrum)
     mi.classify(0.1, 0.01)
     mi.step_lengths(run)
@@ -97,8 +99,8 @@ def designs(actuator: mi.Actuator, drive: mi.Drive) -> None:
     assert_type(mi.fit(actuator, [target], ["k"]), mi.Fit)
     assert_type(mi.load_curve(actuator, drive, [0.0]), mi.LoadCurve)
     assert_type(mi.ring_down(actuator, drive), mi.RingDown)
-    assert_type(mi.operating_chart(actuator), mi.Chart)
-    assert_type(mi.period_one_window(actuator, drive, low=1.0, high=2.0), mi.Window)
+    assert_type(mi.operating_chart(actuator), mi.OperatingChart)
+    assert_type(mi.period_one_window(actuator, drive, low=1.0, high=2.0), mi.PeriodOneWindow)
     mi.resolution(mi.speed_over_voltage(actuator, drive, [1.0]))
     mi.plot_response(mi.frequency_response(actuator, drive, [1.0]))
     mi.impact_onset(mi.frequency_response(actuator, drive, [1.0]))
@@ -115,7 +117,7 @@ def systems() -> mi.System:
         mi.Friction("ground", "v", mu=mi.Stribeck(0.4, 0.3, 1.0)),
         mi.Stopper("wall", "x", "v", upper=1.0, restitution=0.8),
         mi.Relay("switch", "x", lower=-1.0, upper=1.0),
-        mi.Surface("sliding", "x"),
+        mi.SwitchingSurface("sliding", "x"),
     ]
     guards = [
         mi.Impact("floor", lambda mode, t, y, p: y.x, lambda mode, t, y, p: (mode, (0.0, -y.v))),
@@ -137,7 +139,7 @@ def orbits(system: mi.System, actuator: mi.Actuator, drive: mi.Drive) -> None:
     moving.save("run.gif")
     orbit = assert_type(mi.find_orbit(system), mi.Orbit)
     assert_type(mi.find_orbit(actuator, drive), ActuatorOrbit)
-    branch = assert_type(mi.continue_orbit(orbit, "A", 1.0, steps=mi.Steps()), mi.Branch)
+    branch = assert_type(mi.continue_orbit(orbit, "A", 1.0, steps=mi.StepControl()), mi.Branch)
     special = assert_type(branch.special_points[0], mi.SpecialPoint)
     assert_type(mi.grazing_type(special), mi.GrazingType)
     assert_type(mi.switch_branch(special), mi.Branch)
@@ -155,15 +157,15 @@ def studies(system: mi.System, orbit: mi.Orbit) -> None:
     mi.sweep_summary(table)
     mi.plot_sweep(table)
     axes = {"x": ("A", [0.1]), "y": ("omega", [1.0])}
-    found = mi.operating_map(system, x=axes["x"], y=axes["y"], settle=mi.Settling())
+    found = mi.operating_map(system, x=axes["x"], y=axes["y"], settle=mi.RecurrenceOptions())
     assert_type(found, mi.OperatingMap)
     mi.map_summary(found.table)
     mi.plot_map(found)
     basins = assert_type(mi.basins(system, x=("x", [0.0])), mi.Basins)
-    assert_type(mi.follow_attractors(basins, "A", [0.1]), mi.AttractorBranches)
+    assert_type(mi.continue_attractors(basins, "A", [0.1]), mi.AttractorBranches)
     mi.plot_basins(basins)
-    scattered = assert_type(mi.scatter(system, over={}), mi.Scatter)
-    mi.plot_scatter(scattered)
+    scattered = assert_type(mi.tolerance_analysis(system, over={}), mi.ToleranceAnalysis)
+    mi.plot_tolerance_analysis(scattered)
     size = mi.Quantity("size", lambda orbit: 1.0)
     derivatives = assert_type(mi.sensitivity(orbit, quantities=[size]), mi.Sensitivity)
     mi.plot_sensitivity(derivatives, "size")
@@ -174,6 +176,6 @@ def studies(system: mi.System, orbit: mi.Orbit) -> None:
     )
     assert_type(front, mi.ParetoFront)
     mi.plot_pareto(front)
-    mi.margins(orbit, ["A"])
+    mi.bifurcation_margins(orbit, ["A"])
     assert_type(mi.read_study("store"), mi.StoredStudy)
     mi.load_study("study.toml").run()

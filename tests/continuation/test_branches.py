@@ -8,16 +8,16 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.drives import Square
-from mems_impact.continuation.branch import OrbitBranch, Steps, _Walker, follow
-from mems_impact.continuation.corrector import correct
-from mems_impact.continuation.locating import BranchEvent
-from mems_impact.continuation.monitors import Monitor, closest
-from mems_impact.continuation.resignature import reconnect
+from mems_impact.continuation.arclength import StepControl, correct
+from mems_impact.continuation.grazing import change_signature
+from mems_impact.continuation.orbit_branch import OrbitBranch, _OrbitContinuation, follow
+from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import TestFunction, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.finding import find_orbit
-from mems_impact.orbits.orbit import check_closed
+from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.orbits.periodic_orbit import check_closed
 from mems_impact.orbits.shooting import Shooting
 from mems_impact.orbits.signature import read_guess
 from tests.continuation import free_block
@@ -98,7 +98,9 @@ def test_branches_in_other_parameters(parameter, low, high):
         last = branch.points[-1].orbit
         assert last.family.values[parameter] == pytest.approx(bound, abs=1e-14)
         assert last.stable
-        again = find_orbit(start.family.at(**{parameter: bound}), start.instant, transient=300)
+        again = find_periodic_orbit(
+            start.family.at(**{parameter: bound}), start.instant, transient=300
+        )
         np.testing.assert_allclose(last.state[2:], again.state[2:], atol=1e-9)
 
 
@@ -106,7 +108,7 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
     branch = follow(actuator_orbit(0.24, 0.5), "omega", low=0.49, high=0.56)
     fold = next(s for s in branch.special_points if s.kind == "fold")
     beside = actuator(0.245, fold.value)
-    orbit = find_orbit(beside, fold.orbit.instant, transient=300)
+    orbit = find_periodic_orbit(beside, fold.orbit.instant, transient=300)
     assert orbit.impacts
     back = follow(orbit, "amplitude", low=0.2, high=0.26, direction=-1)
     assert values(back, "fold")[0] == pytest.approx(0.24, abs=1e-9)
@@ -114,8 +116,8 @@ def test_fold_in_the_frequency_is_the_fold_in_the_amplitude():
 
 @pytest.mark.slow
 def test_branch_of_orbits_with_rest_and_chatter():
-    orbit = find_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
-    branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=Steps(most=6))
+    orbit = find_periodic_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
+    branch = follow(orbit, "amplitude", low=1.49, high=1.51, steps=StepControl(most=6))
     assert len(branch.points) > 2
     assert branch.ended
     for point in branch.points:
@@ -141,21 +143,23 @@ def test_a_margin_that_starts_at_zero_and_rises_is_not_touched():
     # There is an orbit from every place where it may stick, so that none is looked for.
     shooting = Shooting(family, guess.segments, ("amplitude",))
     point = shooting.evaluate(shooting.pack(guess), np.array([family.values["amplitude"]]))
-    assert closest(shooting, point, 0).value > 0.1
+    assert closest_approach(shooting, point, 0).value > 0.1
 
 
 # Ends and refusals.
 
 
 def test_budget_of_points():
-    branch = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=Steps(most=5))
+    branch = follow(
+        silent_orbit(0.16, 0.5), "amplitude", low=0.1, high=0.3, steps=StepControl(most=5)
+    )
     assert len(branch.points) == 5
     assert "budget" in branch.ended
     assert "moves amplitude by a part of" in branch.ended
 
 
 def test_a_branch_that_is_held_back_says_by_what():
-    steps = Steps(initial=3.0, largest=3.0, most=2)
+    steps = StepControl(initial=3.0, largest=3.0, most=2)
     branch = follow(silent_orbit(0.2355, 0.45), "amplitude", low=0.1, high=0.3, steps=steps)
     assert "steps are down to a length of" in branch.ended
     assert "too sharply" in branch.ended
@@ -168,7 +172,9 @@ def unknowns(point):
     return np.append(point.orbit.point.unknowns, point.value)
 
 
-@pytest.mark.parametrize("steps", [Steps(), Steps(initial=0.3, largest=1.0)], ids=["short", "long"])
+@pytest.mark.parametrize(
+    "steps", [StepControl(), StepControl(initial=0.3, largest=1.0)], ids=["short", "long"]
+)
 def test_a_branch_begins_with_its_first_step_and_never_turns_sharply(steps):
     branch = follow(silent_orbit(0.23, 0.45), "amplitude", low=0.2, high=0.3, steps=steps)
     free = [point for point in branch.points if point.piece == 0]
@@ -191,7 +197,7 @@ def test_noise_of_the_integration_counts_as_no_difficulty():
 
 def test_a_fold_next_to_a_grazing_is_listed():
     """The two meet at omega = 0.480271; at 0.4801 they are 5e-3 apart on the branch."""
-    start, steps = silent_orbit(0.177, 0.4801), Steps(initial=0.03, most=3)
+    start, steps = silent_orbit(0.177, 0.4801), StepControl(initial=0.03, most=3)
     branch = follow(start, "amplitude", low=0.1, high=0.3, steps=steps)
     assert [s.kind for s in branch.special_points][:2] == ["fold", "grazing"]
     fold, grazing = branch.special_points[:2]
@@ -236,7 +242,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
         raise OrbitError("there is nothing", "look elsewhere")
 
     for way in ("reconnect", "neighbour"):
-        monkeypatch.setattr(f"mems_impact.continuation.branch.{way}", nothing)
+        monkeypatch.setattr(f"mems_impact.continuation.orbit_branch.{way}", nothing)
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25)
     assert branch.ended == "grazing: there is nothing; look elsewhere"
     assert branch.points[-1].value == pytest.approx(GRAZING_5, abs=1e-10)
@@ -248,23 +254,23 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
 def test_events_that_cannot_pass_each_other(segment, reason):
     """A switch begins the period; an impact is followed by a slip, not the other way round."""
     drive = Square(amplitude=0.4, omega=1.0)
-    orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked(DEVICE), transient=300).found
+    orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked_state(DEVICE), transient=300).found
     assert orbit.segments[-1].code == 2 * orbit.shooting.m
-    meeting = Monitor("simultaneous events", "length", segment)
+    meeting = TestFunction("simultaneous events", "length", segment)
     with pytest.raises(OrbitError, match=reason):
-        reconnect(orbit, meeting, "amplitude")
+        change_signature(orbit, meeting, "amplitude")
 
 
 @pytest.mark.parametrize("listed", [False, True])
 def test_what_changes_where_two_events_meet_is_listed_once(listed):
     """The meeting itself changes nothing; a fold in it is named, if it has not been already."""
     first = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16).points[0]
-    meeting = Monitor("simultaneous events", "length", 0)
+    meeting = TestFunction("simultaneous events", "length", 0)
     met = BranchEvent("fold", "CF", 0.16, first.orbit, first.direction, meeting)
-    fold = replace(met, monitor=Monitor("fold"))
+    fold = replace(met, monitor=TestFunction("fold"))
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
-    walker = _Walker(found, 0.1, 0.3, Steps(), True)
+    walker = _OrbitContinuation(found, 0.1, 0.3, StepControl(), True)
     along = first.direction if listed else -first.direction
     walker._rename(met, first.orbit.point, first.orbit.shooting, first.orbit.point, along)
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
@@ -287,7 +293,7 @@ def test_unknown_parameter_is_named():
 
 def test_a_bound_far_beyond_the_orbits_ends_by_name():
     """Towards pull-in the free block has no orbit; whatever happens, it is said."""
-    start, steps = silent_orbit(0.16, 0.485), Steps(most=40, largest=0.2)
+    start, steps = silent_orbit(0.16, 0.485), StepControl(most=40, largest=0.2)
     branch = follow(start, "amplitude", low=0.1, high=0.9, reconnecting=False, steps=steps)
     assert branch.ended
     assert len(branch.points) > 5
@@ -296,7 +302,7 @@ def test_a_bound_far_beyond_the_orbits_ends_by_name():
 @pytest.mark.slow
 def test_no_parameter_moves_the_orbit():
     """A still ball: the equations do not depend on the parameter."""
-    orbit = find_orbit(table(), at((0.0, 0.0), mode=1))
+    orbit = find_periodic_orbit(table(), at((0.0, 0.0), mode=1))
     branch = follow(orbit, "e", low=0.4, high=0.6)
     assert branch.points[0].orbit.admissible
     assert branch.ended  # not even the ball's rest is determined: it has no tangent

@@ -9,16 +9,18 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.continuation.codimension import (
+from mems_impact.continuation.test_functions import (
+    FOLD,
     MINUS,
+    NEIMARK_SACKER,
     PAIR,
+    PERIOD_DOUBLING,
     PLUS,
     is_zero,
     multiplier_tests,
     name_of,
     value_of,
 )
-from mems_impact.continuation.monitors import FOLD, NEIMARK_SACKER, PERIOD_DOUBLING
 
 TURN = np.exp(2j)
 
@@ -41,9 +43,9 @@ def followed(label, parameter, stop, second, start=0.5, **values):
     options = mi.Options(method="dop853", engine="interpreted")
     guess = {"x": start, "y": start, "w": 0.0}
     begin = mi.find_orbit(HENON.changed(**values), periods=1, options=options, guess=guess)
-    branch = mi.continue_orbit(begin, parameter, stop, steps=mi.Steps(largest=0.1))
+    branch = mi.continue_orbit(begin, parameter, stop, steps=mi.StepControl(largest=0.1))
     special = next(point for point in branch.special_points if point.label == label)
-    return mi.continue_curve(special, *second, steps=mi.Steps(largest=0.2))
+    return mi.continue_curve(special, *second, steps=mi.StepControl(largest=0.2))
 
 
 def found(curve):

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from mems_impact.continuation.conditions import Condition, condition_of
-from mems_impact.continuation.monitors import FOLD, Monitor, monitors
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.continuation.test_functions import (
+    FOLD,
+    DefiningSystem,
+    TestFunction,
+    condition_of,
+    monitors,
+)
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from mems_impact.orbits.shooting import Shooting
 from tests.hybrid.systems import at
 from tests.orbits.families import actuator_orbit, oscillator, silent_orbit
@@ -14,7 +19,7 @@ from tests.orbits.families import actuator_orbit, oscillator, silent_orbit
 def _penetrating():
     """Under a square wave, whose switches move with omega; the arc starts at one."""
     family = oscillator(square=1.0, amplitude=0.2, omega=0.8, d=0.9)
-    return find_orbit(family, at((0.0, 0.0)), transient=100)
+    return find_periodic_orbit(family, at((0.0, 0.0)), transient=100)
 
 
 ORBITS = {
@@ -36,7 +41,7 @@ def test_gradients_of_guards_and_lengths(name):
     assert {each.role for each in looked} >= {"approach", "length"}
     for monitor in looked:
         condition = condition_of(shooting, monitor)
-        differences = Condition.gradient(condition, point)
+        differences = DefiningSystem.gradient(condition, point)
         scale = max(1.0, float(np.abs(differences).max()))
         np.testing.assert_allclose(
             condition.gradient(point), differences, atol=2e-5 * scale, err_msg=str(monitor)
@@ -50,8 +55,8 @@ def test_gradient_of_a_fold():
     active = ("amplitude", "omega")
     shooting = Shooting(orbit.family, orbit.segments, active, orbit.shooting.pinned)
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.15, 0.47]))
-    condition = condition_of(shooting, Monitor(FOLD))
+    condition = condition_of(shooting, TestFunction(FOLD))
     derived = condition.gradient(point)
-    differences = Condition.gradient(condition, point)
+    differences = DefiningSystem.gradient(condition, point)
     scale = float(np.abs(differences).max())
     np.testing.assert_allclose(derived, differences, atol=1e-4 * scale)

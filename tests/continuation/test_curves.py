@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from mems_impact.continuation.branch import follow
-from mems_impact.continuation.conditions import Condition
-from mems_impact.continuation.corrector import Steps
-from mems_impact.continuation.curve import _Curve, follow_curve
-from mems_impact.continuation.monitors import Monitor
+from mems_impact.continuation.arclength import StepControl
+from mems_impact.continuation.codim1_curve import _CurveContinuation, follow_curve
+from mems_impact.continuation.orbit_branch import follow
+from mems_impact.continuation.test_functions import DefiningSystem, TestFunction
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.family import Family
 from tests.continuation import free_block
@@ -86,7 +85,7 @@ def test_grazing_curve_towards_larger_frequencies(at_half):
 def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
     """As often as it must be, and no more often."""
     (start,) = special(at_half, "grazing")
-    steps = Steps(initial=0.8, largest=0.8)
+    steps = StepControl(initial=0.8, largest=0.8)
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
     assert curve.ended == "omega reached its bound"
     assert len(curve.points) < 12
@@ -97,7 +96,7 @@ def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
 
 def test_steps_of_a_curve_grow_by_a_half(at_half):
     (start,) = special(at_half, "grazing")
-    steps = Steps(initial=1e-3, largest=0.8, most=4)
+    steps = StepControl(initial=1e-3, largest=0.8, most=4)
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
     points = [np.append(p.orbit.point.unknowns, p.values) for p in curve.points]
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
@@ -107,7 +106,7 @@ def test_steps_of_a_curve_grow_by_a_half(at_half):
 def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew():
     """Its equations: x = a, and x + b^2 = 2, of which it knows the gradient (1, 0, 2) at b = 1."""
 
-    class Costly(Condition):
+    class Costly(DefiningSystem):
         def __init__(self):
             pass
 
@@ -127,7 +126,7 @@ def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew()
         gradient=np.array([1.0, 0.0, 2.0]), condition=Costly(), _evaluate=evaluate
     )
     begin, along = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
-    found = _Curve._correct(curve, begin + 0.1 * along, along, begin + 0.1 * along)
+    found = _CurveContinuation._correct(curve, begin + 0.1 * along, along, begin + 0.1 * along)
     assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 
@@ -177,10 +176,10 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))
     matrix = expm(np.array([[0.0, 1.0], [-k, -c]]) * 2.0 * np.pi / omega)
     size = float(np.prod(1.0 + np.abs(np.linalg.eigvals(matrix))))
-    curve = SimpleNamespace(shooting=shooting, monitor=Monitor("grazing", "approach"))
+    curve = SimpleNamespace(shooting=shooting, monitor=TestFunction("grazing", "approach"))
     for test, multiplier in (("multiplier +1", 1.0), ("multiplier -1", -1.0)):
         expected = np.linalg.det(matrix - multiplier * np.eye(2)) / size
-        assert _Curve._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
+        assert _CurveContinuation._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.slow

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.continuation.branch import follow
-from mems_impact.continuation.switching import doubled
+from mems_impact.continuation.branch_switching import switch_at_period_doubling
+from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.run import run
-from mems_impact.orbits.finding import find_orbit
-from mems_impact.orbits.orbit import check_closed
+from mems_impact.hybrid.simulation import run
+from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.orbits.periodic_orbit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import actuator, actuator_orbit, at, oscillator, silent_orbit
 
@@ -33,12 +33,12 @@ def doubling():
 
 @pytest.fixture(scope="module")
 def period_two(doubling):
-    orbit = doubled(doubling.orbit, "amplitude")[0]
+    orbit = switch_at_period_doubling(doubling.orbit, "amplitude")[0]
     return follow(orbit, "amplitude", low=0.1755, high=0.177)
 
 
 def test_the_period_doubles(doubling):
-    orbit, side = doubled(doubling.orbit, "amplitude")
+    orbit, side = switch_at_period_doubling(doubling.orbit, "amplitude")
     assert orbit.periods == 2
     assert orbit.admissible
     assert check_closed(orbit) < 1e-8
@@ -67,7 +67,7 @@ def test_the_doubling_at_this_frequency_is_subcritical(doubling, period_two):
 
 def test_period_four(period_two):
     second = special(period_two, "period-doubling")[0]
-    orbit = doubled(second.orbit, "amplitude")[0]
+    orbit = switch_at_period_doubling(second.orbit, "amplitude")[0]
     assert orbit.periods == 4
     assert check_closed(orbit) < 1e-7
 
@@ -79,9 +79,11 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
     family = oscillator(amplitude=start.amplitude, omega=omega)
     guess = at((1.0, -0.8 * start.speed), time=start.time)
     far = 0.9 * exact.doubling(), 1.1 * exact.doubling()
-    branch = follow(find_orbit(family, guess), "amplitude", low=far[0], high=far[1], direction=-1)
+    branch = follow(
+        find_periodic_orbit(family, guess), "amplitude", low=far[0], high=far[1], direction=-1
+    )
     (found,) = special(branch, "period-doubling")
-    orbit, towards = doubled(found.orbit, "amplitude")
+    orbit, towards = switch_at_period_doubling(found.orbit, "amplitude")
     near = found.value * (1.0 - 1e-2), found.value * (1.0 + 1e-2)
     beyond = follow(orbit, "amplitude", low=near[0], high=near[1], direction=towards)
     stable = [
@@ -98,7 +100,7 @@ def test_supercritical_doublings_of_the_linear_oscillator(omega):
 
 def test_an_orbit_that_does_not_double_is_refused():
     with pytest.raises(OrbitError, match="no multiplier -1"):
-        doubled(actuator_orbit(0.24, 0.5), "amplitude")
+        switch_at_period_doubling(actuator_orbit(0.24, 0.5), "amplitude")
 
 
 def test_a_doubled_branch_ends_in_the_doubling(doubling, period_two):
@@ -126,6 +128,6 @@ def test_the_fold_of_an_orbit_of_half_the_period_is_a_fold():
 def test_what_is_listed_as_a_doubling_can_be_switched(doubling):
     """A multiplier within 1e-3 of -1 is one that is -1, for the list and for the switch."""
     beside = actuator(doubling.value - 1e-6, 0.485)
-    near = find_orbit(beside, doubling.orbit.instant, active=("amplitude",))
+    near = find_periodic_orbit(beside, doubling.orbit.instant, active=("amplitude",))
     assert 1e-4 < np.abs(near.multipliers + 1.0).min() < 1e-3
-    assert doubled(near, "amplitude")[0].periods == 2
+    assert switch_at_period_doubling(near, "amplitude")[0].periods == 2

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from mems_impact.continuation.branch import follow
-from mems_impact.continuation.first_impact import contact_sequence, grazing_type
+from mems_impact.continuation.grazing import contact_coefficients, grazing_type
+from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import InvalidParameter
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
 from tests.orbits.families import at, oscillator, silent_orbit
 
@@ -37,7 +37,7 @@ def test_sequence_is_that_of_the_monodromy_matrix(e):
     """
     found = grazing(0.5, e=e)
     orbit = found.orbit
-    xi = contact_sequence(orbit.shooting, orbit.point, found.monitor, 12)
+    xi = contact_coefficients(orbit.shooting, orbit.point, found.monitor, 12)
     f = orbit.family.values["amplitude"]
 
     def touching(u):
@@ -54,7 +54,9 @@ def test_sequence_is_that_of_the_monodromy_matrix(e):
 
 def test_linear_oscillator_grazes_continuously_at_real_multipliers():
     """c = 2.5 > 2: multipliers real and positive, (M^k)_12 all of one sign."""
-    orbit = find_orbit(oscillator(amplitude=0.5, c=2.5, omega=1.0), at((0.0, 0.0)), transient=50)
+    orbit = find_periodic_orbit(
+        oscillator(amplitude=0.5, c=2.5, omega=1.0), at((0.0, 0.0)), transient=50
+    )
     branch = follow(orbit, "amplitude", low=0.4, high=4.0)
     found = next(s for s in branch.special_points if s.kind == "grazing")
     assert grazing_type(found.orbit, found.monitor) == "continuous"
@@ -62,7 +64,7 @@ def test_linear_oscillator_grazes_continuously_at_real_multipliers():
 
 def test_linear_oscillator_jumps():
     """c = 0.1, omega = 1.3: exp(-c T/2) sin(T) < 0 is the sign of M_12."""
-    orbit = find_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.2, high=0.72)
     found = next(s for s in branch.special_points if s.kind == "grazing")
     assert grazing_type(found.orbit, found.monitor) == "jump"

@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 
-STEPS = mi.Steps(largest=0.2)
+STEPS = mi.StepControl(largest=0.2)
 
 
 def well(mode, t, y, p):
@@ -47,7 +47,7 @@ def test_the_period_is_in_the_table():
     system = mi.System(states=("x", "y"), flow=circle, parameters={"m": 1.5}, initial={"x": 1.0})
     options = mi.Options(method="dop853", engine="interpreted")
     orbit = mi.find_orbit(system, transient=20.0, options=options)
-    branch = mi.continue_orbit(orbit, "m", 1.2, steps=mi.Steps(most=3))
+    branch = mi.continue_orbit(orbit, "m", 1.2, steps=mi.StepControl(most=3))
     table = branch.table
     expected = 2.0 * math.pi / np.sqrt(table["m"].to_numpy() ** 2 - 1.0)
     assert table["period"].to_numpy() == pytest.approx(expected, rel=1e-8)

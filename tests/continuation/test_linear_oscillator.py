@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mems_impact.continuation.branch import Steps, follow
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.continuation.arclength import StepControl
+from mems_impact.continuation.orbit_branch import follow
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 
@@ -20,7 +21,7 @@ def family(exact, amplitude):
 
 def impacting(exact, expected):
     guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
-    return find_orbit(family(exact, expected.amplitude), guess, periods=exact.n)
+    return find_periodic_orbit(family(exact, expected.amplitude), guess, periods=exact.n)
 
 
 def values(branch, kind):
@@ -34,7 +35,7 @@ def values(branch, kind):
 )
 def test_grazing_of_the_orbit_without_impacts(exact):
     expected = exact.graze
-    orbit = find_orbit(family(exact, 0.5 * expected), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(family(exact, 0.5 * expected), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.1 * expected, high=1.02 * expected)
     assert values(branch, "grazing")[0] == pytest.approx(expected, rel=1e-10)
 
@@ -80,7 +81,7 @@ def test_period_doubling_in_the_amplitude(exact):
 def test_from_the_grazing_to_the_fold_and_back_to_large_impacts():
     """One branch, without and with impacts: what a sweep shows as a jump with hysteresis."""
     exact = Exact(omega=1.3)
-    orbit = find_orbit(family(exact, 0.3), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(family(exact, 0.3), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.1, high=0.8)
     assert [s.kind for s in branch.special_points] == ["grazing", "fold"]
     assert branch.special_points[0].value == pytest.approx(exact.graze, abs=1e-9)
@@ -122,7 +123,7 @@ def test_closed_branch():
     orbit = impacting(exact, exact.orbit(exact.speeds(1.0)[1]))
     for direction in (-1.0, 1.0):
         branch = follow(
-            orbit, "omega", low=1.9, high=3.2, direction=direction, steps=Steps(most=150)
+            orbit, "omega", low=1.9, high=3.2, direction=direction, steps=StepControl(most=150)
         )
         found = values(branch, "fold")
         np.testing.assert_allclose(sorted(set(np.round(found, 8))), np.round(expected, 8))
@@ -130,7 +131,7 @@ def test_closed_branch():
             assert np.abs(np.array(expected) - value).min() < 1e-9
         assert branch.ended == "the branch closed upon itself"
         ends = [np.append(p.orbit.point.unknowns, p.value) for p in branch.points]
-        assert np.linalg.norm(ends[-1] - ends[0]) <= Steps().largest
+        assert np.linalg.norm(ends[-1] - ends[0]) <= StepControl().largest
         assert len(found) == 2
 
 
@@ -170,7 +171,7 @@ def test_grazing_under_a_square_wave():
     exact = Exact(omega=0.8, square=1.0)
     turn = brentq(lambda t: exact.steady(t)[1], 2.0, 0.5 * exact.period - 0.1, xtol=1e-15)
     expected = 1.0 / exact.steady(turn)[0]
-    orbit = find_orbit(family(exact, 0.2), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(family(exact, 0.2), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.1, high=0.3)
     assert values(branch, "grazing")[0] == pytest.approx(expected, abs=1e-10)
 
@@ -192,7 +193,7 @@ def test_period_doubling_in_the_frequency_of_a_square_wave():
 def test_a_branch_crosses_octaves_of_the_period():
     """The amplitude of an oscillator without a wall, from a tenth of the resonance to thrice it."""
     far = {"amplitude": 0.3, "c": 0.1, "d": 100.0}
-    orbit = find_orbit(oscillator(omega=0.8, **far), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(oscillator(omega=0.8, **far), at((0.0, 0.0)), transient=300)
     for low, high, direction in ((0.8, 3.0, 1), (0.1, 0.8, -1)):
         branch = follow(orbit, "omega", low=low, high=high, direction=direction)
         assert branch.ended == "omega reached its bound"

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from mems_impact.continuation.branch import follow
+from mems_impact.continuation.orbit_branch import follow
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.hybrid.systems import TAU, problem
 from tests.orbits.families import at, oscillator
 
@@ -81,7 +81,7 @@ def check(branch, special):
 @pytest.mark.slow
 def test_van_der_pol():
     values = {"mu": -0.3, "amplitude": AMPLITUDE, "omega": OMEGA, "d": 10.0, "e": 0.9}
-    orbit = find_orbit(Family(_problem, values), at((0.0, 0.0)), transient=100)
+    orbit = find_periodic_orbit(Family(_problem, values), at((0.0, 0.0)), transient=100)
     branch = follow(orbit, "mu", low=-0.3, high=0.6)
     (special,) = branch.special_points
     assert divergence(special.orbit, special.value) == pytest.approx(0.0, abs=1e-8)
@@ -94,7 +94,7 @@ def test_van_der_pol():
 )
 def test_linear_impact_oscillator(omega, d, impacts):
     family = oscillator(omega=omega, c=0.1, d=d, e=0.8, amplitude=1.0)
-    orbit = find_orbit(family, at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(family, at((0.0, 0.0)), transient=300)
     assert len(orbit.impacts) == impacts
     branch = follow(orbit, "c", low=-0.3, high=0.1, direction=-1)
     (special,) = branch.special_points

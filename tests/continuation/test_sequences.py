@@ -171,7 +171,7 @@ def test_a_branch_passes_where_a_slip_ends_at_a_blow(tmp_path):
     path = tmp_path / "device.toml"
     path.write_text(DEVICE)
     device, omega = mi.load_actuator(path), 2.0 * math.pi * 600.0
-    start = mi.kicked(device)
+    start = mi.kicked_state(device)
 
     def orbit(volts, **given):
         drive = mi.Sine(amplitude=volts, omega=omega)
@@ -229,7 +229,7 @@ def test_branches_of_random_systems_hold_admissible_orbits_only(kind, seed):
     rng = np.random.default_rng(seed)
     orbit = mi.find_orbit(random_system(kind, rng), transient=300)
     value = orbit.system.parameters["A"]
-    steps = mi.Steps(most=200)
+    steps = mi.StepControl(most=200)
     branch = mi.continue_orbit(orbit, "A", stop=value * float(rng.uniform(0.3, 1.8)), steps=steps)
     assert branch.table.admissible.all()
     assert all(point.orbit.admissible for point in branch.special_points)

@@ -5,17 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mems_impact.continuation import locating
-from mems_impact.continuation.corrector import Step, Steps
-from mems_impact.continuation.ending import spent
-from mems_impact.continuation.monitors import NEIMARK_SACKER, Closest, Monitor
+from mems_impact.continuation import special_points
+from mems_impact.continuation.arclength import PredictorStep, StepControl, budget_message
+from mems_impact.continuation.test_functions import NEIMARK_SACKER, ClosestApproach, TestFunction
 from mems_impact.orbits.newton import Solution
 
 
 @pytest.mark.parametrize("unknown", [0.6, -0.6])
 @pytest.mark.parametrize(("rate", "bound"), [(0.8, 1.0), (-0.8, -1.0)])
 def test_a_step_beyond_a_bound_ends_a_little_beyond_it(unknown, rate, bound):
-    steps, point = Steps(), SimpleNamespace(values=np.array([0.2]))
+    steps, point = StepControl(), SimpleNamespace(values=np.array([0.2]))
     along = np.array([0.0, unknown, rate])
     length = steps.within(-1.0, 1.0, point, along, 5.0)
     assert point.values[0] + length * rate == pytest.approx(bound + 1e-3 * (bound - 0.2))
@@ -29,7 +28,7 @@ def test_a_zero_within_a_step_is_located_to_rounding():
     def at(plane, along, guess):
         return Solution(plane, SimpleNamespace(values=plane[1:]), 1)
 
-    step = Step(at, straight, np.array([0.0, 1.0]))
+    step = PredictorStep(at, straight, np.array([0.0, 1.0]))
     for place in (1.0 / 3.0, 1e-3, 1.9):
         found = step.zero(lambda point, place=place: np.sign(point.values[0] - place), 2.0)
         assert found == pytest.approx(place, rel=0.0, abs=1e-13)
@@ -41,12 +40,12 @@ def test_order_of_losses_in_one_point(monkeypatch):
     """The rate, an approach inside a segment, what has neither, an approach at its end."""
 
     def rank(role, inside=False):
-        touch = Closest(value=0.0, segment=0, time=0.0, inside=inside)
-        monkeypatch.setattr(locating, "closest", lambda *_: touch)
+        touch = ClosestApproach(value=0.0, segment=0, time=0.0, inside=inside)
+        monkeypatch.setattr(special_points, "closest_approach", lambda *_: touch)
         point = SimpleNamespace(starts=[0.0], ends=[1.0])
         orbit = SimpleNamespace(shooting=None, point=point)
-        return locating.rank(
-            SimpleNamespace(monitor=Monitor("grazing", role, segment=0), orbit=orbit)
+        return special_points.priority(
+            SimpleNamespace(monitor=TestFunction("grazing", role, segment=0), orbit=orbit)
         )
 
     ranks = [rank("rate"), rank("approach", inside=True), rank("length"), rank("approach")]
@@ -58,16 +57,16 @@ def test_order_of_losses_in_one_point(monkeypatch):
 def test_a_neimark_sacker_point_has_a_pair_on_the_circle(monkeypatch, angle, size):
     pair = size * np.exp(1j * np.array([angle, -angle]))
     orbit = SimpleNamespace(multipliers=np.append(pair, 1.0))
-    monkeypatch.setattr(locating, "make_orbit", lambda *_: orbit)
+    monkeypatch.setattr(special_points, "make_orbit", lambda *_: orbit)
     here = SimpleNamespace(values=np.array([0.7]))
-    found = locating.special_at(Monitor(NEIMARK_SACKER), None, here, np.ones(2))
+    found = special_points.classify(TestFunction(NEIMARK_SACKER), None, here, np.ones(2))
     assert (found is not None) == (size == 1.0)
 
 
 def test_what_is_said_where_the_points_are_used_up():
-    steps = Steps(most=7)
-    assert "steps are down to a length of 1e-05: it turns" in spent(
+    steps = StepControl(most=7)
+    assert "steps are down to a length of 1e-05: it turns" in budget_message(
         steps, 1e-5, "it turns", "A", 0.1
     )
     for length, held in ((steps.largest, "it turns"), (1e-5, "")):
-        assert "moves A by a part of 0.1" in spent(steps, length, held, "A", 0.1)
+        assert "moves A by a part of 0.1" in budget_message(steps, length, held, "A", 0.1)

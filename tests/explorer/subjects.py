@@ -3,8 +3,7 @@
 from functools import cache
 
 import mems_impact as mi
-from mems_impact.explorer.dials import dials_of
-from mems_impact.explorer.subject import Subject, of_device
+from mems_impact.explorer.session import Subject, of_device, slider_specs
 from tests.analysis.systems import oscillator
 
 DRIVE = {"amplitude": 0.24, "omega": 0.5}
@@ -33,4 +32,4 @@ def own():
 
 
 def dial(subject, name):
-    return next(each for each in dials_of(subject) if each.name == name)
+    return next(each for each in slider_specs(subject) if each.name == name)

@@ -3,15 +3,14 @@ import math
 import pytest
 
 import mems_impact as mi
-from mems_impact.explorer.dials import allowed_range, dials_of
-from mems_impact.explorer.magnitudes import told_in
+from mems_impact.explorer.session import allowed_range, best_si_prefix, slider_specs
 from tests.explorer.subjects import dial, mita, own, zhao
 
 
 @pytest.mark.parametrize("subject", [zhao, mita, own])
 def test_every_parameter_has_a_slider_around_its_value(subject):
     subject = subject()
-    dials = dials_of(subject)
+    dials = slider_specs(subject)
     assert [each.name for each in dials] == list(subject.system.parameters)
     assert sorted(name for names in subject.groups.values() for name in names) == sorted(
         subject.system.parameters
@@ -25,7 +24,7 @@ def test_every_parameter_has_a_slider_around_its_value(subject):
 
 
 def test_ranges_end_where_the_device_allows_no_more():
-    ends = {each.name: (each.low, each.high) for each in dials_of(zhao())}
+    ends = {each.name: (each.low, each.high) for each in slider_specs(zhao())}
     assert ends["e"] == (0.0, 1.0)
     assert ends["amplitude"] == (0.0, 0.48)
     assert 0.0 < ends["delta"][0] < 0.01
@@ -44,7 +43,7 @@ def test_a_range_is_that_of_the_values_that_go_with_it():
 
 
 def test_a_device_in_si_has_units_that_fit_its_numbers():
-    labels = {each.name: each.label for each in dials_of(mita())}
+    labels = {each.name: each.label for each in slider_specs(mita())}
     assert labels["m1"] == "m1 [mg]"
     assert labels["d"] == "d [µm]"
     assert labels["amplitude"] == "amplitude [V]"
@@ -71,7 +70,7 @@ def test_a_device_in_si_has_units_that_fit_its_numbers():
     ],
 )
 def test_units_take_the_prefix_that_fits(unit, size, told):
-    factor, name = told_in(unit, size)
+    factor, name = best_si_prefix(unit, size)
     assert name == told
     if told != unit:
         assert 1.0 <= size / factor < 1000.0
@@ -79,13 +78,13 @@ def test_units_take_the_prefix_that_fits(unit, size, told):
 
 def test_a_prefix_is_a_power_of_a_thousand():
     for power in range(-22, 9):
-        factor, _ = told_in("m", 1.5 * 10.0**power)
+        factor, _ = best_si_prefix("m", 1.5 * 10.0**power)
         assert 0.1 <= 1.5 * 10.0**power / factor < 1e4
         assert math.log10(factor) == pytest.approx(3 * round(math.log10(factor) / 3))
 
 
 def test_dials_of_terms_stand_under_their_name():
-    from mems_impact.explorer.subject import of_device
+    from mems_impact.explorer.session import of_device
 
     device = mi.load_actuator("zhao2004").adding(mi.Tilt(angle=0.05))
     subject = of_device("zhao2004", device, mi.Sine(amplitude=0.2, omega=0.5))

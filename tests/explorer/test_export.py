@@ -6,11 +6,10 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.system import kicked
+from mems_impact.actuator.system import kicked_state
 from mems_impact.explorer.export import device_file, python_of, run_picture
-from mems_impact.explorer.picture import picture_of
-from mems_impact.explorer.setting import first_setting
-from mems_impact.explorer.subject import of_code, of_device
+from mems_impact.explorer.session import first_setting, of_code, of_device
+from mems_impact.explorer.snapshot import take_snapshot
 from tests.explorer.subjects import dial, mita, zhao
 
 OWN = """
@@ -54,7 +53,7 @@ def test_the_python_makes_the_same_run(subject, start):
     setting = first.with_value("amplitude", value).with_value("e", 0.71)
     setting = type(setting)(**{**vars(setting), "start": start, "length": 30.0})
     script = python_of(subject, setting, dial(subject, "amplitude"))
-    assert_same_runs(run_of(script), picture_of(subject, setting).run)
+    assert_same_runs(run_of(script), take_snapshot(subject, setting).run)
 
 
 def test_the_python_has_terms_and_files_of_drives(tmp_path, monkeypatch):
@@ -108,6 +107,6 @@ def test_a_measured_voltage_is_in_the_file(tmp_path):
 
 
 def test_the_picture_is_a_png():
-    run = mi.simulate(zhao().system, 10, initial=kicked(zhao().system.actuator),
+    run = mi.simulate(zhao().system, 10, initial=kicked_state(zhao().system.actuator),
                       options=zhao().options)  # fmt: skip
     assert run_picture(run).startswith(b"\x89PNG")

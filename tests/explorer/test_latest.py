@@ -1,6 +1,6 @@
 import threading
 
-from mems_impact.explorer.latest import Latest
+from mems_impact.explorer.background import LatestOnlyWorker
 
 LONG = 10.0  # s that a test waits before it fails
 
@@ -13,7 +13,7 @@ def collected(compute, **waits):
         found.append((asked, result, error))
         came.release()
 
-    return Latest(compute, deliver, **waits), found, came
+    return LatestOnlyWorker(compute, deliver, **waits), found, came
 
 
 def test_what_is_asked_is_delivered():

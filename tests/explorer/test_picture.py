@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.explorer.diagram import Asked, diagram_of
-from mems_impact.explorer.floquet import floquet_of
-from mems_impact.explorer.picture import picture_of
-from mems_impact.explorer.setting import first_setting
-from mems_impact.explorer.warned import heard
-from mems_impact.plotting.motion import between, line, spans
+from mems_impact.explorer.background import route_warnings
+from mems_impact.explorer.session import first_setting
+from mems_impact.explorer.snapshot import Asked, diagram_of, floquet_of, take_snapshot
+from mems_impact.plotting.trajectories import between, line, spans
 from tests.explorer.subjects import dial, mita, own, zhao
 
 
 @pytest.fixture(scope="module")
 def picture():
-    return picture_of(zhao(), first_setting(zhao()))
+    return take_snapshot(zhao(), first_setting(zhao()))
 
 
 def test_the_motion_is_that_of_figures(picture):
@@ -51,12 +49,12 @@ def test_warnings_belong_to_the_picture_whose_run_gave_them():
 
     setting = replace(first_setting(own()), length=3.0)
     subject = replace(own(), starts={setting.start: warned})
-    with heard(), ThreadPoolExecutor(2) as pool:
-        loud = [pool.submit(picture_of, subject, setting) for _ in range(2)]
-        quiet = pool.submit(picture_of, own(), setting)
+    with route_warnings(), ThreadPoolExecutor(2) as pool:
+        loud = [pool.submit(take_snapshot, subject, setting) for _ in range(2)]
+        quiet = pool.submit(take_snapshot, own(), setting)
     assert {each.result().warnings for each in loud} == {("the model does not hold",)}
     assert quiet.result().warnings == ()
-    with pytest.warns(mi.ValidityWarning), heard():
+    with pytest.warns(mi.ValidityWarning), route_warnings():
         warned(None)
 
 
@@ -69,7 +67,7 @@ def test_steps_and_impacts_come_cycle_by_cycle(picture):
 
 
 def test_a_device_in_si_is_shown_in_si():
-    picture = picture_of(mita(), first_setting(mita()))
+    picture = take_snapshot(mita(), first_setting(mita()))
     assert np.nanmax(np.abs(picture.motion.curve["x2"])) == pytest.approx(2.5e-6)
     steps = picture.cycles.value[50:]
     assert steps.mean() == pytest.approx(picture.run.statistics["displacement per period"])
@@ -77,7 +75,7 @@ def test_a_device_in_si_is_shown_in_si():
 
 
 def test_any_system_is_shown():
-    picture = picture_of(own(), first_setting(own()))
+    picture = take_snapshot(own(), first_setting(own()))
     run, cycles = picture.run, picture.cycles
     assert (picture.setting.x, picture.setting.y) == ("x", "v")
     np.testing.assert_array_equal(cycles.value, run.section()["x"].to_numpy()[:-1])
@@ -96,7 +94,7 @@ def test_the_multipliers_are_those_of_the_orbit(picture):
 
 def test_where_there_is_no_orbit_it_is_told():
     setting = first_setting(zhao()).with_value("amplitude", 0.24).with_value("omega", 0.45)
-    chaotic = picture_of(zhao(), setting)
+    chaotic = take_snapshot(zhao(), setting)
     floquet = floquet_of(chaotic)
     assert floquet.multipliers.size == 0 or floquet.told
     assert "\n" not in floquet.told
@@ -133,7 +131,7 @@ def test_what_watches_a_run_ends_it():
         raise Enough
 
     with pytest.raises(Enough):
-        picture_of(zhao(), first_setting(zhao()), watch)
+        take_snapshot(zhao(), first_setting(zhao()), watch)
     asked, along = Asked(setting=first_setting(zhao()), points=2000), dial(zhao(), "amplitude")
     with pytest.raises(Enough):
         diagram_of(zhao(), asked, along, watch)

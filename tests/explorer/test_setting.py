@@ -3,7 +3,7 @@ from urllib.parse import parse_qs
 import pytest
 
 import mems_impact as mi
-from mems_impact.explorer.setting import address_of, first_setting, setting_at
+from mems_impact.explorer.session import address_of, first_setting, setting_at
 from tests.explorer.subjects import mita, own, zhao
 
 

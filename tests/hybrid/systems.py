@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
-from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 
 ENGINES = ("compiled", "interpreted")
 TAU = 2.0 * math.pi
@@ -183,7 +184,7 @@ def problem(automaton, p, *, period=TAU, switches=(), section=None, **options):
 
 
 def at(y, mode=0, time=0.0, cycle=0):
-    return Instant(cycle, time, mode, np.array(y, dtype=float))
+    return HybridState(cycle, time, mode, np.array(y, dtype=float))
 
 
 def simulate(automaton, p, y, periods, *, mode=0, time=0.0, **settings):

@@ -6,9 +6,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from mems_impact.actuator.drives import Sine
-from mems_impact.engines.options import Options
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import is_compiled
+from mems_impact.integrators.options import Options
 from tests.actuator.machine import ZHAO, simulate
 
 LONGEST = 60.0  # time units per example: the interpreted engine takes 3 ms for each
@@ -62,10 +62,10 @@ def test_engines_agree(amplitude, omega, mu, e, c, x2, v2):
     ]
     # Without friction from rest, both bodies turn at once: an end of slip and a closest approach
     # in one instant, whose order is a matter of rounding. Where a long arc is cut does not matter.
-    runs = [log[(log.kind != loop.APPROACH) & (log.kind != loop.REBASE)] for log in logs]
+    runs = [log[(log.kind != workspace.APPROACH) & (log.kind != workspace.REBASE)] for log in logs]
     n = regular(runs[0], runs[1])
     a, b = runs[0][:n], runs[2][:n]
-    chatter = a.kind == loop.ACCUMULATION
+    chatter = a.kind == workspace.ACCUMULATION
     assert np.array_equal(a.kind, b.kind)
     assert np.array_equal(a.guard, b.guard)
     assert np.array_equal(a.mode_after, b.mode_after)

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import fsolve
 
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import (
     BALL,
     COULOMB,
@@ -41,10 +41,10 @@ def test_bouncing_ball_accumulates_and_rests(e, engine):
     run_ = simulate(
         BALL, ball(e), [1.0, 0.0], expected / TAU + 0.5, engine=engine, rtol=1e-10, atol=1e-12
     )
-    assert times(run_, loop.ACCUMULATION) == pytest.approx([expected], abs=1e-10 / (1.0 - e))
+    assert times(run_, workspace.ACCUMULATION) == pytest.approx([expected], abs=1e-10 / (1.0 - e))
     assert run_.final.mode == RESTING
     assert run_.final.y.tolist() == [0.0, 0.0]
-    impacts = run_.events[run_.events.kind == loop.TRANSITION]
+    impacts = run_.events[run_.events.kind == workspace.TRANSITION]
     assert np.all(impacts.before[:, 1] < 0.0)
     assert impacts.after[:, 1] == pytest.approx(-e * impacts.before[:, 1], rel=1e-15)
 
@@ -56,7 +56,7 @@ def test_a_ball_comes_to_rest_at_any_tolerance(rtol, engine):
     run_ = simulate(BALL, ball(0.5), [1.0, 0.0], 1.0, rtol=rtol, atol=rtol / 100, engine=engine)
     assert run_.final.mode == RESTING
     assert len(run_.events) < 30
-    assert times(run_, loop.ACCUMULATION) == pytest.approx(accumulation(0.5), abs=10 * rtol)
+    assert times(run_, workspace.ACCUMULATION) == pytest.approx(accumulation(0.5), abs=10 * rtol)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -80,7 +80,7 @@ def test_a_resting_ball_is_released_where_gravity_changes_sign(engine):
 def test_the_ball_rests_and_is_released_once_every_period():
     run_ = simulate(BALL, ball(0.4, 0.9, 1.0), [0.0, 0.0], 50.0, mode=RESTING)
     assert np.count_nonzero(run_.events.guard == 1) == 50
-    assert np.count_nonzero(run_.events.kind == loop.ACCUMULATION) == 50
+    assert np.count_nonzero(run_.events.kind == workspace.ACCUMULATION) == 50
 
 
 @pytest.mark.parametrize("method", ["adams", "bdf"])
@@ -158,7 +158,7 @@ def test_one_impact_orbit_of_the_linear_oscillator(omega):
     p = stop(c=0.1, amplitude=1.6 * graze(omega=omega), omega=omega, e=0.8)
     period = TAU / omega
     run_ = simulate(STOP, p, [0.0, 0.0], 400.0, period=period)
-    hits = run_.events[run_.events.kind == loop.TRANSITION]
+    hits = run_.events[run_.events.kind == workspace.TRANSITION]
     t, v = hits.time[-1], hits.before[-1, 1]
     assert np.array_equal(hits.cycle[-20:], np.arange(380, 400))  # one impact a period
 
@@ -173,7 +173,7 @@ def test_one_impact_orbit_of_the_linear_oscillator(omega):
 def test_an_arc_after_an_impact_is_the_exact_linear_solution(engine):
     p = stop(c=0.1, amplitude=0.7, omega=0.8, e=0.8)
     run_ = simulate(STOP, p, [0.2, 1.5], 1.0, period=TAU / 0.8, engine=engine)
-    hits = run_.events[run_.events.kind == loop.TRANSITION]
+    hits = run_.events[run_.events.kind == workspace.TRANSITION]
     instants = [0.0, *hits.time, run_.period]
     starts = [[0.2, 1.5], *hits.after]
     ends = [*hits.before, run_.final.y]
@@ -188,9 +188,9 @@ def test_grazing_amplitude(offset):
         p = stop(c=0.1, amplitude=graze() * (1.0 + sign * offset), omega=0.8)
         run_ = simulate(STOP, p, steady(p, 0.0), 1.0, period=TAU / 0.8, rtol=1e-12, atol=1e-13)
         kinds = run_.events.kind
-        assert (loop.TRANSITION in kinds) == (sign > 0.0)
+        assert (workspace.TRANSITION in kinds) == (sign > 0.0)
         if sign < 0.0:
-            closest = run_.events[kinds == loop.APPROACH].before[0, 0]
+            closest = run_.events[kinds == workspace.APPROACH].before[0, 0]
             assert 1.0 - closest == pytest.approx(offset, abs=1e-9)
 
 
@@ -202,7 +202,7 @@ def test_square_root_law(depth):
     run_ = simulate(
         STOP, p, steady(p, start), 1.0, period=TAU / 0.8, time=start, rtol=1e-12, atol=1e-13
     )
-    speed = run_.events[run_.events.kind == loop.TRANSITION].before[0, 1]
+    speed = run_.events[run_.events.kind == workspace.TRANSITION].before[0, 1]
     # The position is known to the tolerance; the speed at the stop is the root of it.
     assert speed**2 == pytest.approx(0.64 * ((1.0 + depth) ** 2 - 1.0), abs=1e-10)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import RunError
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import (
     BALL,
     ENGINES,
@@ -122,7 +122,7 @@ def test_start_on_the_floor(x, engine):
     assert falling.events.after[0].tolist() == [0.0, 0.5]
     assert len(falling.events) == 1
     rising = simulate(BALL, ball(0.5), [x, 1.0], 0.5, engine=engine)
-    assert times(rising, loop.TRANSITION)[0] == pytest.approx(2.0, abs=1e-8)
+    assert times(rising, workspace.TRANSITION)[0] == pytest.approx(2.0, abs=1e-8)
     resting = simulate(BALL, ball(0.5), [0.0, 0.0], 3.0, mode=RESTING, engine=engine)
     assert len(resting.events) == 0
 
@@ -143,15 +143,15 @@ def test_quick_impacts_are_all_seen(flight, engine):
     run_ = simulate(
         BALL, p, [0.0, flight / 2], (n + 0.5) * flight / TAU, engine=engine, rtol=1e-11, atol=1e-20
     )
-    hits = times(run_, loop.TRANSITION)
+    hits = times(run_, workspace.TRANSITION)
     assert hits == pytest.approx(flight * np.arange(1, n + 1), rel=1e-6)
 
 
 def test_impacts_without_rebound_and_without_loss():
     dead = simulate(BALL, ball(0.0), [1.0, 0.0], 1.0)
-    assert (dead.events.kind.tolist(), dead.final.mode) == ([loop.TRANSITION], RESTING)
+    assert (dead.events.kind.tolist(), dead.final.mode) == ([workspace.TRANSITION], RESTING)
     elastic = simulate(BALL, ball(1.0), [1.0, 0.0], 100.0, rtol=1e-12, atol=1e-14)
-    hits = times(elastic, loop.TRANSITION)
+    hits = times(elastic, workspace.TRANSITION)
     assert hits == pytest.approx(math.sqrt(2.0) * np.arange(1, 2 * hits.size, 2), abs=1e-8)
     assert 0.5 * elastic.final.y[1] ** 2 + elastic.final.y[0] == pytest.approx(1.0, abs=1e-9)
 
@@ -259,6 +259,6 @@ def test_events_can_be_consumed_as_they_come():
         problem(STOP, setup, period=TAU / 0.8), at([0.2, 1.5]), 1500.0, consume=chunks.append
     )
     assert len(lean.events) == 0
-    assert sum(len(chunk) for chunk in chunks) == len(kept.events) > loop.ROOM
+    assert sum(len(chunk) for chunk in chunks) == len(kept.events) > workspace.ROOM
     assert same(chunks[-1], kept.events[-len(chunks[-1]) :])
     assert np.array_equal(lean.final.y, kept.final.y)

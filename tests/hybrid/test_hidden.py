@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import ENGINES, STOP, simulate, stop, times
 
 # A free flight over two corrugated floors, the second one shifted; it stops where it strikes.
@@ -71,7 +71,7 @@ def test_the_first_of_two_floors_is_struck(k, amplitude, period):
             rng.uniform(-0.5, 0.5),
         ]
         done = simulate(FLIGHT, p, start, 4.0 / period, period=period)
-        events = done.events[done.events.kind == loop.TRANSITION]
+        events = done.events[done.events.kind == workspace.TRANSITION]
         when, which = first_strike(p, start)
         assert (len(events), events.guard[0]) == (1, which)
         assert events.cycle[0] * period + events.time[0] == pytest.approx(when, abs=1e-8)
@@ -130,7 +130,7 @@ def test_a_floor_of_two_wavelengths(wave, method, found):
         when = brentq(height, t[below - 1], t[below], xtol=1e-14)
         done = simulate(BRAKED, wave, [x, y, u, v], 4.0 / period, period=period, method=method,
                         rtol=1e-9, atol=1e-11)  # fmt: skip
-        (strike,) = times(done, loop.TRANSITION)
+        (strike,) = times(done, workspace.TRANSITION)
         assert strike == pytest.approx(when, abs=1e-6), number
 
 

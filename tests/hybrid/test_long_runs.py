@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import loop, workspace
 from tests.hybrid.systems import STOP, TAU, simulate, stop
 
 PER_PERIOD = 1e-3
@@ -55,11 +55,11 @@ def test_time_does_not_lose_digits():
     """Free oscillation, in phase after ten thousand periods; steps are those of the first ones."""
     n = 10_000
     run_ = simulate(STOP, stop(d=9.0), [1.0, 0.0], n, rtol=1e-12, atol=1e-14)
-    rebases = run_.events[run_.events.kind == loop.REBASE]
+    rebases = run_.events[run_.events.kind == workspace.REBASE]
     assert len(rebases) > n / 2 / loop.REBASE_PERIODS
     assert rebases.time.max() < TAU
     assert run_.final.y == pytest.approx([1.0, 0.0], abs=1e-6)
-    counts = np.diff(np.flatnonzero(run_.events.kind == loop.APPROACH))
+    counts = np.diff(np.flatnonzero(run_.events.kind == workspace.APPROACH))
     assert counts.max() <= 2
 
 
@@ -76,6 +76,6 @@ def test_a_forced_motion_is_steady_for_ever():
 def test_impact_times_do_not_lose_digits():
     p = stop(c=0.1, amplitude=0.7, omega=1.2)
     run_ = simulate(STOP, p, [0.0, 0.0], 20_000, period=TAU / 1.2)
-    hits = run_.events[run_.events.kind == loop.TRANSITION]
+    hits = run_.events[run_.events.kind == workspace.TRANSITION]
     assert np.ptp(hits.time[-2000:]) < 1e-8
     assert hits.cycle[-1] == 19_999

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import InvalidParameter, RunError
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.state import HybridState
 from tests.hybrid.systems import (
     BALL,
     COULOMB,
@@ -125,7 +125,7 @@ def test_two_impacts_in_no_time_are_no_chatter(mass, gap, pair_is_impact, engine
     done = simulate(system, (mass,), start, 1.0, period=1.0, engine=engine)
     y = done.final.y
     assert y[1] ** 2 + mass * y[3] ** 2 == pytest.approx(1.0 + mass, rel=1e-9)
-    assert not np.any(done.events.kind == loop.ACCUMULATION)
+    assert not np.any(done.events.kind == workspace.ACCUMULATION)
 
 
 def _with_a_stranger(mode, t, y, p, dy):
@@ -150,7 +150,7 @@ def test_the_end_of_a_sequence_does_not_depend_on_strangers(engine):
     guards = (Guard(name="floor", order=0, impact=True),)
     system = automaton(("h", "u", "z"), guards, _with_a_stranger, _ground, _bounce)
     done = simulate(system, (0.0,), [0.5, 0.0, 1e6], 20.0, period=1.0, atol=1e-14, engine=engine)
-    assert times(done, loop.ACCUMULATION) == pytest.approx([19.0], abs=1e-9)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([19.0], abs=1e-9)
 
 
 def _sticking(mode, t, y, p, dy):
@@ -300,6 +300,6 @@ def test_a_start_at_no_time_of_a_period(time):
 
 @pytest.mark.parametrize("cycle", [1.5, 2**70, -(2**70), math.nan, math.inf])
 def test_a_start_in_no_period(cycle):
-    start = Instant(cycle, 0.0, 0, np.array([1.0, 0.0]))
+    start = HybridState(cycle, 0.0, 0, np.array([1.0, 0.0]))
     with pytest.raises(InvalidParameter, match=r"start\.cycle"):
         run(problem(BALL, ball(0.5)), start, 1.0)

@@ -5,16 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Guard
-from mems_impact.hybrid.opposed import opposed
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events, missing_sliding_mode
 
 PERIOD = 2.0
 
 
 def said(
-    way=(0, 1, 0, 1, 0), guards=(0, 1, 0, 1), *, kind=loop.TRANSITION, spread=0.0, impact=False
+    way=(0, 1, 0, 1, 0), guards=(0, 1, 0, 1), *, kind=workspace.TRANSITION, spread=0.0, impact=False
 ):
     """Return what is said of a run whose last events lead along `way`."""
     count = len(guards)
@@ -33,7 +32,7 @@ def said(
         modes=("left", "right", "third"),
         guards=(Guard("one", order=0), Guard("two", order=1, impact=impact)),
     )
-    return opposed(events, SimpleNamespace(automaton=automaton, period=PERIOD))
+    return missing_sliding_mode(events, SimpleNamespace(automaton=automaton, period=PERIOD))
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-7])
@@ -50,7 +49,7 @@ def test_events_that_alternate_in_no_time(spread):
         {"way": (0, 1, 0), "guards": (0, 1)},
         {"spread": 1e-5},
         {"impact": True},
-        {"kind": loop.SWITCH},
+        {"kind": workspace.SWITCH},
     ],
     ids=["three modes", "one mode", "too few", "time goes by", "an impact", "switches"],
 )

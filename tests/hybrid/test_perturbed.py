@@ -7,10 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mems_impact.hybrid.variational.sensitivity.lyapunov import (
+    LyapunovIntegrator,
+    largest,
+    standard_errors,
+)
 
 import mems_impact as mi
-from mems_impact.hybrid.lyapunov import Stretching, largest, standard_errors
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.simulation import run
 from tests.analysis.oscillators import lorenz
 from tests.analysis.systems import oscillator
 
@@ -31,7 +35,7 @@ def check_one(problem, start, periods, tolerance=1e-5, h=1e-5):
     """Compare what one perturbation grows by with neighbouring runs."""
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
-    one = Stretching(problem, start, 1, chunk=periods)
+    one = LyapunovIntegrator(problem, start, 1, chunk=periods)
     moved = carried(problem, start, periods, one._at.y[n:].copy(), h)[free]
     one.go_on()
     assert one.grown[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
@@ -42,7 +46,7 @@ def check(problem, start, periods, tolerance=1e-5):
     check_one(problem, start, periods, tolerance)
     n = start.y.size
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
-    every = Stretching(problem, start, len(free), chunk=periods)
+    every = LyapunovIntegrator(problem, start, len(free), chunk=periods)
     columns = every._at.y[n:].reshape(-1, n)[every._at.alive == 1]
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
     every.go_on()
@@ -170,7 +174,7 @@ def test_at_rest_nothing_is_left():
     system = oscillator(A=2.0, omega=0.2, e=0.5)
     problem = system.problem(FAST)
     start = system.instant(None, problem)
-    stretching = Stretching(problem, start, 2, chunk=2)
+    stretching = LyapunovIntegrator(problem, start, 2, chunk=2)
     stretching.go_on()
     assert stretching.result.per_period.tolist() == [-math.inf, -math.inf]
     assert stretching.result.errors.tolist() == [0.0, 0.0]
@@ -180,7 +184,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     """On its own it would be another one after 30 units of time: neighbours part by exp(0.9 t)."""
     system = lorenz()
     problem = system.problem(PLAIN)
-    one = Stretching(problem, system.instant(None, problem), chunk=30)
+    one = LyapunovIntegrator(problem, system.instant(None, problem), chunk=30)
     one.go_on()
     assert one._at.y[:3].tolist() == one.final.y.tolist()
 
@@ -234,7 +238,7 @@ def test_actuator(drive):
     zhao = mi.load_actuator("zhao2004")
     system = zhao.under(drive)
     problem = system.problem(FAST)
-    start = run(problem, system.instant(mi.kicked(zhao), problem), 20.4).final
+    start = run(problem, system.instant(mi.kicked_state(zhao), problem), 20.4).final
     events = run(problem, start, 4).events
     assert events.impacts(problem.automaton).sum() >= 2
     check(problem, start, 4)

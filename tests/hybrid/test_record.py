@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import RunError
-from mems_impact.hybrid.record import whole_periods
+from mems_impact.hybrid.event_loop.workspace import whole_periods
 from tests.hybrid.systems import BALL, TAU, ball, simulate
 
 

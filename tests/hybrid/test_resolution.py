@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.clocks import is_clock
-from mems_impact.hybrid.guards import resolution, rounding_of
-from mems_impact.hybrid.memory import LoopMemory
-from mems_impact.hybrid.problem import bind
-from mems_impact.hybrid.record import EPS, TIMED, row
+from mems_impact.hybrid.diagnostics.failures import depends_on_time_only
+from mems_impact.hybrid.event_loop.detection import margin_error_scales, rounding_error
+from mems_impact.hybrid.event_loop.workspace import EPS, TIMED, table_row
+from mems_impact.hybrid.problem import LoopMemory, create_engine
 from tests.hybrid.systems import problem
 
 # g = y0 - 3 y1 + p t, watched in the only mode; p = (rate,).
@@ -40,14 +39,14 @@ WALL = Automaton(
 @pytest.mark.parametrize("t", [0.0, 0.5, 1000.0])
 def test_roundings_of_state_and_of_time_move_a_margin(t, rate):
     setup = problem(WALL, (rate,), period=2000.0, engine="interpreted", atol=1e-12)
-    bound = bind(setup)
+    bound = create_engine(setup)
     memory = LoopMemory(
         setup, bound, 0, cycle=0, t=t, mode=0, end_cycle=1, end_phase=0.0, events_from=0
     )
     y = np.array([2.0, -1.0])
-    resolution(bound.engine, memory.clock, 0, t, y)
-    assert row(memory.clock, TIMED)[0] == pytest.approx(abs(rate) * t, rel=1e-5)
-    assert rounding_of(memory.clock, 0) == pytest.approx(64.0 * EPS * (5.0 + abs(rate) * t))
+    margin_error_scales(bound.engine, memory.clock, 0, t, y)
+    assert table_row(memory.clock, TIMED)[0] == pytest.approx(abs(rate) * t, rel=1e-5)
+    assert rounding_error(memory.clock, 0) == pytest.approx(64.0 * EPS * (5.0 + abs(rate) * t))
 
 
 @pytest.mark.parametrize(
@@ -60,4 +59,4 @@ def test_roundings_of_state_and_of_time_move_a_margin(t, rate):
     ],
 )
 def test_a_margin_that_no_component_moves_depends_on_time_alone(margin, clock):
-    assert is_clock(margin, [0.0, 0.0]) == clock
+    assert depends_on_time_only(margin, [0.0, 0.0]) == clock

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mems_impact.actuator.drives import Sine
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.run import _Run
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Simulation
 from tests.actuator import machine
 from tests.hybrid.systems import (
     BALL,
@@ -43,7 +43,7 @@ def case(request):
 def log(setup, start, periods, per_period):
     """The events of a run that is sampled on the way."""
     run_ = run(setup, start, periods)
-    again = _Run(setup, start, run_.final, per_period, None, None)
+    again = Simulation(setup, start, run_.final, per_period, None, None)
     again.go()
     return run_, again
 
@@ -98,7 +98,7 @@ def test_the_tail_may_begin_within_the_chatter_of_the_actuator(e):
     drive = Sine(amplitude=0.38, omega=0.02)
     run_ = machine.simulate(machine.ZHAO.replace(e=e), drive, [0.0, 0.0, 0.45, 0.0], 0.3)
     whole = run_.samples(500)
-    for cut in run_.events.time[run_.events.kind <= loop.ACCUMULATION]:
+    for cut in run_.events.time[run_.events.kind <= workspace.ACCUMULATION]:
         tail = run_.samples(500, first=np.nextafter(cut / run_.period, 1.0))
         assert np.array_equal(tail.y, whole.y[-len(tail.y) :])
 
@@ -161,7 +161,7 @@ def test_no_sample_lies_beyond_a_stopper(rtol):
 @pytest.mark.parametrize("direction", [-1, 0, 1])
 def test_section_crossings(engine, direction):
     run_ = simulate(STOP, stop(d=2.0), [1.0, 0.0], 5.0, section=(0, 0.5, direction), engine=engine)
-    events = run_.events[run_.events.kind == loop.SECTION_CROSSING]
+    events = run_.events[run_.events.kind == workspace.SECTION_CROSSING]
     times = events.cycle * TAU + events.time
     down, up = TAU / 6 + TAU * np.arange(5), 5 * TAU / 6 + TAU * np.arange(5)
     expected = {-1: down, 1: up, 0: np.sort(np.r_[down, up])}[direction]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import COULOMB, STOP, STUCK, TAU, coulomb, simulate, stop
 
 pytestmark = pytest.mark.usefixtures("each_method")
@@ -23,7 +23,7 @@ def swing(phase, d, engine, **options):
 def crest(phase, engine, **options):
     """The highest point that the numerical swing itself reaches."""
     events = swing(phase, 2.0, engine, **options).events
-    return events[events.kind == loop.APPROACH].before[0, 0]
+    return events[events.kind == workspace.APPROACH].before[0, 0]
 
 
 @pytest.mark.parametrize(("engine", "phases"), THIN, ids=["compiled", "interpreted"])
@@ -33,7 +33,7 @@ def test_no_impact_is_missed(depth, engine, phases):
     for phase in phases:
         d = crest(phase, engine, rtol=1e-8, atol=1e-10) - depth
         events = swing(phase, d, engine, rtol=1e-8, atol=1e-10).events
-        hits = events[events.kind == loop.TRANSITION]
+        hits = events[events.kind == workspace.TRANSITION]
         missed += len(hits) == 0 or abs(hits.time[0] - phase + np.sqrt(2.0 * depth)) > 1e-5
         assert np.all(events.before[:, 0] <= d + 1e-9)
     assert missed == 0
@@ -44,7 +44,7 @@ def test_no_impact_is_missed_at_other_tolerances(rtol):
     for phase in PHASES[::5]:
         d = crest(phase, "compiled", rtol=rtol, atol=rtol) - 1e-6
         events = swing(phase, d, "compiled", rtol=rtol, atol=rtol).events
-        assert loop.TRANSITION in events.kind
+        assert workspace.TRANSITION in events.kind
 
 
 def test_no_impact_is_missed_where_the_period_is_long():
@@ -53,8 +53,8 @@ def test_no_impact_is_missed_where_the_period_is_long():
         options = {"period": 200.0 * TAU, "rtol": 1e-4, "atol": 1e-4}
         y = [np.cos(phase), np.sin(phase)]
         free = simulate(STOP, stop(d=2.0), y, 1 / 150, **options).events
-        d = free[free.kind == loop.APPROACH].before[0, 0] - 1e-5
-        assert loop.TRANSITION in simulate(STOP, stop(d=d), y, 1 / 150, **options).events.kind
+        d = free[free.kind == workspace.APPROACH].before[0, 0] - 1e-5
+        assert workspace.TRANSITION in simulate(STOP, stop(d=d), y, 1 / 150, **options).events.kind
 
 
 @pytest.mark.parametrize(("engine", "phases"), THIN, ids=["compiled", "interpreted"])
@@ -77,6 +77,6 @@ def test_just_below_nothing_happens():
         for phase in PHASES[::20]:
             d = crest(phase, "compiled") + depth
             events = swing(phase, d, "compiled").events
-            assert events.kind.tolist() == [loop.APPROACH]
+            assert events.kind.tolist() == [workspace.APPROACH]
             still = simulate(COULOMB, coulomb(1.0 + depth, 1.0), [0.0, 0.0], 2.0, time=phase)
             assert len(still.events) == 0

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.engines.options import Options
-from mems_impact.hybrid import section
+from mems_impact.hybrid.definition import Definition, automaton_of, hidden_parameters
+from mems_impact.hybrid.event_loop import detection
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Instant
-from mems_impact.hybrid.written import Definition, hidden_parameters, written
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 from tests.hybrid.systems import STOP, simulate, stop
 
 
@@ -27,14 +27,16 @@ def crossings(roots, *, method="dop853", direction=0, begin=-1.0, end=1.0, unit=
 
     definition = Definition(states=("g", "s"), modes=("one",), parameters=(), flow=flow)
     problem = Problem(
-        automaton=written(definition),
+        automaton=automaton_of(definition),
         parameters=np.zeros(hidden_parameters(definition)),
         period=1e3,
         time_scale=20.0,
         section=(0, 0.0, direction),
         options=Options(engine="interpreted", method=method, rtol=1e-11, atol=1e-13 * unit),
     )
-    start = Instant(0, 0.0, 0, np.array([unit * math.prod(begin - root for root in roots), begin]))
+    start = HybridState(
+        0, 0.0, 0, np.array([unit * math.prod(begin - root for root in roots), begin])
+    )
     log = run(problem, start, (end - begin) / 1e3).events.crossings(0)
     return log.after[:, 1], log.guard.tolist()
 
@@ -91,7 +93,7 @@ def test_a_state_that_stays_on_the_section_crosses_nothing():
 def test_an_oscillator_with_impacts_costs_no_search(monkeypatch, method):
     """Nor do first steps so short that rounding alone makes their differences."""
     searched = []
-    monkeypatch.setattr(section, "walk", lambda *arguments: searched.append(arguments))
+    monkeypatch.setattr(detection, "scan_step", lambda *arguments: searched.append(arguments))
     p = stop(c=0.1, amplitude=0.5, omega=1.0)
     options = {"engine": "interpreted", "method": method, "section": (0, 0.5, 0)}
     run = simulate(STOP, p, (0.0, 0.0), 4, **options).events

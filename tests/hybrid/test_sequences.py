@@ -8,8 +8,9 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.errors import RunError
-from mems_impact.hybrid import loop, memory
+from mems_impact.hybrid import problem
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import BALL, ENGINES, RESTING, STOP, ball, same, simulate, stop, times
 
 both = pytest.mark.parametrize("engine", ENGINES)
@@ -26,7 +27,7 @@ def test_the_end_of_a_sequence_whose_impacts_lose_little(e, rtol):
     expected = accumulation(e)
     options = {"rtol": rtol, "atol": rtol / 100, "max_events": 20_000}
     done = simulate(BALL, ball(e), [1.0, 0.0], expected + 1.0, period=1.0, **options)
-    (end,) = times(done, loop.ACCUMULATION)
+    (end,) = times(done, workspace.ACCUMULATION)
     assert abs(end - expected) < 1e-12 / (1.0 - e) * expected
     assert done.final.mode == RESTING
 
@@ -35,7 +36,9 @@ def test_the_end_of_a_sequence_at_every_restitution():
     """A ball on a floor: to 1e-10 of the time."""
     for e in np.linspace(0.05, 0.95, 46).tolist():
         done = simulate(BALL, ball(e), [1.0, 0.0], 20.0, rtol=1e-13, atol=1e-15)
-        assert times(done, loop.ACCUMULATION)[0] == pytest.approx(accumulation(e), rel=1e-10), e
+        assert times(done, workspace.ACCUMULATION)[0] == pytest.approx(
+            accumulation(e), rel=1e-10
+        ), e
         assert (done.final.mode, *done.final.y) == (RESTING, 0.0, 0.0), e
 
 
@@ -43,8 +46,8 @@ def test_the_end_of_a_sequence_at_every_restitution():
 def test_three_impacts_make_a_sequence(height):
     """However weak they are: a run that is taken up between two of them knows no less."""
     done = simulate(BALL, ball(0.5), [height, 0.0], 1.0)
-    assert len(times(done, loop.TRANSITION)) == 3
-    ends = times(done, loop.ACCUMULATION)
+    assert len(times(done, workspace.TRANSITION)) == 3
+    ends = times(done, workspace.ACCUMULATION)
     assert ends == pytest.approx([math.sqrt(height) * accumulation(0.5)], rel=1e-3)
 
 
@@ -62,7 +65,7 @@ def test_the_end_of_a_sequence_of_a_spring_pressed_to_a_stop():
         done = simulate(STOP, p, [-1.5, 0.0], 20.0, rtol=rtol, atol=0.01 * rtol)
         expected = first + math.fsum(2.0 * math.atan(u * e**n) for n in range(1, 3000))
         allowed = 3.0 * rtol / 2e-5 / (1.0 - e)
-        assert abs(times(done, loop.ACCUMULATION)[0] - expected) < allowed, e
+        assert abs(times(done, workspace.ACCUMULATION)[0] - expected) < allowed, e
         assert (done.final.mode, *done.final.y) == (RESTING, -1.0, 0.0), e
 
 
@@ -71,7 +74,7 @@ def test_a_sequence_goes_on_across_the_starts_of_periods(period):
     """What the loop remembers of the last impact moves with the time base."""
     expected = accumulation(0.8)
     done = simulate(BALL, ball(0.8), [1.0, 0.0], 14.0 / period, period=period)
-    assert times(done, loop.ACCUMULATION) == pytest.approx([expected], abs=1e-10)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([expected], abs=1e-10)
     whole = simulate(BALL, ball(0.8), [1.0, 0.0], 14.0, period=1000.0)
     assert len(done.events[done.events.kind <= 1]) == len(whole.events[whole.events.kind <= 1])
 
@@ -162,7 +165,7 @@ def test_an_impact_at_another_gap_some_periods_ago_does_not_prolong_a_sequence()
     assert done.events.guard[0] == 2
     # Up to the ceiling, which it leaves at the speed 2; down; and flights of 2 sqrt(6)/2^n.
     end = (math.sqrt(5.0) - 2.0) + (math.sqrt(6.0) - 2.0) + 2.0 * math.sqrt(6.0)
-    assert times(done, loop.ACCUMULATION) == pytest.approx([end], abs=1e-9)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([end], abs=1e-9)
     assert done.final.mode == RESTING
 
 
@@ -174,7 +177,7 @@ def test_nothing_stands_still_while_a_sequence_ends(e, engine):
     end = accumulation(e) + 0.5
     done = simulate(PAIR, p, [1.0, 0.0, 1.0, 0.0], end, period=1.0, engine=engine)
     assert done.final.mode == 1
-    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=1e-9)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([accumulation(e)], abs=1e-9)
     assert done.final.y[2:] == pytest.approx([math.cos(end), -math.sin(end)], abs=1e-9 * end)
 
 
@@ -185,12 +188,12 @@ def test_an_impact_elsewhere_is_not_lost_in_the_end_of_a_sequence(lead):
     strikes = accumulation(e) - lead
     p = (e, 0.5, 0.0, 1.0, 0.0)
     done = simulate(PAIR, p, [1.0, 0.0, 0.5 * strikes**2, 0.0], strikes + 0.2, period=1.0)
-    second = done.events[(done.events.guard == 1) & (done.events.kind == loop.TRANSITION)]
+    second = done.events[(done.events.guard == 1) & (done.events.kind == workspace.TRANSITION)]
     assert second.cycle[0] + second.time[0] == pytest.approx(strikes, abs=1e-9)
     assert second.before[0, 3] == pytest.approx(-strikes, abs=1e-8)
     assert done.final.mode == 1
     # The impact cuts a flight of the last ones in two: they are followed to smaller ones.
-    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
 
 
 # A ball hops on a floor; a stone falls past a mark at zero, or onto the heavy ball, which throws it
@@ -241,10 +244,10 @@ def test_what_happens_shortly_before_the_end_of_a_sequence_is_told(meets, lead, 
     p = (e, 1.0, -1.0) if meets else (e, 0.0, 1.0)
     start = [1.0, 0.0, 0.5 * when**2, 0.0]
     done = simulate(system, p, start, when + 0.2, period=1.0, engine=engine)
-    stone = done.events[(done.events.guard == 1) & (done.events.kind == loop.TRANSITION)]
+    stone = done.events[(done.events.guard == 1) & (done.events.kind == workspace.TRANSITION)]
     assert stone.cycle + stone.time == pytest.approx([when], abs=1e-8)
     assert stone.before[:, 3] == pytest.approx([-when], abs=1e-8)
-    assert times(done, loop.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([accumulation(e)], abs=3e-6)
     assert done.final.mode == 3
 
 
@@ -271,14 +274,14 @@ def test_two_balls_come_to_rest_in_turns(engine):
     p = (0.5, 0.7, 0.0, 1.0, 0.0)
     done = simulate(PAIR, p, [1.0, 0.0, 0.8, 0.0], 9.0, period=1.0, engine=engine)
     ends = [accumulation(0.5), math.sqrt(0.8) * accumulation(0.7)]
-    assert times(done, loop.ACCUMULATION) == pytest.approx(ends, abs=1e-9)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx(ends, abs=1e-9)
     assert done.final.mode == 3
     assert done.final.y.tolist() == [0.0, 0.0, 0.0, 0.0]
 
 
 def test_two_equal_balls_come_to_rest_together():
     done = simulate(PAIR, (0.8, 0.8, 0.0, 1.0, 0.0), [1.0, 0.0, 1.0, 0.0], 14.0, period=1.0)
-    assert times(done, loop.ACCUMULATION) == pytest.approx(2 * [accumulation(0.8)], abs=3e-6)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx(2 * [accumulation(0.8)], abs=3e-6)
     assert done.final.mode == 3
 
 
@@ -296,12 +299,12 @@ def test_a_sequence_is_the_same_in_any_units(second, metre):
     )  # fmt: skip
     assert scaled.final.mode == plain.final.mode
     assert scaled.final.y[0] / metre == pytest.approx(plain.final.y[0], abs=1e-8)
-    for kind in (loop.TRANSITION, loop.ACCUMULATION):
+    for kind in (workspace.TRANSITION, workspace.ACCUMULATION):
         mine = times(scaled, kind) / second
         # How weak an impact is still counted by itself depends on the absolute tolerance.
         strong = min(len(mine), len(times(plain, kind)), 4)
         assert mine[:strong] == pytest.approx(times(plain, kind)[:strong], abs=1e-8)
-    assert len(times(scaled, loop.ACCUMULATION)) == len(times(plain, loop.ACCUMULATION))
+    assert len(times(scaled, workspace.ACCUMULATION)) == len(times(plain, workspace.ACCUMULATION))
 
 
 # A ball whose weight 1 + a t changes with time, over a floor at the height H; p = (e, a, H).
@@ -371,7 +374,7 @@ def test_the_end_of_a_sequence_under_a_weight_that_changes(e, a, height, error, 
         HEAVIER, (e, a, height), [height, speed, 0.0], expected + 0.3,
         period=1.0, method="dop853", rtol=1e-13, atol=1e-15, engine=engine,
     )  # fmt: skip
-    assert times(done, loop.ACCUMULATION) == pytest.approx([expected], rel=0.0, abs=error)
+    assert times(done, workspace.ACCUMULATION) == pytest.approx([expected], rel=0.0, abs=error)
     assert done.final.mode == RESTING
 
 
@@ -416,7 +419,7 @@ def test_a_ball_that_is_thrown_back_makes_no_sequence(engine, method):
     done = simulate(
         PADDLE, (1e-7,), [0.0, 0.5, 1e-5], 0.3, period=1.0, atol=1e-3, method=method, engine=engine
     )
-    struck = times(done, loop.TRANSITION, 0)
+    struck = times(done, workspace.TRANSITION, 0)
     assert len(struck) == 8
     left, speed = 0.3 - struck[-1], 0.5 * 0.9**8
     assert done.final.mode == 0
@@ -499,7 +502,7 @@ def test_a_budget_that_a_collapse_spends_is_told_with_its_instant():
 def test_an_instant_may_hold_more_events_than_the_buffer(engine, monkeypatch):
     """Wherever the buffer is full, between transitions of an instant too, the run is the same."""
     whole = cradle(0.9, engine)
-    monkeypatch.setattr(memory, "EVENT_ROWS", loop.ROOM + 3)
+    monkeypatch.setattr(problem, "EVENT_ROWS", workspace.ROOM + 3)
     assert same(cradle(0.9, engine).events, whole.events)
     p = ball(0.6, 0.9, 1.0)
     small = simulate(BALL, p, [0.7, 0.0], 6.0, engine=engine)
@@ -641,7 +644,7 @@ def rocking(r, top=1e9, start=0.5, **options):
         flights.append(2.0 * math.atanh(speed))
     expected = np.cumsum(flights)
     done = simulate(BLOCK, (r, top), [start, 0.0], expected[-1] + 1.0, period=1.0, **options)
-    return done, np.array(times(done, loop.TRANSITION, 0)), expected
+    return done, np.array(times(done, workspace.TRANSITION, 0)), expected
 
 
 @pytest.mark.parametrize("top", [1e9, 0.0], ids=["whole flights", "cut in two"])
@@ -666,7 +669,7 @@ def test_a_flight_is_good_to_the_tolerance_however_low_it_is(method, rtol, engin
     """
     for r in (0.5, 0.8) if engine == "interpreted" else (0.5, 0.8, 0.95, 0.98):
         done, _, _ = rocking(r, top, method=method, rtol=rtol, atol=0.01 * rtol, engine=engine)
-        struck = (done.events.kind == loop.TRANSITION) & (done.events.guard == 0)
+        struck = (done.events.kind == workspace.TRANSITION) & (done.events.guard == 0)
         down, up = abs(done.events.before[struck, 1]), abs(done.events.after[struck, 1])
         assert up[-1] < 1e-4
         assert (abs(down[1:] / up[:-1] - 1.0) < most * (rtol + 2.0**-50 / up[:-1])).all(), r
@@ -689,7 +692,7 @@ def test_the_impacts_of_a_long_sequence_are_within_a_hundred_tolerances(method, 
     """Up to 581 impacts of a rocking block, and its rest, as parts of the time that has passed."""
     for r in restitutions:
         done, impacts, expected = rocking(r, method=method, rtol=rtol, atol=0.01 * rtol)
-        (end,) = times(done, loop.ACCUMULATION)
+        (end,) = times(done, workspace.ACCUMULATION)
         assert impacts == pytest.approx(expected[: impacts.size], rel=100.0 * rtol, abs=0.0)
         assert end == pytest.approx(expected[-1], rel=100.0 * rtol, abs=0.0)
         assert (done.final.mode, *done.final.y) == (UPRIGHT, 0.0, 0.0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from tests.hybrid.systems import (
     COULOMB,
     ENGINES,
@@ -52,7 +52,7 @@ def test_square_wave_in_closed_form(omega, engine):
     p = stop(amplitude=0.5, omega=omega, square=1.0, d=FAR)
     settings = {"period": TAU / omega, "switches": SQUARE, "engine": engine, "rtol": 1e-12}
     run_ = simulate(STOP, p, [0.0, 0.0], 5.0, atol=1e-13, **settings)
-    switches = run_.events[run_.events.kind == loop.SWITCH]
+    switches = run_.events[run_.events.kind == workspace.SWITCH]
     exact = driven(omega, 5)
     # The run starts at a switch. It ends at another, and leaves it to whoever goes on.
     assert switches.before == pytest.approx(exact[:10], abs=1e-9)
@@ -82,10 +82,10 @@ def test_a_run_in_two_parts_is_the_run(engine):
         for part in parts:
             piece = run(setup, final, part)
             final = piece.final
-            jumps += times(piece, loop.SWITCH).tolist()
+            jumps += times(piece, workspace.SWITCH).tolist()
         assert final.y == pytest.approx(whole.final.y, abs=1e-8)
         assert (final.cycle, final.mode) == (whole.final.cycle, whole.final.mode)
-        assert jumps == pytest.approx(times(whole, loop.SWITCH))
+        assert jumps == pytest.approx(times(whole, workspace.SWITCH))
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -105,7 +105,7 @@ def test_a_switch_releases_a_resting_body(engine):
     p = stop(amplitude=1.0, omega=1.0, square=1.0, d=0.2, e=0.0)
     run_ = simulate(STOP, p, [0.2, 0.0], 0.75, mode=RESTING, switches=SQUARE, engine=engine)
     assert run_.final.y == pytest.approx(swing(0.2, 0.0, -1.0, math.pi / 2), abs=1e-9)
-    assert times(run_, loop.SWITCH) == pytest.approx([0.0, math.pi])
+    assert times(run_, workspace.SWITCH) == pytest.approx([0.0, math.pi])
     assert run_.final.mode == FLYING
 
 
@@ -121,8 +121,8 @@ def test_a_switch_at_an_impact(shift, engine):
     run_ = simulate(
         STOP, p, [-1.0, 0.0], 0.75, period=math.pi, switches=SQUARE, engine=engine, rtol=1e-12
     )
-    events = run_.events[run_.events.kind <= loop.SWITCH]
-    assert sorted(events.kind) == [loop.TRANSITION, loop.SWITCH, loop.SWITCH]
+    events = run_.events[run_.events.kind <= workspace.SWITCH]
+    assert sorted(events.kind) == [workspace.TRANSITION, workspace.SWITCH, workspace.SWITCH]
     expected = swing(1.0, -1.0, -1.0, math.pi / 4.0)
     assert run_.final.y == pytest.approx(expected, abs=1e-8)
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events, run
 from tests.hybrid.systems import STOP, TAU, at, simulate, stop
 
 
@@ -26,9 +25,10 @@ AUTOMATON = Automaton(
     margins=nothing,
     transition=nothing,
 )
-KINDS = [loop.TRANSITION, loop.TRANSITION, loop.ACCUMULATION, loop.APPROACH, loop.SECTION_CROSSING,
-         loop.SECTION_CROSSING, loop.SWITCH]  # fmt: skip
-GUARDS = [0, 1, 1, 1, 1, -1, loop.NONE]
+KINDS = [workspace.TRANSITION, workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH,
+workspace.SECTION_CROSSING,
+         workspace.SECTION_CROSSING, workspace.SWITCH]  # fmt: skip
+GUARDS = [0, 1, 1, 1, 1, -1, workspace.NONE]
 
 
 @pytest.fixture
@@ -58,8 +58,8 @@ def test_a_run_that_was_handed_to_the_implicit_method_was_stiff(handed, stiff):
     n = len(handed)
     states, modes = np.zeros((n, 2)), np.zeros(n, dtype=int)
     events = Events(
-        np.arange(n), np.zeros(n), np.full(n, loop.HANDOVER), np.array(handed, dtype=int), modes,
-        modes, states, states,
+        np.arange(n), np.zeros(n), np.full(n, workspace.HANDOVER), np.array(handed, dtype=int),
+        modes, modes, states, states,
     )  # fmt: skip
     done = simulate(STOP, stop(d=2.0), [1.0, 0.0], 0.1, engine="interpreted")
     assert not done.stiff

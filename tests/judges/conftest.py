@@ -8,14 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mems_impact.actuator.automaton import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.drives import Sine
 from mems_impact.actuator.equations import attraction
-from mems_impact.actuator.modes import STATES, actuator_automaton, mode_under
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.options import Options
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 from validation.judges.dop853_free import Judge
 from validation.judges.heyoka_free import Heyoka
 
@@ -67,9 +68,9 @@ def by_package(case: Case, periods: float, rtol: float = 1e-11) -> Result:
     y = np.array(case.start)
     mode = mode_under(y, attraction(y[2], sine.voltage(0.0, sine.parameters()), p), p)
     assert automaton.states == STATES
-    trajectory = run(problem, Instant(0, 0.0, mode, y), periods)
+    trajectory = run(problem, HybridState(0, 0.0, mode, y), periods)
     events = trajectory.events
-    events = events[events.kind == loop.TRANSITION]
+    events = events[events.kind == workspace.TRANSITION]
     return Result(
         np.array([KIND[guard] for guard in events.guard.tolist()], dtype=int),
         events.cycle * sine.period + events.time,

@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 
+from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
+from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.hybrid.systems import BALL, COULOMB, SQUARE, STOP, TAU, at, ball, coulomb, problem, stop
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
@@ -43,7 +43,7 @@ def actuator(amplitude, omega, **changes):
 def actuator_orbit(amplitude, omega, start=(0.0, 0.0, 0.0, 0.3), **settings):
     """The orbit that attracts `start`."""
     family = actuator(amplitude, omega, **settings.pop("changes", {}))
-    return find_orbit(family, at(start), **{"transient": 300, **settings})
+    return find_periodic_orbit(family, at(start), **{"transient": 300, **settings})
 
 
 def silent_orbit(amplitude, omega, **settings):

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.continuation.branch import follow
+from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.audit import audit
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation.free_block import flow, over_period
 from tests.orbits.families import (
     DEVICE,
@@ -86,7 +86,7 @@ def grazing_instant(orbit):
 
 
 def test_chatter_and_rest_forget_the_state():
-    orbit = find_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
+    orbit = find_periodic_orbit(table(amplitude=1.5), at((0.0, 0.0), mode=1), transient=50)
     result = audit(orbit)
     assert result.worst < 1e-12
     assert np.abs(orbit.multipliers).max() < 1e-12
@@ -97,7 +97,7 @@ def test_an_impact_whose_outcome_depends_on_its_instant():
     speed = math.pi * 0.5 / 1.5
     time = -math.asin(speed / 1.2)
     fall = np.array([1.2 * math.cos(time) - math.pi * time - time**2 / 2.0, math.pi + time])
-    orbit = find_orbit(table_in_the_room(), at(fall))
+    orbit = find_periodic_orbit(table_in_the_room(), at(fall))
     np.testing.assert_allclose(orbit.state, fall, atol=1e-10)
     result = audit(orbit)
     assert result.worst < 1e-8
@@ -119,7 +119,7 @@ def test_audit_names_the_worst_entry():
 def test_audit_refuses_an_orbit_that_no_run_follows():
     family = oscillator(amplitude=0.5, omega=0.8)
     branch = follow(
-        find_orbit(family.at(amplitude=0.3), at((0.0, 0.0)), transient=200),
+        find_periodic_orbit(family.at(amplitude=0.3), at((0.0, 0.0)), transient=200),
         "amplitude",
         low=0.2,
         high=0.5,

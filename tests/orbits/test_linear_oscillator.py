@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.orbits.finding import find_orbit
-from mems_impact.orbits.orbit import check_closed
+from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.orbits.periodic_orbit import check_closed
 from tests.orbits.exact import Exact
 from tests.orbits.families import at, oscillator
 
@@ -38,7 +38,7 @@ def family(exact, amplitude):
 
 def found(exact, expected):
     guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
-    return find_orbit(family(exact, expected.amplitude), guess, periods=exact.n)
+    return find_periodic_orbit(family(exact, expected.amplitude), guess, periods=exact.n)
 
 
 def check(exact, expected):
@@ -92,7 +92,7 @@ def test_derivative_of_the_orbit_by_its_parameters():
     expected = exact.orbit(1.5)
     names = ("amplitude", "omega", "e", "c", "d")
     guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
-    orbit = find_orbit(family(exact, expected.amplitude), guess, active=names)
+    orbit = find_periodic_orbit(family(exact, expected.amplitude), guess, active=names)
     point = orbit.point
     derivative = -np.linalg.solve(point.jacobian, point.by_parameter)[-1]  # of the impact's time
 
@@ -117,12 +117,12 @@ def test_derivative_by_the_frequency_of_a_square_wave():
     expected = exact.orbit_at(1.92)
     guess = at((exact.d, -exact.e * expected.speed), time=expected.time)
     start = family(exact, expected.amplitude)
-    orbit = find_orbit(start, guess, active=("omega",))
+    orbit = find_periodic_orbit(start, guess, active=("omega",))
     point = orbit.point
     derivative = -np.linalg.solve(point.jacobian, point.by_parameter)[:, 0]
 
     def unknowns(omega):
-        return find_orbit(start.at(omega=omega), orbit.instant).point.unknowns
+        return find_periodic_orbit(start.at(omega=omega), orbit.instant).point.unknowns
 
     h = 1e-5
     difference = (unknowns(2.4 + h) - unknowns(2.4 - h)) / (2.0 * h)

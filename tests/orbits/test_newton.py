@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.engines.options import Options
 from mems_impact.errors import OrbitError
-from mems_impact.orbits.finding import find_cycle
+from mems_impact.integrators.options import Options
 from mems_impact.orbits.newton import newton
+from mems_impact.orbits.orbit_search import find_cycle
 
 
 @pytest.mark.parametrize(("power", "guess", "iterations"), [(2, 1.0, 4), (1, 5.0, 1), (1, 2.0, 0)])

@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import root
 
-from mems_impact.continuation.branch import follow
-from mems_impact.orbits.finding import find_orbit
+from mems_impact.continuation.orbit_branch import follow
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.orbits.families import DEVICE, actuator, at
 
 C, N, W, E = 0.04, 3.17, 0.92, 0.80  # as in the demo
@@ -65,7 +65,7 @@ def three_segments(voltage, guess):
 
 def test_orbit_with_signature_stuck_stuck_slip():
     family = actuator(0.7, W, mu_d=MU_D)
-    orbit = find_orbit(family, at((0.0, 0.0, 0.0, 0.3)), transient=300)
+    orbit = find_periodic_orbit(family, at((0.0, 0.0, 0.0, 0.3)), transient=300)
     assert [segment.mode for segment in orbit.segments] == [0, 1, 0]
     ((_, collision, before),) = orbit.impacts
     rest = orbit.point.ends[1]
@@ -87,7 +87,7 @@ def test_voltage_at_which_the_sticking_orbit_grazes():
         return [end[0] - STOP, end[1]]
 
     family = actuator(0.5, W, mu_d=MU_D)
-    orbit = find_orbit(family, at((0.0, 0.0, 0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(family, at((0.0, 0.0, 0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.5, high=0.8, reconnecting=False)
     grazing = [s for s in branch.special_points if s.kind == "grazing" and s.monitor.guard == 0]
     solution = root(equations, [0.0, grazing[0].value], tol=1e-13)

@@ -11,11 +11,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.paper.figure2 import transitions
 from mems_impact.paper.outcome import Devices, Effort
-from mems_impact.paper.suite import (
-    changed_verdicts,
-    expected_verdicts,
-    run_suite,
-)
+from mems_impact.paper.suite import changed_verdicts, expected_verdicts, run_suite
 
 pytestmark = pytest.mark.slow
 
@@ -106,7 +102,7 @@ def test_the_diagram_shows_the_rules():
 
 
 def mi_modes():
-    from mems_impact.actuator.modes import MODES
+    from mems_impact.actuator.automaton import MODES
 
     return MODES
 

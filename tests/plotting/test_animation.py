@@ -8,7 +8,7 @@ from PIL import Image
 
 import mems_impact as mi
 from mems_impact.plotting import animation
-from mems_impact.plotting.scene import FLASH, frames_of, glow
+from mems_impact.plotting.animation import FLASH, frames_of, glow
 
 
 @pytest.fixture(scope="module")

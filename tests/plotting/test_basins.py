@@ -7,10 +7,9 @@ from matplotlib.figure import Figure
 
 import mems_impact as mi
 from mems_impact.analysis.attractor import Attractor
-from mems_impact.studies.axes import Axis
+from mems_impact.studies.attractor_matching import label_points, returns
 from mems_impact.studies.basins import Basins
-from mems_impact.studies.census import returns, taken
-from mems_impact.studies.starts import Grid, Sample
+from mems_impact.studies.sampling import Axis, Grid, Sample
 from tests.analysis.systems import oscillator
 
 UNITS = {"x": "m", "v": "m/s"}
@@ -26,7 +25,7 @@ def made(starts, labels):
         Attractor(motion="periodic", period=1, states=np.array([[i, i]], dtype=float))
         for i in range(labels.max() + 1)
     ]
-    table, attractors = taken(table, labels, found, starts, 16)
+    table, attractors = label_points(table, labels, found, starts, 16)
     system = oscillator()
     seen = returns(attractors, found, system)
     return Basins(

@@ -7,8 +7,8 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.plotting.map import MOTIONS, PERIODS
-from mems_impact.tables.common import with_units
+from mems_impact.plotting.maps import MOTIONS, PERIODS
+from mems_impact.tables import with_units
 
 X, Y = [0.1, 0.2, 0.4], [1.0, 2.0]
 KINDS = ["off", "resting", "periodic", "periodic", "chaotic", "failed"]

@@ -11,17 +11,16 @@ import mems_impact as mi
 from mems_impact.paper import figure2, tables
 from mems_impact.paper.automaton import plot_automaton
 from mems_impact.paper.displacement import plot_displacement
-from mems_impact.studies.axes import Axis
-from mems_impact.studies.starts import Grid
+from mems_impact.studies.sampling import Axis, Grid
 from tests.actuator.figures.test_chart import chart
 from tests.plotting.reading import flaws
 from tests.plotting.sweeps import made_table, silent_table
 from tests.plotting.test_basins import made as made_basins
 from tests.plotting.test_branch import curve, diagram
 from tests.plotting.test_map import made_table as made_map
-from tests.plotting.test_scatter import made as made_scatter
 from tests.plotting.test_sensitivity import MITA, ZHAO
 from tests.plotting.test_sensitivity import made as made_sensitivity
+from tests.plotting.test_tolerance_analysis import made as made_scatter
 
 COLUMN, PAGE = (3.4, 2.4), (7.0, 4.2)
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -134,7 +133,7 @@ LONG = {
     "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
     "plot_run of an actuator": lambda _: mi.plot_run(real()),
     "plot_run of its states": lambda _: mi.plot_run(real(), states=("x1", "v1", "x2", "v2")),
-    "plot_scatter": lambda _: mi.plot_scatter(made_scatter()),
+    "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(made_scatter()),
     "plot_sensitivity": lambda _: mi.plot_sensitivity(made_sensitivity(MITA), "mean speed"),
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
         made_sensitivity(ZHAO), "mean speed"),

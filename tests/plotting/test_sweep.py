@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.tables.common import with_units
+from mems_impact.tables import with_units
 from tests.analysis.systems import oscillator
 from tests.plotting.sweeps import made_table, silent_table
 

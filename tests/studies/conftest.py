@@ -9,7 +9,12 @@ def forking():
     """Give a context whose processes start at once, from one that has imported what they need."""
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(
-        ["mems_impact.studies.running", "mems_impact.studies.store", "pyarrow.parquet", "sksundae"]
+        [
+            "mems_impact.studies.engine.scheduler",
+            "mems_impact.studies.engine.store",
+            "pyarrow.parquet",
+            "sksundae",
+        ]
     )
     return context
 

@@ -9,11 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.analysis.attractor import Attractor, Case, attractors
-from mems_impact.studies.axes import Axis
-from mems_impact.studies.census import taken
-from mems_impact.studies.recognition import MODE, Recognition
-from mems_impact.studies.starts import Grid, Sample
+from mems_impact.analysis.attractor import Attractor, InitialCondition, map_attractors
+from mems_impact.studies.attractor_matching import MODE, AttractorMatcher, label_points
+from mems_impact.studies.sampling import Axis, Grid, Sample
 from tests.analysis.systems import oscillator
 from tests.studies.one_impact import OneImpact
 from tests.studies.toys import bits
@@ -64,7 +62,7 @@ def test_the_grid_is_the_table(found):
 
 def test_a_sample_is_the_same_whoever_computes_it():
     box = {"x2": (-0.4, 0.4), "v2": (-1.0, 1.0)}
-    brief = mi.Settling(transient=60, periods=5, tolerance=1e-4)
+    brief = mi.RecurrenceOptions(transient=60, periods=5, tolerance=1e-4)
     given = {"box": box, "samples": 9, "settle": brief, "options": FAST}
     one = mi.basins(ACTUATOR, DRIVE, **given, workers=1)
     two = mi.basins(ACTUATOR, DRIVE, **given, workers=3)
@@ -77,7 +75,7 @@ def test_a_sample_is_the_same_whoever_computes_it():
 
 
 def test_a_start_that_is_not_allowed_is_a_row():
-    brief = mi.Settling(transient=120, periods=5, tolerance=1e-4)
+    brief = mi.RecurrenceOptions(transient=120, periods=5, tolerance=1e-4)
     some = mi.basins(ACTUATOR, DRIVE, x=("x2", [0.0, 5.0]), settle=brief, options=FAST)
     assert some.table["attractor"][1] == "failed"
     assert "x2" in some.table["status"][1]
@@ -100,7 +98,7 @@ def test_a_start_that_is_not_allowed_is_a_row():
         ({"box": {"x2": (0.0, 0.1)}, "sampling": "halton"}, "one of sobol"),
         ({"box": {"x2": (0.0, 0.1)}, "seed": -1}, "seed = -1"),
         ({"x": ("x2", [0.0]), "distance": 2.0}, "distance = 2"),
-        ({"x": ("x2", [0.0]), "settle": 3}, "a Settling"),
+        ({"x": ("x2", [0.0]), "settle": 3}, "a RecurrenceOptions"),
         ({"x": ("x2", [0.0]), "initial": {"q": 1.0}}, "components among"),
     ],
 )
@@ -137,7 +135,7 @@ def kept(motions, places, spans, *, modes=None):
 
 
 def groups(columns, order=slice(None)):
-    rules = Recognition(system=oscillator(), options=FAST, distance=1e-3)
+    rules = AttractorMatcher(system=oscillator(), options=FAST, distance=1e-3)
     return rules.labels({name: values[order] for name, values in columns.items()}, {})
 
 
@@ -192,7 +190,7 @@ def census(cells):
         {"x": 0.0, "v": 0.0, "motion": "periodic", "period": 1 + (labels == 7)},
         index=range(len(labels)),
     )
-    return taken(table, labels, made(labels), Grid(Axis("x", across), Axis("v", up)), 16)
+    return label_points(table, labels, made(labels), Grid(Axis("x", across), Axis("v", up)), 16)
 
 
 def test_bounds_of_a_grid_lie_on_either_side_of_its_boundaries():
@@ -222,14 +220,14 @@ def test_names_tell_kinds_and_go_by_share():
 )
 def test_what_did_not_settle_is_named_by_how_it_goes_on(later, name):
     table = pd.DataFrame({"x": [0.0], "motion": "unsettled", "period": 0})
-    _, attractors = taken(table, np.array([0]), [later], Grid(Axis("x", (0.0,))), 16)
+    _, attractors = label_points(table, np.array([0]), [later], Grid(Axis("x", (0.0,))), 16)
     assert attractors["attractor"].tolist() == [name]
 
 
 def test_bounds_of_a_sample_are_wilsons():
     labels = np.repeat([0, 1], [30, 10])
     table = pd.DataFrame({"x": 0.0, "motion": "periodic", "period": 1}, index=range(40))
-    _, attractors = taken(
+    _, attractors = label_points(
         table, labels, made(labels), Sample((("x", 0.0, 1.0),), 40, "random", 0), 16
     )
     z, n, p = 1.959963984540054, 40, 0.75
@@ -270,7 +268,7 @@ def test_a_saddle_is_no_attractor():
     # which it would stay for more than a hundred periods.
     parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}
     start, system = mi.State(x=0.099, v=-0.7 + 1.4 * 2 / 15), oscillator(**parameters)
-    (alone,) = attractors([Case(system, start)], options=FAST)
+    (alone,) = map_attractors([InitialCondition(system, start)], options=FAST)
     node, saddle = sorted(OneImpact(**parameters).orbits(3), key=lambda one: one.multiplier)
     assert node.multiplier < 1.0 < saddle.multiplier
     assert (alone.motion, alone.period) == ("periodic", 3)
@@ -338,7 +336,7 @@ def test_the_forced_double_well_against_attractors_jl():
 def test_a_chaotic_attractor_is_one():
     # Ueda's: a hardening spring in a chaotic state, in which every motion ends.
     system = duffing(d=0.05, f=7.5, beta=0.0)
-    settle = mi.Settling(transient=50, periods=50)
+    settle = mi.RecurrenceOptions(transient=50, periods=50)
     box = {"x": (0.0, 4.0), "v": (-4.0, 4.0)}
     found = mi.basins(system, box=box, samples=40, settle=settle, options=FAST)
     assert found.attractors["attractor"].tolist() == ["chaotic"]

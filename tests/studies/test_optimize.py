@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.studies.moving import moved
+from mems_impact.studies.sensitivity import continue_to
 from tests.actuator.slipping import LIGHT
 from tests.analysis.oscillators import thermostat
 
@@ -78,7 +78,7 @@ def test_interrupted(heated):
 
 def test_an_orbit_moves_while_events_pass_the_beginning_of_a_period(orbit):
     # The voltage shifted in time shifts all; so far, that the impact lies in the period before.
-    there = moved(orbit, {"phase": 1.0})
+    there = continue_to(orbit, {"phase": 1.0})
     assert there.impacts["phase"][0] == pytest.approx(
         (orbit.impacts["phase"][0] - 1.0 / math.pi) % 1.0
     )
@@ -88,7 +88,7 @@ def test_an_orbit_moves_while_events_pass_the_beginning_of_a_period(orbit):
 @pytest.mark.slow
 def test_an_orbit_is_not_moved_past_its_fold(orbit):
     with pytest.raises(mi.OrbitError, match="fold"):
-        moved(orbit, {"amplitude": 0.17})
+        continue_to(orbit, {"amplitude": 0.17})
 
 
 @pytest.mark.slow
@@ -105,7 +105,7 @@ def test_a_drive_beats_the_papers_operating_point(orbit):
     run = mi.simulate(ZHAO, drive, 400, window=(300, 400), initial=best.orbit.state)
     assert run.statistics["mean speed"] == pytest.approx(best.value, rel=1e-6)
     for omega in (best.values["omega"] - 1e-3, best.values["omega"] + 1e-3):
-        beside = moved(best.orbit, {"omega": omega})
+        beside = continue_to(best.orbit, {"omega": omega})
         assert beside.step / beside.period < best.value
     # With its margin to the next bifurcation, which is the fold beyond.
     margins = best.margins.set_index(["parameter", "direction"])
@@ -122,7 +122,7 @@ def test_a_device_whose_frame_slips_does_best_where_a_slip_ends_at_the_impact():
     found = []
     for volts, hertz in ((50.0, 600.0), (60.0, 640.0)):
         drive = mi.Sine(amplitude=volts, omega=2.0 * math.pi * hertz)
-        begin = mi.find_orbit(LIGHT, drive, guess=mi.kicked(LIGHT), periods=1, transient=300)
+        begin = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), periods=1, transient=300)
         found.append(mi.optimize(begin, maximize="mean speed", over=over))
     assert all(best.converged for best in found)
     assert "right impact, slip end in place of slip end, right impact" in found[0].active[0]
@@ -187,13 +187,13 @@ def test_bad_input(heated, arguments, named):
 
 
 def test_margins_of_what_ends_nowhere(heated):
-    found = mi.margins(heated, ["low"], reach=0.2)
+    found = mi.bifurcation_margins(heated, ["low"], reach=0.2)
     assert found["what"].tolist() == ["", ""]
     np.testing.assert_allclose(found["margin"], 0.2)
     with pytest.raises(mi.InvalidParameter, match="reach"):
-        mi.margins(heated, ["low"], reach=0.0)
+        mi.bifurcation_margins(heated, ["low"], reach=0.0)
     with pytest.raises(mi.InvalidParameter, match="parameter"):
-        mi.margins(heated, ["x"])
+        mi.bifurcation_margins(heated, ["x"])
 
 
 @pytest.mark.slow

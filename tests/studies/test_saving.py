@@ -9,7 +9,7 @@ from scipy import stats
 
 import mems_impact as mi
 
-BRIEF = mi.Settling(transient=30, periods=5)
+BRIEF = mi.RecurrenceOptions(transient=30, periods=5)
 FAST = mi.Options(method="dop853")
 
 
@@ -23,7 +23,7 @@ def made(kind):
         return mi.operating_map(*device(), x=("amplitude", [0.2, 0.24]), y=("e", [0.8]), **given)
     if kind == "basins":
         return mi.basins(*device(), x=("x2", [0.0, 0.2]), y=("v2", [0.0, 0.6]), **given)
-    return mi.scatter(*device(), over={"e": stats.norm(0.8, 0.01)}, samples=2, **given)
+    return mi.tolerance_analysis(*device(), over={"e": stats.norm(0.8, 0.01)}, samples=2, **given)
 
 
 @pytest.mark.parametrize("kind", ["map", "basins", "scatter"])

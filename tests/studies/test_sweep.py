@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.studies import chains
+from mems_impact.studies import sweep
 from tests.studies.toys import bits
 
 ZHAO = mi.load_actuator("zhao2004")
@@ -111,7 +111,7 @@ def test_frequency_keeps_the_phase():
     table = swept((0.48, 0.5, 0.52), "omega", initial=mi.State(time=1.0, v2=1.0))
     assert (table["status"] == "ok").all()
     assert table.groupby("omega").size().tolist() == [4, 4, 4]
-    state = chains._at_same_phase(mi.State(time=1.5, x2=0.1), 6.0, 4.0)
+    state = sweep._at_same_phase(mi.State(time=1.5, x2=0.1), 6.0, 4.0)
     assert state == mi.State(time=1.0, x2=0.1)
 
 
@@ -137,12 +137,12 @@ def test_initial():
     up = swept(direction="up", initial=states["up"])
     down = swept(direction="down", initial=states["down"])
     pd.testing.assert_frame_equal(both, pd.concat([up, down], ignore_index=True))
-    kicked = swept(direction="down", initial=mi.kicked(ZHAO))
+    kicked = swept(direction="down", initial=mi.kicked_state(ZHAO))
     pd.testing.assert_frame_equal(swept(direction="down"), kicked)
 
 
 def test_failed_values_are_rows(monkeypatch):
-    simulate, starts = chains.simulate, []
+    simulate, starts = sweep.simulate, []
 
     def failing(system, *rest, **more):
         starts.append(more["initial"])
@@ -150,7 +150,7 @@ def test_failed_values_are_rows(monkeypatch):
             return simulate(system, *rest, **more | {"options": mi.Options(max_events=1)})
         return simulate(system, *rest, **more)
 
-    monkeypatch.setattr(chains, "simulate", failing)
+    monkeypatch.setattr(sweep, "simulate", failing)
     table = swept(initial=mi.State(v2=1.0), workers=1)
     failed = table[table["amplitude"] == 0.22]
     assert len(failed) == 1
@@ -181,7 +181,7 @@ def test_value_without_crossing_is_a_row():
 
 
 def interrupting(monkeypatch, at):
-    simulate, calls, lock = chains.simulate, [], threading.Lock()
+    simulate, calls, lock = sweep.simulate, [], threading.Lock()
 
     def interrupted(*arguments, **more):
         with lock:
@@ -190,7 +190,7 @@ def interrupting(monkeypatch, at):
                 raise KeyboardInterrupt
         return simulate(*arguments, **more)
 
-    monkeypatch.setattr(chains, "simulate", interrupted)
+    monkeypatch.setattr(sweep, "simulate", interrupted)
 
 
 def test_interruption(monkeypatch):

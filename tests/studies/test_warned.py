@@ -10,7 +10,7 @@ import pytest
 
 import mems_impact as mi
 
-SETTLE = mi.Settling(transient=20, periods=5, exponents="none")
+SETTLE = mi.RecurrenceOptions(transient=20, periods=5, exponents="none")
 
 
 def swings(mode, t, y, p):

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mems_impact.studies.running import run_study
-from mems_impact.studies.study import Study
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.study import Study
 
 EDGES = (-0.0, math.inf, -math.inf, math.nan, 5e-324, -2.2250738585072e-308, 0.1, 1 / 3)
 

@@ -50,6 +50,6 @@ def test_an_unknown_column(samples):
 
 
 def test_without_xarray(samples, monkeypatch):
-    monkeypatch.setattr("mems_impact.tables.labelled.find_spec", lambda _: None)
+    monkeypatch.setattr("mems_impact.tables.find_spec", lambda _: None)
     with pytest.raises(mi.InvalidParameter, match=r"pip install 'mems-impact\[xarray\]'"):
         mi.to_xarray(samples)

@@ -1,7 +1,6 @@
 """Where a sweep begins or ceases to impact."""
 
-from mems_impact.tables.common import bare, with_units
-from mems_impact.tables.sweep import switches
+from mems_impact.tables import bare, switches, with_units
 from tests.plotting.sweeps import made_table
 
 

@@ -5,11 +5,10 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events, Samples
-from mems_impact.tables import run as tables
-from mems_impact.tables.common import bare, event_words, unit_of, with_units
-from mems_impact.tables.sweep import sweep
+from mems_impact import tables
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events, Samples
+from mems_impact.tables import bare, event_words, sweep, unit_of, with_units
 
 FREE, HELD = mi.modes("free", "held")
 PERIOD = 2.0
@@ -46,7 +45,7 @@ def log(kind, guard):
 
 
 def test_impacts():
-    hits = log([loop.TRANSITION] * 2, [0, 0])
+    hits = log([workspace.TRANSITION] * 2, [0, 0])
     table = tables.impacts(hits, PERIOD, FORCED, {"lost": np.array([2.0, 3.0])})
     assert table["event"].tolist() == ["wall", "wall"]
     assert table["period"].tolist() == [0, 1]
@@ -59,8 +58,9 @@ def test_impacts():
 
 
 def test_events_are_named():
-    kinds = [loop.TRANSITION, loop.ACCUMULATION, loop.APPROACH, loop.SECTION_CROSSING, loop.REBASE,
-             loop.SWITCH, loop.TRANSITION]  # fmt: skip
+    kinds = [workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH,
+    workspace.SECTION_CROSSING, workspace.REBASE,
+             workspace.SWITCH, workspace.TRANSITION]  # fmt: skip
     observed = {"told": np.arange(7.0)}
     table = tables.events(log(kinds, [0, 0, 0, 1, 0, 4, 1]), PERIOD, FORCED, observed)
     assert table["event"].tolist() == ["wall", "chatter ends", "drive switches", "release"]
@@ -73,13 +73,13 @@ def test_events_are_named():
 
 
 def test_without_forcing_there_is_a_running_time_alone():
-    table = tables.impacts(log([loop.TRANSITION], [0]), PERIOD, system(), {})
+    table = tables.impacts(log([workspace.TRANSITION], [0]), PERIOD, system(), {})
     assert list(table.columns)[:2] == ["t", "event"]
     assert not {"period", "time", "phase"} & set(table)
 
 
 def test_section():
-    crossings = log([loop.SECTION_CROSSING] * 3, [1, -1, 1])
+    crossings = log([workspace.SECTION_CROSSING] * 3, [1, -1, 1])
     table = tables.section(crossings, PERIOD, FORCED)
     assert table["direction"].tolist() == [1, -1, 1]
     assert table["v"].tolist() == [1.25, 3.25, 5.25]
@@ -98,7 +98,7 @@ def test_statistics():
 
 
 def test_units_stand_beside_the_headings():
-    table = tables.impacts(log([loop.TRANSITION], [0]), PERIOD, system(units=UNITS), {})
+    table = tables.impacts(log([workspace.TRANSITION], [0]), PERIOD, system(units=UNITS), {})
     assert list(table.columns) == ["t", "event", "x before", "x after", "v before", "v after"]
     units = {"t": "s", "x before": "m", "x after": "m", "v before": "m/s", "v after": "m/s"}
     assert table.attrs["units"] == units
@@ -111,7 +111,7 @@ def test_units_stand_beside_the_headings():
 
 
 def test_where_a_table_comes_from():
-    table = tables.impacts(log([loop.TRANSITION], [0]), PERIOD, FORCED, {})
+    table = tables.impacts(log([workspace.TRANSITION], [0]), PERIOD, FORCED, {})
     assert table.attrs["units"] == {}
     assert table.attrs["system"] == repr(FORCED)
     assert "mems_impact" in table.attrs

@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.compiling import pointer
-from mems_impact.engines.options import Options
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.jit.numba_support import pointer
+from mems_impact.integrators.options import Options
 from validation.benchmarks.contestants import CASES, START, Case
 from validation.benchmarks.timing import in_turn, ratio, scaled
 
@@ -91,7 +92,7 @@ def problem(case: Case, variant: Callable[[Automaton], Automaton], **changes: An
 
 
 def go(task: Problem, periods: int) -> Any:
-    return run(task, Instant(0, 0.0, 0, np.array(START)), periods)
+    return run(task, HybridState(0, 0.0, 0, np.array(START)), periods)
 
 
 def counts(case: Case, periods: int, **options: float) -> str:

@@ -13,12 +13,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from sksundae.cvode import CVODE
 
+from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.drives import Sine
-from mems_impact.actuator.modes import actuator_automaton
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.engines.options import Options
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant, Trajectory
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Trajectory, run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 from validation.judges.heyoka_free import Heyoka
 
 START = (0.0, 0.0, 0.0, 0.3)
@@ -65,7 +66,7 @@ def package(
             method=method, engine=engine, rtol=rtol, atol=0.01 * rtol if atol is None else atol
         ),
     )
-    return lambda periods: run(problem, Instant(0, 0.0, 0, np.array(START)), periods)
+    return lambda periods: run(problem, HybridState(0, 0.0, 0, np.array(START)), periods)
 
 
 def heyoka(case: Case, tol: float, break_away: bool = True) -> Callable[[float], np.ndarray]:

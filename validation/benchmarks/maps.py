@@ -21,7 +21,9 @@ TOPIC = "maps"
 CASE = "f 0.16 to 0.30, omega 0.44 to 0.51"
 TRANSIENT, PERIODS = 300, 60  # forcing periods of a point in the loop: those of `sweep`
 OPTIONS = mi.Options(method="auto")  # of maps by default
-EQUAL = mi.Settling(periods=PERIODS, exponents="none")  # as the loop, which has none either
+EQUAL = mi.RecurrenceOptions(
+    periods=PERIODS, exponents="none"
+)  # as the loop, which has none either
 FASTER, POINTS, SHARE = 3, 250, 0.95
 WORKERS = 2
 
@@ -33,10 +35,13 @@ def _axes(size: int) -> dict[str, Any]:
     }
 
 
-def _map(size: int, settle: mi.Settling = mi.Settling(), **given: Any) -> mi.OperatingMap:  # noqa: B008
+SETTLE = mi.RecurrenceOptions()
+
+
+def _map(size: int, settle: mi.RecurrenceOptions = SETTLE, **given: Any) -> mi.OperatingMap:
     actuator = mi.load_actuator("zhao2004")
     drive = mi.Sine(amplitude=0.2, omega=0.5)
-    start = mi.kicked(actuator)
+    start = mi.kicked_state(actuator)
     return mi.operating_map(
         actuator, drive, **_axes(size), initial=start, settle=settle, options=OPTIONS, **given
     )
@@ -45,7 +50,7 @@ def _map(size: int, settle: mi.Settling = mi.Settling(), **given: Any) -> mi.Ope
 def _loop(size: int) -> None:
     """What one writes without studies: every point for a fixed time, and then its statistics."""
     actuator = mi.load_actuator("zhao2004")
-    start = mi.kicked(actuator)
+    start = mi.kicked_state(actuator)
     axes = _axes(size)
     end = TRANSIENT + PERIODS
     for omega in axes["y"][1]:

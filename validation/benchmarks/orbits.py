@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.analysis.finding import ORBIT_OPTIONS
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from validation.benchmarks.timing import Row, Spread, in_turn, ratio
 
 TOPIC = "orbits"
@@ -21,9 +21,9 @@ def orbits(quick: bool) -> Iterator[Row]:
     actuator = mi.load_actuator("zhao2004")
     drive = mi.Sine(amplitude=0.24, omega=0.5)
     start = mi.simulate(actuator, drive, 300).final
-    steps = mi.Steps(initial=1e-3, largest=2.5e-3, most=POINTS)
+    steps = mi.StepControl(initial=1e-3, largest=2.5e-3, most=POINTS)
     options = {method: replace(ORBIT_OPTIONS, method=method) for method in METHODS}
-    charts: dict[str, mi.Chart] = {}
+    charts: dict[str, mi.OperatingChart] = {}
 
     def orbit(method: str) -> mi.Orbit:
         return mi.find_orbit(actuator, drive, guess=start, options=options[method])

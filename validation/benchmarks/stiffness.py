@@ -19,9 +19,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import mems_impact as mi
-from mems_impact.errors import RunError
-from mems_impact.hybrid.run import run
-from mems_impact.warnings import StiffnessWarning
+from mems_impact.errors import RunError, StiffnessWarning
+from mems_impact.hybrid.simulation import run
 from validation.benchmarks.timing import Row, in_turn, scaled
 
 PERIODS, WITHIN = 4, 1e-6

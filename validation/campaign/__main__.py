@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from mems_impact.engines.options import METHODS
+from mems_impact.integrators.options import METHODS
 from validation.campaign import families, report
 from validation.campaign.campaign import aimed, random_runs
 from validation.campaign.comparing import Unit

@@ -13,7 +13,7 @@ import numpy as np
 from mems_impact import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.state import HybridState
 from validation.campaign import comparing
 from validation.campaign.comparing import ONE, Row, Unit, Verdict
 from validation.campaign.drawn import IMPACT, MODES, RESET, Drawn
@@ -169,7 +169,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         period=drawn.period * unit.time,
         options=Options(**unit.options, engine=engine),
     )
-    start = Instant(0, 0.0, 0, drawn.start)
+    start = HybridState(0, 0.0, 0, drawn.start)
     mine = comparing.answer(problem, start, found.quiet, scale_of(drawn, unit), unit.time)
     story = comparing.compare(found, mine)
     return Verdict("automata", number, len(found.rows), found.share, story)

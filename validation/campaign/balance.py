@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from mems_impact.actuator import automaton as modes
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator import modes
+from mems_impact.actuator.automaton import V1, V2, X2, actuator_automaton, direction_of, side_of
 from mems_impact.actuator.drives import Drive
-from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, side_of
-from mems_impact.engines.options import Options
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 from validation.campaign.cases import Case
 
 FORCE, DAMPER, FRICTION, IMPULSE = 4, 5, 6, 7
@@ -69,9 +70,9 @@ def imbalance(case: Case, engine: str) -> tuple[float, float]:
         time_scale=drive.time_scale,
         options=Options(**{**case.options, "engine": engine}),
     )
-    done = run(problem, Instant(0, case.time, mode, start), case.periods)
+    done = run(problem, HybridState(0, case.time, mode, start), case.periods)
     events = done.events
-    hits = events[(events.kind <= loop.ACCUMULATION) & (events.guard < 2)]
+    hits = events[(events.kind <= workspace.ACCUMULATION) & (events.guard < 2)]
     reduced = p["m1"] * p["m2"] / (p["m1"] + p["m2"])
     lost = 0.5 * reduced * float((hits.before[:, V2] ** 2 - hits.after[:, V2] ** 2).sum())
     final = done.final.y
@@ -81,7 +82,7 @@ def imbalance(case: Case, engine: str) -> tuple[float, float]:
     # Works and impulse are states: below this the absolute tolerance rules.
     floor = case.options["atol"] / case.options["rtol"]
     # A slip ends where its speed is zero to the rounding of the time: what is left is dropped.
-    stops = events[(events.kind == loop.TRANSITION) & (events.guard == modes.SLIP_END)]
+    stops = events[(events.kind == workspace.TRANSITION) & (events.guard == modes.SLIP_END)]
     dropped = sum(_momentum(y, p) for y in stops.before) - sum(_momentum(y, p) for y in stops.after)
     momentum = _momentum(final, p) - _momentum(start, p) - float(final[IMPULSE]) + dropped
     speeds = np.abs(hits.before).max(axis=0, initial=0.0)[[V1, V2]]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.actuator.design.crisis import crisis
+from mems_impact.actuator.design.operating_chart import locate_crisis
 from validation.campaign.result import Result
 
 DEVICE = mi.load_actuator("zhao2004")
@@ -67,7 +67,7 @@ def boundaries(seed: int, small: bool) -> Result:
         ons.append(abs(switched_on(omega, on, tolerance) - on))
         if off < on and not small:
             # From above: near the fold a run lingers where the orbit has vanished.
-            seen = crisis(
+            seen = locate_crisis(
                 DEVICE, mi.Sine(amplitude=on, omega=omega), below=1.002 * off, begin=1.01 * on,
                 width=0.05, tolerance=5e-7, periods=5000, options=FAST,
             )  # fmt: skip

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 import mems_impact as mi
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import run
 from validation.campaign.cases import Case
 from validation.campaign.checks import verdict
 from validation.campaign.result import Result
@@ -35,7 +35,7 @@ def on_the_actuator(seed: int, small: bool) -> Result:
                 truth = verdict(case, 100.0, np.array([]))
                 step = max(step, abs(done.final.y[0] - truth.final[0]))
                 ends = [row.t for row in truth.rows if row.kind == heyoka_full.REST]
-                rests = done.events[done.events.kind == loop.ACCUMULATION]
+                rests = done.events[done.events.kind == workspace.ACCUMULATION]
                 mine = rests.cycle * done.period + rests.time
                 if len(ends) != len(mine):
                     findings.append(f"e {e} v {level} mu {mu}: {len(mine)} ends, not {len(ends)}")
@@ -62,7 +62,7 @@ def pressed_for_long(seed: int, small: bool) -> Result:
         began = time.perf_counter()
         done = run(problem, state, cycles / 10.0)
         times.append(time.perf_counter() - began)
-        events.append(int((done.events.kind == loop.ACCUMULATION).sum()))
+        events.append(int((done.events.kind == workspace.ACCUMULATION).sum()))
         steps.append(done.steps)
         state = done.final
     whole = mi.simulate(device, drive, cycles)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.modes import V1, V2, X2
+from mems_impact.actuator.automaton import V1, V2, X2
 from mems_impact.errors import MemsImpactError, RunError
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
 from validation.campaign.balance import imbalance
 from validation.campaign.cases import Case
 from validation.judges import heyoka_full
@@ -107,16 +107,16 @@ def check(case: Case, interpreted: int = 0, energy: str = "", budget: float = 20
 
 
 def struck(events: Events) -> np.ndarray:
-    return (events.kind == loop.TRANSITION) & (events.guard < 2)
+    return (events.kind == workspace.TRANSITION) & (events.guard < 2)
 
 
 def look_at_events(case: Case, trajectory: Any, outcome: Outcome) -> None:
     """What every event must satisfy by itself."""
     p, events = case.device, trajectory.events
     hits = events[struck(events)]
-    rests = events[events.kind == loop.ACCUMULATION]
+    rests = events[events.kind == workspace.ACCUMULATION]
     outcome.impacts, outcome.rests = len(hits), len(rests)
-    outcome.slips = int(((events.kind == loop.TRANSITION) & (events.guard == 3)).sum())
+    outcome.slips = int(((events.kind == workspace.TRANSITION) & (events.guard == 3)).sum())
     t = events.cycle * trajectory.period + events.time
     if len(t) > 1 and np.diff(t).min() < -1e-12 * t[-1]:
         outcome.findings.append("events go back in time")
@@ -201,8 +201,8 @@ def rows_of(trajectory: Any) -> list[heyoka_full.Row]:
     """The package's events as the judge writes them."""
     rows = []
     events, period = trajectory.events, trajectory.period
-    for i in np.flatnonzero(events.kind <= loop.ACCUMULATION):
-        kind = int(events.guard[i]) if events.kind[i] == loop.TRANSITION else heyoka_full.REST
+    for i in np.flatnonzero(events.kind <= workspace.ACCUMULATION):
+        kind = int(events.guard[i]) if events.kind[i] == workspace.TRANSITION else heyoka_full.REST
         t = float(events.cycle[i] * period + events.time[i])
         rows.append(heyoka_full.Row(kind, t, events.before[i], events.after[i]))
     return rows

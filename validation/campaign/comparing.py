@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.engines.options import Options
 from mems_impact.errors import MemsImpactError, RunError
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.run import run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ class Answer:
     failed: str
 
 
-def answer(problem: Problem, start: Instant, end: float, scale: Floats, time: float) -> Answer:
+def answer(problem: Problem, start: HybridState, end: float, scale: Floats, time: float) -> Answer:
     """Run the package to `end`.
 
     The problem is in units of `time` and, for the components of the state, `scale`; `start`, `end`
@@ -119,7 +119,7 @@ def answer(problem: Problem, start: Instant, end: float, scale: Floats, time: fl
         done, failed = error.trajectory, f"RunError: {error.reason}"
     except MemsImpactError as error:
         return Answer([Row(0.0, END, start.mode, start.y)], f"{type(error).__name__}: {error}")
-    log = done.events[done.events.kind <= loop.ACCUMULATION]
+    log = done.events[done.events.kind <= workspace.ACCUMULATION]
     times = (log.cycle * done.period + log.time) / time
     rows = [
         Row(
@@ -127,7 +127,7 @@ def answer(problem: Problem, start: Instant, end: float, scale: Floats, time: fl
             int(log.guard[i]),
             int(log.mode_after[i]),
             log.after[i] / scale,
-            rest=bool(log.kind[i] == loop.ACCUMULATION),
+            rest=bool(log.kind[i] == workspace.ACCUMULATION),
         )
         for i in range(len(log))
     ]

@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from mems_impact import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.state import HybridState
 from validation.campaign import comparing
 from validation.campaign.comparing import ONE, Unit, Verdict
 
@@ -101,7 +101,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         options=Options(**{**unit.options, "rtol": rtol}),
     )
     scale = np.repeat([unit.length, unit.speed], 2)
-    mine = comparing.answer(problem, Instant(0, 0.0, FLIGHT, start), LONGEST, scale, unit.time)
+    mine = comparing.answer(problem, HybridState(0, 0.0, FLIGHT, start), LONGEST, scale, unit.time)
     verdict = Verdict("corrugated", number, 1)
     error = comparing.NOISE / comparing.RTOL * rtol
     allowed = comparing.FLOOR + error / fall

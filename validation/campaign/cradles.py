@@ -16,7 +16,7 @@ import numpy as np
 from mems_impact import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.state import HybridState
 from validation.campaign import comparing
 from validation.campaign.comparing import ONE, Unit, Verdict
 
@@ -242,7 +242,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         period=unit.time,
         options=Options(**unit.options, max_events=10 * BUDGET),
     )
-    start = Instant(0, 0.0, 0, np.concatenate([setting.x, setting.v]))
+    start = HybridState(0, 0.0, 0, np.concatenate([setting.x, setting.v]))
     scale = np.repeat([unit.length, unit.speed], n)
     mine = comparing.answer(problem, start, until, scale, unit.time)
     verdict.events = len(balls.impacts)

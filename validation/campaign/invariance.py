@@ -12,9 +12,9 @@ import numpy as np
 
 import mems_impact as mi
 from mems_impact.actuator.units import DeviceScales
-from mems_impact.hybrid import loop
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.run import run
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import run
 from validation.campaign.cases import Case, random_case
 from validation.campaign.checks import parting, rows_of
 from validation.campaign.result import Result
@@ -144,7 +144,7 @@ def order_of_guards(seed: int, small: bool) -> Result:
             except mi.RunError as error:
                 done = error.trajectory  # type: ignore[assignment]
             events = done.events
-            events = events[events.kind != loop.APPROACH]
+            events = events[events.kind != workspace.APPROACH]
             names = [setup.automaton.guards[g].name for g in events.guard[events.kind <= 1]]
             logs.append((events.time, events.after, names))
         tried += 1

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mems_impact.actuator.checked import Positive
 from mems_impact.actuator.drives import Drive
+from mems_impact.actuator.parameter_base import Positive
 
 
 def _rung(phase: float, q: Any) -> int:

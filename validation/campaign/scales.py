@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mems_impact import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.state import HybridState
 from validation.campaign import automata, comparing, corrugated, cradles, tables
 from validation.campaign.comparing import ONE, Row, Unit, Verdict
 from validation.campaign.integrating import Follower
@@ -145,7 +145,7 @@ def valve(rng: np.random.Generator, unit: Unit) -> Verdict:
         period=2.0 * math.pi * unit.time,
         options=Options(**unit.options),
     )
-    start = Instant(0, 0.0, 0, system.start)
+    start = HybridState(0, 0.0, 0, system.start)
     scale = np.array([unit.length, unit.speed, pressure])
     mine = comparing.answer(problem, start, found.quiet, scale, unit.time)
     return Verdict("scales", 0, len(found.rows), found.share, comparing.compare(found, mine))

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.hybrid import loop
+from mems_impact.hybrid.event_loop import workspace
 from validation.campaign.cases import Case, hold_voltage
 from validation.campaign.checks import SHORT, Outcome, check, verdict
 from validation.campaign.drives import Spec
@@ -67,14 +67,14 @@ def grazes(seed: int, small: bool) -> Result:
         start = (0.0, 0.0, 0.4 * math.cos(phase), 0.4 * math.sin(phase))
         free = Case("graze", zhao(c=0.0), still, start, 0.0, 0.6, options)
         log = free.run().trajectory.events
-        crest = float(log.before[log.kind == loop.APPROACH][0, 2])
+        crest = float(log.before[log.kind == workspace.APPROACH][0, 2])
         for depth in depths:
             # Only if the start is below the stopper is there a graze.
             if abs(start[2]) >= crest - depth:
                 continue
             lower = replace(free, device=zhao(c=0.0, delta=crest - depth))
             log = lower.run().trajectory.events
-            hits = log[(log.kind == loop.TRANSITION) & (log.guard == 0)]
+            hits = log[(log.kind == workspace.TRANSITION) & (log.guard == 0)]
             missed += len(hits) == 0
             doubled += len(hits) > 1
             deepest = max(deepest, float(log.before[:, 2].max(initial=0.0)) - crest + depth)

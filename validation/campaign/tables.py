@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from mems_impact import Options
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.state import HybridState
 from validation.campaign import comparing
 from validation.campaign.comparing import ONE, Row, Unit, Verdict
 
@@ -183,7 +183,7 @@ def check(seed: int, number: int, unit: Unit = ONE) -> Verdict:
         period=period * unit.time,
         options=Options(**unit.options),
     )
-    start = Instant(0, 0.0, FLYING, ball.on_table(0.0, up) + np.array([height, 0.0]))
+    start = HybridState(0, 0.0, FLYING, ball.on_table(0.0, up) + np.array([height, 0.0]))
     scale = np.array([unit.length, unit.speed])
     mine = comparing.answer(problem, start, found.quiet, scale, unit.time)
     return Verdict("tables", number, len(found.rows), found.share, comparing.compare(found, mine))

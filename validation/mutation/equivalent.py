@@ -5,44 +5,44 @@ from __future__ import annotations
 # (path, what stood there, what stands there now): why no test can tell.
 EQUIVALENT: dict[tuple[str, str, str], str] = {
     (
-        "mems_impact/continuation/conditions.py",
+        "mems_impact/continuation/test_functions.py",
         "if self._second is None or self._second[0] is not point:",
         "if self._second is None or self._second[1] is not point:",
     ): "what is remembered is computed again, to the same",
     (
-        "mems_impact/continuation/equilibria.py",
+        "mems_impact/continuation/equilibrium_branch.py",
         "if len(self.branch.points) <= NODES or not 0.0 < place <= length:",
         "if (len(self.branch.points) < NODES) or not 0.0 < place <= length:",
     ): "no branch has come round after so few steps",
     (
-        "mems_impact/hybrid/compiled.py",
+        "mems_impact/hybrid/diagnostics/failures.py",
         'p = typeof(named("Parameters", definition.parameters)'
         "(*[0.0] * len(definition.parameters)))",
         'p = typeof(named("Parameters", definition.parameters)'
         "(*[1.0] * len(definition.parameters)))",
     ): "only the type of the numbers is asked for",
     (
-        "mems_impact/hybrid/guards.py",
+        "mems_impact/hybrid/event_loop/detection.py",
         "HAIR = 1e-300  # by which a margin that starts at zero is lifted",
         "HAIR = 1e-297  # by which a margin that starts at zero is lifted",
     ): "far below the rounding of any margin either way",
     (
-        "mems_impact/hybrid/memory.py",
+        "mems_impact/hybrid/problem.py",
         "self.table = bound.table(record.ROWS, max(n, 2 * m, switches))",
         "self.table = bound.table(record.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",
     (
-        "mems_impact/hybrid/perturbed.py",
+        "mems_impact/hybrid/variational/propagation.py",
         "at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]",
         "at.y[j] = 1.0 if setup.cyclic[j] == 1 else numbers[first + j]",
     ): "a cyclic component enters no function; any small number does",
     (
-        "mems_impact/hybrid/stretching.py",
+        "mems_impact/hybrid/variational/propagation.py",
         "if quota <= 0:",
         "if quota <= 1:",
     ): "a call that pauses sooner is called again",
     (
-        "mems_impact/orbits/setting.py",
+        "mems_impact/orbits/family.py",
         "scales[j] = float(np.abs(p_rate).max()) or 1.0",
         "scales[j] = float(np.abs(p_rate).max()) or 1000.0",
     ): "it scales derivatives by a parameter that nothing depends on: zeros",

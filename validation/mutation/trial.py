@@ -23,8 +23,8 @@ WATCHED = ("tests/hybrid", "tests/orbits", "tests/continuation", "tests/analysis
 WATCHED += ("tests/campaign/test_stories.py", "tests/campaign/test_families.py")
 UNSEEN = {
     "hybrid": ("tests/hybrid/", "tests/campaign/", "tests/analysis/test_attractor.py"),
-    "hybrid/columns": ("tests/hybrid/test_variational.py", "tests/orbits/"),
-    "hybrid/passage": ("tests/hybrid/test_variational.py", "tests/orbits/"),
+    "hybrid/variational/flow": ("tests/hybrid/test_variational.py", "tests/orbits/"),
+    "hybrid/variational/propagation": ("tests/hybrid/test_variational.py", "tests/orbits/"),
     "orbits": ("tests/orbits/",),
     "continuation": ("tests/continuation/",),
 }

@@ -1,35 +1,312 @@
-"""Where the energy of a run or an orbit comes from, and where it goes."""
+"""Energy balance of runs and orbits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact.actuator.accounting import Accounts
-from mems_impact.actuator.design.arcs import arcs_of_orbit, arcs_of_run
-from mems_impact.actuator.design.blows import each_blow
-from mems_impact.actuator.design.impacts import is_impact
-from mems_impact.actuator.design.summing import Sums, accounts_of, summed
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton import V1, V2
+from mems_impact.actuator.energy_accounting import (
+    SUMMED,
+    EnergyAccounts,
+    accounted_automaton,
+    accounts,
+)
+from mems_impact.actuator.extended_automaton import SCRATCH, voltages
+from mems_impact.actuator.impacts import each_blow, is_impact
+from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis.values import Value
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.simulation import run as integrate
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Energy", "energy"]
+__all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_run", "energy"]
+
+# --- The arcs of a run or an orbit: where each begins, how long it lasts, and what ends it.
+
+
+class Arc(NamedTuple):
+    """A stretch of the motion within one mode.
+
+    Attributes
+    ----------
+    begin : Instant
+    length : float
+        Time that it lasts.
+    v2 : tuple of float
+        Speed of the block before and after what ends it; equal unless that is an impact.
+    row : int
+        What ends it: the row of the event log, -1 for none.
+    """
+
+    begin: HybridState
+    length: float
+    v2: tuple[float, float]
+    row: int
+
+
+def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Arc]:
+    """Return the arcs of a run from the one on in which the period `first` begins.
+
+    Each begins as it did in the run, so that a chaotic motion stays what it was.
+    """
+    trajectory = run.trajectory
+    period = trajectory.period
+    begin = trajectory.start
+    for row in np.flatnonzero(log.begin_arcs).tolist():
+        cycle, time = int(log.cycle[row]), float(log.time[row])
+        if cycle + time / period > first:
+            start, length = begin, (cycle - begin.cycle) * period + (time - begin.time)
+            if log.kind[row] == workspace.ACCUMULATION:
+                code = len(trajectory.automaton.guards) + int(log.guard[row])
+                start = _touching(trajectory.problem, begin, code)
+                if log.after[row, V1] == 0.0:
+                    length = min(length, _slip(trajectory.problem, start))
+            v2 = float(log.before[row, V2]), float(log.after[row, V2])
+            yield Arc(start, length, v2, row)
+        begin = HybridState(cycle, time, int(log.mode_after[row]), log.after[row])
+    final = trajectory.final
+    length = (final.cycle - begin.cycle) * period + (final.time - begin.time)
+    yield Arc(begin, length, (0.0, 0.0), -1)
+
+
+def _touching(problem: Problem, begin: HybridState, code: int) -> HybridState:
+    """Return how the rest of a sequence of impacts begins: bodies go on as if in touch already."""
+    y = begin.y.copy()
+    mode = problem.automaton.transition(begin.mode, code, begin.time, y, problem.parameters)
+    return HybridState(begin.cycle, begin.time, int(mode), y)
+
+
+def _slip(problem: Problem, start: HybridState) -> float:
+    """Return after which time a frame, the block on its stopper, comes to rest."""
+    dy = np.zeros(start.y.size)
+    problem.automaton.flow(start.mode, start.time, start.y, problem.parameters, dy)
+    speed, slowing = float(start.y[V1]), float(-dy[V1])
+    return speed / slowing if speed * slowing > 0.0 else math.inf
+
+
+def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Arc]:
+    """Return the arcs of an orbit once round; rows are those of its own event log."""
+    found = orbit.found
+    cyclic = list(found.problem.automaton.cyclic)
+    states, _ = found.shooting.unpack(found.point.unknowns)
+    gathered: Floats = np.zeros(len(orbit.system.states))
+    row = 0
+    for i, segment in enumerate(found.segments):
+        start, end = float(found.point.starts[i]), float(found.point.ends[i])
+        event = found.point.events[i]
+        y = orbit.system.tidied(segment.mode, states[i]) + gathered
+        last = found.point.arcs[i].end
+        after = last if event is None else event.after
+        v2 = float(last[V2]), float(after[V2])
+        yield Arc(
+            HybridState(segment.cycle, start, segment.mode, y), end - start, v2,
+            -1 if event is None else row,
+        )  # fmt: skip
+        row += event is not None
+        gathered[cyclic] += last[cyclic]
+
+
+# --- Works and losses, summed up along the arcs of a run or an orbit.
+
+IMPACTS = "impacts"
+HAIR = 1e-12  # of a period: nothing is cut off a stretch that is shorter
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkSums:
+    """What is lost and stored where an arc begins or ends; in the units of the numerics.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Of `sums`: "lost ..." and "stored ...".
+    place : float array, shape (k,)
+        Where, in forcing periods, ascending; twice where an impact is.
+    work : float array, shape (k,)
+        Of the electrodes on the block since the beginning.
+    slip : float array, shape (k,)
+        The path on which the frame has slipped since the beginning, to and fro.
+    sums : float array, shape (k, columns)
+        What was lost since the beginning, and what is stored.
+    marks : mapping of str to int array
+        Rows at which a period begins ("period") or a blow ("blow").
+    """
+
+    columns: tuple[str, ...]
+    place: Floats
+    work: Floats
+    slip: Floats
+    sums: Floats
+    marks: Mapping[str, NDArray[np.int64]]
+
+
+def accounts_of(system: ActuatorSystem) -> EnergyAccounts:
+    """Return the stores and losses of a system."""
+    kinds = tuple(term.kind for term in system.actuator.terms)
+    return accounts(kinds, 1 if system.drive.left_voltage is None else 2)
+
+
+def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
+    """Return the problem of single arcs, with works and losses among the states.
+
+    Interpreted: thousands of arcs take less time than to compile what follows them. By the one-step
+    method in place of Adams, which takes several times as long to get under way on so short arcs.
+    """
+    problem = system.problem(replace(options, engine="interpreted"))
+    if problem.options.method == "adams":
+        problem = replace(problem, options=replace(problem.options, method="dop853"))
+    drive, kinds = system.drive, tuple(term.kind for term in system.actuator.terms)
+    automaton = accounted_automaton(
+        kinds, drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate,
+        not system.told_by_numbers,
+    )  # fmt: skip
+    p = problem.parameters
+    if not kinds:  # the paper's equations need no scratch, those with terms do
+        first = len(PARAMETER_NAMES)
+        p = np.concatenate([p[:first], np.zeros(SCRATCH * len(system.states)), p[first:]])
+    return replace(problem, automaton=automaton, parameters=p, section=None)
+
+
+class ArcNotes:
+    """What is noted while arcs are followed."""
+
+    def __init__(self, system: ActuatorSystem, problem: Problem) -> None:
+        own, drive = accounts_of(system), system.drive
+        self.problem, self.n = problem, len(system.states)
+        self.stored = tuple(own.stored.values())
+        first = problem.parameters.size - drive.parameters().size
+        self.volts = voltages(drive.voltage, drive.left_voltage, first)
+        losses = (*SUMMED[2:], *own.lost, IMPACTS)
+        self.columns = tuple(
+            [f"lost {name}" for name in losses] + [f"stored {name}" for name in own.stored]
+        )
+        self.place: list[float] = []
+        self.work: list[float] = []
+        self.slip: list[float] = []
+        self.sums: list[list[float]] = []
+        self.summed = np.zeros(2 + len(losses))  # work of the electrodes and path first
+
+    def note(self, now: HybridState) -> int:
+        """Note what was summed up, and what is stored now; return the number of the row."""
+        p = self.problem.parameters
+        v, w = self.volts(now.time, p)
+        work, slip, *lost = self.summed.tolist()
+        self.place.append(now.cycle + now.time / self.problem.period)
+        self.work.append(work)
+        self.slip.append(slip)
+        self.sums.append([*lost, *(float(energy(v, w, now.y, p)) for energy in self.stored)])
+        return len(self.place) - 1
+
+    def follow(self, now: HybridState, length: float, *, summing: bool) -> Floats:
+        """Follow an arc over `length`; return the state there."""
+        y = np.concatenate([now.y, np.zeros(self.summed.size - 1)])
+        done = integrate(self.problem, replace(now, y=y), length / self.problem.period).final.y
+        if summing:
+            self.summed[:-1] += done[self.n :]
+        return done[: self.n]
+
+
+def summed(
+    system: ActuatorSystem,
+    options: Options,
+    arcs: Iterator[Arc],
+    window: tuple[float, float],
+    blows: set[int],
+) -> WorkSums:
+    """Follow arcs, each from where it began, and note what was summed up where one ends.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+    options : Options
+        By which arcs are integrated.
+    arcs : iterator of Leg
+    window : tuple of float
+        Forcing periods between which works and losses count.
+    blows : set of int
+        Rows of the event log with which blows begin.
+    """
+    low, high = window
+    problem = accounted_problem(system, options)
+    rows, period = ArcNotes(system, problem), problem.period
+    device = system.inner_actuator
+    marks: dict[str, list[int]] = {"period": [], "blow": []}
+    for arc in arcs:
+        y, inside = arc.begin.y, False
+        for begin, end in pairwise(_cuts(arc, low, high, period)):
+            whole = math.floor(begin + HAIR)
+            now = replace(
+                arc.begin,
+                cycle=arc.begin.cycle + whole,
+                time=max(0.0, (begin - whole) * period),
+                y=y,
+            )
+            inside = low - HAIR <= now.cycle + now.time / period < high - HAIR
+            if inside:
+                row = rows.note(now)
+                if now.time < HAIR * period:
+                    marks["period"].append(row)
+            y = rows.follow(now, (end - begin) * period, summing=inside)
+            if inside:
+                rows.note(replace(now, time=now.time + (end - begin) * period, y=y))
+        ended = arc.begin.cycle + (arc.begin.time + arc.length) / period
+        if inside and arc.row >= 0 and ended < high - HAIR:
+            rows.summed[-1] += eq.impact_loss(device.m1, device.m2, *arc.v2)
+            if arc.row in blows:
+                marks["blow"].append(len(rows.place) - 1)
+    end = len(rows.place) - 1
+    if abs(rows.place[end] - round(rows.place[end])) < HAIR:
+        marks["period"].append(end)
+    return WorkSums(
+        columns=rows.columns,
+        place=np.array(rows.place),
+        work=np.array(rows.work),
+        slip=np.array(rows.slip),
+        sums=np.array(rows.sums),
+        marks={name: np.array(each, dtype=np.int64) for name, each in marks.items()},
+    )
+
+
+def _cuts(arc: Arc, low: float, high: float, period: float) -> list[float]:
+    """Return where an arc is cut, in periods since that in which it begins: where periods begin."""
+    first = arc.begin.time / period
+    last = first + arc.length / period
+    inner = [
+        *range(math.ceil(first), math.ceil(last)),
+        low - arc.begin.cycle,
+        high - arc.begin.cycle,
+    ]
+    cuts = [first]
+    for cut in sorted(inner):
+        if cuts[-1] + HAIR < cut < last - HAIR:
+            cuts.append(float(cut))
+    return [*cuts, last] if last > first else cuts
+
+
+# --- Where the energy of a run or an orbit comes from, and where it goes.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Energy(Value):
+class Energy(Result):
     """What the drive gave, what was lost in what, and what was done or stored with the rest.
 
     Energies are in the units of the device. In is what the drive gave: the work of the electrodes
@@ -65,7 +342,7 @@ class Energy(Value):
 
     system: ActuatorSystem = field(repr=False)
     periods: float
-    sums: Sums = field(repr=False)
+    sums: WorkSums = field(repr=False)
     end: int = field(repr=False)
 
     @property
@@ -158,7 +435,7 @@ class Energy(Value):
         return {"system": repr(self.system), **{name: getattr(self, name) for name in told}}
 
     @property
-    def _accounts(self) -> Accounts:
+    def _accounts(self) -> EnergyAccounts:
         return accounts_of(self.system)
 
     def _total(self, kind: str) -> float:
@@ -283,7 +560,7 @@ def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> 
     return Energy(system=orbit.system, periods=length, sums=sums, end=end)
 
 
-def _with_next_blow(sums: Sums, length: float) -> Sums:
+def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
     """Return the sums of an orbit with one row more: its first blow, once round later."""
     begins, row = sums.marks["blow"], sums.marks["blow"][0]
     return replace(

@@ -1,4 +1,4 @@
-"""How the swing of the block dies out once the voltage is gone."""
+"""Ring-down, and the quality factor."""
 
 from __future__ import annotations
 
@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import Chebyshev
 
-from mems_impact.actuator import tables
-from mems_impact.actuator.composing import compose
-from mems_impact.actuator.design.impacts import SLIPPING, is_impact, is_release, yields
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator import results
+from mems_impact.actuator.automaton import V1, V2, X2
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.modes import V1, V2, X2
+from mems_impact.actuator.extended_automaton import compose
+from mems_impact.actuator.impacts import SLIPPING, is_impact, is_release, yields
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.analysis.finding import ORBIT_OPTIONS
+from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate
-from mems_impact.analysis.state import State, is_number, state_from
-from mems_impact.analysis.system import System
-from mems_impact.analysis.values import Value
-from mems_impact.analysis.verbs import takes_system
-from mems_impact.engines.options import Options
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Floats, Instant, Trajectory
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Trajectory
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +44,7 @@ LEAST = 1e-8  # decrement that rounding leaves to be measured
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
-class RingDown(Value):
+class RingDown(Result):
     """The free swing of the block, in the units of the device.
 
     It is measured from the first swing on that strikes nothing and leaves the frame at rest: a
@@ -107,8 +109,8 @@ def ring_down(
     system : Actuator and Drive, or Run or Orbit
         A run or an orbit stands for its device, and for the state in which it is switched off.
     initial : State or mapping of str to float, optional
-        The state at that time; by default a kick (see `kicked`), or a weaker one where after it
-        the block strikes, or the frame slips, for long.
+        The state at that time; by default a kick (see `kicked_state`), or a weaker one where after
+        it the block strikes, or the frame slips, for long.
     share : float, optional
         Of the first amplitude that is measured, down to which it shall be followed; between 0 and
         1.
@@ -196,7 +198,7 @@ def ring_down(
         quality=0.5 / ratio,
         time_constant=float(off.scales.out(swing / decrement, "s")),
         time=float(off.scales.out(begin + reached, "s")),
-        table=tables.swings(begin + t, amplitude, off),
+        table=results.swings(begin + t, amplitude, off),
         si=off.scales.named,
     )
 
@@ -225,7 +227,7 @@ def slow_decay(
         If it does not die out.
     """
     log = run.trajectory.events
-    turns = np.flatnonzero((log.kind == loop.APPROACH) & (log.guard == 0))
+    turns = np.flatnonzero((log.kind == workspace.APPROACH) & (log.guard == 0))
     mode, state = int(log.mode_after[turns[-1]]), log.after[turns[-1]]
     last = swings(run.trajectory, True)[1][-1]
     middle = state[X2] - last
@@ -238,7 +240,7 @@ def slow_decay(
         begin = state.copy()
         begin[X2] = middle + part * (state[X2] - middle)
         begin[V1], begin[V2] = part * state[V1], part * state[V2]
-        initial = off.state_of(Instant(0, 0.0, mode, begin))
+        initial = off.state_of(HybridState(0, 0.0, mode, begin))
         for _ in range(2):  # the second run as finely as the first has told to be needed
             there = simulate(off, PERIODS, initial=initial, options=fine)
             t, high = (each[SKIPPED:] for each in swings(there.trajectory, True))
@@ -282,7 +284,7 @@ def after_contacts(
     begin, state = 0.0, off.state_of(off.instant(start, off.problem(options)))
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])
-        state = off.state_of(Instant(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
+        state = off.state_of(HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1]))
     values = {name: state[name] for name in rigid.states}
     delta = off.actuator.delta
     values["x2"] = min(max(values["x2"], -delta), delta)
@@ -315,7 +317,7 @@ def disturbed(run: Run, sticks: bool) -> bool:
 def free_from(trajectory: Trajectory, sticks: bool) -> float:
     """Return the time from which on the block strikes nothing and a frame that `sticks` rests."""
     log, final = trajectory.events, trajectory.final
-    disturbed = is_impact(log) | (log.kind == loop.ACCUMULATION)
+    disturbed = is_impact(log) | (log.kind == workspace.ACCUMULATION)
     if sticks:
         if SLIPPING[final.mode]:
             return final.cycle * trajectory.period + final.time
@@ -331,7 +333,7 @@ def swings(trajectory: Trajectory, sticks: bool) -> tuple[Floats, Floats]:
     """
     log, period = trajectory.events, trajectory.period
     time = log.cycle * period + log.time
-    turned = (log.kind == loop.APPROACH) & (time > free_from(trajectory, sticks))
+    turned = (log.kind == workspace.APPROACH) & (time > free_from(trajectory, sticks))
     log, time = log[turned], time[turned]
     right = np.flatnonzero((log.guard[:-1] == 0) & (log.guard[1:] == 1))
     x2 = log.before[:, X2]

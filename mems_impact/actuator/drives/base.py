@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mems_impact.actuator.checked import Checked
+from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import DeviceScales, scaled_fields
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.problem import Numbers
-from mems_impact.units import DIMENSIONLESS, Scales
+from mems_impact.hybrid.problem import ProblemParameters
 
 __all__ = ["Drive", "Waveform"]
 
@@ -30,7 +30,7 @@ class Drive(Checked, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
-    types of `mems_impact.actuator.checked`) and gives the five things below. One line in
+    types of `mems_impact.actuator.parameter_base`) and gives the five things below. One line in
     `mems_impact.actuator.drives.WAVEFORMS` tells files, the command line and the package of it.
 
     The waveform itself is a pair of module-level functions of plain Python that the equations
@@ -249,7 +249,7 @@ class Drive(Checked, ABC):
         """
         return self.replace(**scaled_fields(self, self.units, DeviceScales.of_drive(voltage, time)))
 
-    def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
+    def numbers(self, changes: Mapping[str, float], scales: Scales) -> ProblemParameters:
         """Return q, period, switches and time scale in `scales`, at other values of some `names`.
 
         The values are in the drive's own units and need not be allowed.
@@ -262,7 +262,7 @@ class Drive(Checked, ABC):
         drive = self.varied(changes, checked=False) if changes else self
         if scales is not DIMENSIONLESS:
             drive = drive.scaled(scales.unit("V"), scales.unit("s"))
-        return Numbers(drive.parameters(), drive.period, drive.switches, drive.time_scale)
+        return ProblemParameters(drive.parameters(), drive.period, drive.switches, drive.time_scale)
 
     def value(self, t: ArrayLike, *, left: bool = False) -> NDArray[np.float64]:
         """Return the voltage at many times, for plots.

@@ -9,9 +9,9 @@ from annotated_types import Gt, Le
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from mems_impact.actuator.checked import Number, Positive
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.drives.retimed import SILENT, Stretch, array_of, repeated, retimed
+from mems_impact.actuator.drives.timeline import SILENT, TimelineSegment, array_of, repeated, retime
+from mems_impact.actuator.parameter_base import Number, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Burst"]
@@ -95,9 +95,9 @@ class Burst(Drive):
         return self.wave.time_scale
 
     @property
-    def stretches(self) -> list[Stretch]:
+    def stretches(self) -> list[TimelineSegment]:
         """The timeline of one period."""
-        return [*repeated(self.wave, self.length), Stretch(self.length, 0.0, SILENT)]
+        return [*repeated(self.wave, self.length), TimelineSegment(self.length, 0.0, SILENT)]
 
     @property
     def switches(self) -> tuple[float, ...]:
@@ -116,21 +116,21 @@ class Burst(Drive):
     @property
     def voltage(self) -> Waveform:  # type: ignore[override]
         """The waveform as a function of t and q."""
-        return retimed(self.wave.voltage)
+        return retime(self.wave.voltage)
 
     @property
     def voltage_rate(self) -> Waveform:  # type: ignore[override]
         """Its rate."""
-        return retimed(self.wave.voltage_rate)
+        return retime(self.wave.voltage_rate)
 
     @property
     def left_voltage(self) -> Waveform | None:
         """The waveform at the left electrode, if that within has one."""
         left = self.wave.left_voltage
-        return None if left is None else retimed(left)
+        return None if left is None else retime(left)
 
     @property
     def left_rate(self) -> Waveform | None:
         """Its rate."""
         left = self.wave.left_rate
-        return None if left is None else retimed(left)
+        return None if left is None else retime(left)

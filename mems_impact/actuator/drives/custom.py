@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
-from mems_impact.actuator.checked import Positive
 from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.parameter_base import Positive
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.portable import portable, same_function
+from mems_impact.hybrid.pickling import portable, same_function
 
 __all__ = ["Custom"]
 
@@ -265,10 +265,10 @@ def _compiling_problem(function: Callable[..., Any]) -> str:
     """Return why numba cannot compile `function`, or nothing."""
     from numba import types
 
-    from mems_impact.engines.compiling import switched_off
-    from mems_impact.engines.refusing import compiling
+    from mems_impact.integrators.jit.closures import compiling
+    from mems_impact.integrators.jit.numba_support import jit_disabled
 
-    if switched_off():
+    if jit_disabled():
         return ""
     found = compiling(function, (types.float64, types.Array(types.float64, 1, "C")))
     if found.problem:

@@ -9,30 +9,28 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any
 
-from mems_impact import plugins
-from mems_impact.actuator.code import Wanted, code_path, run_code
+from mems_impact._util import plugins
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.custom import Custom
 from mems_impact.actuator.drives.sampled import Sampled
-from mems_impact.actuator.reading import parse_toml, read_bytes
 from mems_impact.actuator.terms.files import term_names
-from mems_impact.analysis.state import is_number
+from mems_impact.actuator.toml_files import (
+    CodeRequest,
+    execute_code,
+    parse_toml,
+    read_bytes,
+    resolve_code_path,
+)
 from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.systems.state import is_number
 
-__all__ = [
-    "TABLES",
-    "drive_in_table",
-    "drive_kinds",
-    "drive_of_kind",
-    "holds_drive",
-    "load_drive",
-]
+__all__ = ["TABLES", "drive_in_table", "drive_kinds", "drive_of_kind", "holds_drive", "load_drive"]
 
 TABLES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
 
-CODE = Wanted(
+CODE = CodeRequest(
     field="source",
     what="Python file with functions voltage(t, q) and voltage_rate(t, q)",
     kind="drive file",
@@ -165,7 +163,7 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
     if kind is Sampled and "file" in values:
         return _measured(values, file.parent)
     if kind is Custom:
-        code = code_path(values.pop("source", None), file, allow_code, CODE)
+        code = resolve_code_path(values.pop("source", None), file, allow_code, CODE)
         values.update(_functions(code))
     for name, field in kind.model_fields.items():
         if field.annotation is Drive and isinstance(values.get(name), dict):
@@ -206,7 +204,7 @@ def _measured(values: dict[str, Any], folder: Path) -> Sampled:
 
 def _functions(path: Path) -> dict[str, FunctionType]:
     """Run the Python file `path` and return its functions."""
-    module = run_code(path, CODE)
+    module = execute_code(path, CODE)
     found = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
         if not isinstance(getattr(module, name, None), FunctionType):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
 
-__all__ = ["ROUNDING", "Piece", "PiecewiseDrive", "assembled", "fold", "warn_of_one_force"]
+__all__ = ["ROUNDING", "Piece", "PiecewiseDrive", "fold", "warn_of_one_force"]
 
 ROUNDING = 1e-14  # of a period: a part that takes less time takes none
 

@@ -7,15 +7,10 @@ from typing import Self
 
 from pydantic import model_validator
 
-from mems_impact.actuator.checked import NonNegative, Number, Positive
-from mems_impact.actuator.drives.piecewise import (
-    ROUNDING,
-    Piece,
-    PiecewiseDrive,
-    warn_of_one_force,
-)
+from mems_impact._util.formatting import shown
+from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive, warn_of_one_force
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 __all__ = ["Pulse", "pulse"]
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
-from mems_impact.actuator.checked import Number, Positive
+from mems_impact._util.formatting import shown
 from mems_impact.actuator.drives.piecewise import Piece, PiecewiseDrive
-from mems_impact.actuator.reading import read_columns
+from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.toml_files import read_columns
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 __all__ = ["Sampled"]
 

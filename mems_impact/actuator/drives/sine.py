@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import model_validator
 
-from mems_impact.actuator.checked import NonNegative, Number, Positive
+from mems_impact._util.units import DIMENSIONLESS, Scales
 from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
-from mems_impact.hybrid.problem import Numbers
-from mems_impact.units import DIMENSIONLESS, Scales
+from mems_impact.hybrid.problem import ProblemParameters
 
 __all__ = ["Sine"]
 
@@ -102,7 +102,7 @@ class Sine(Drive):
         """Return the array (amplitude, omega, bias, phase)."""
         return np.array([self.amplitude, self.omega, self.bias, self.phase], dtype=np.float64)
 
-    def numbers(self, changes: Mapping[str, float], scales: Scales) -> Numbers:
+    def numbers(self, changes: Mapping[str, float], scales: Scales) -> ProblemParameters:
         """Return q, period and time scale in `scales`, at other values; there is no switch."""
         amplitude = changes.get("amplitude", self.amplitude)
         omega = changes.get("omega", self.omega)
@@ -112,4 +112,4 @@ class Sine(Drive):
             amplitude, bias = scales.into(amplitude, "V"), scales.into(bias, "V")
             omega = scales.into(omega, "rad/s")
         period = _period(omega, bias)
-        return Numbers(np.array([amplitude, omega, bias, phase]), period, (), period)
+        return ProblemParameters(np.array([amplitude, omega, bias, phase]), period, (), period)

@@ -8,11 +8,11 @@ from typing import Annotated, Self
 from annotated_types import Gt, Lt
 from pydantic import model_validator
 
-from mems_impact.actuator.checked import NonNegative, Number, Positive
+from mems_impact._util.formatting import shown
 from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive, warn_of_one_force
 from mems_impact.actuator.drives.pulse import pulse
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 __all__ = ["Square"]
 

@@ -8,8 +8,8 @@ from typing import Annotated, Self
 from annotated_types import Ge, Lt
 from pydantic import model_validator
 
-from mems_impact.actuator.checked import NonNegative, Number, Positive
 from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Trapezoid"]

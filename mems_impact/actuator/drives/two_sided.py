@@ -8,10 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from mems_impact._util.formatting import shown
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.drives.retimed import Stretch, array_of, behind, repeated, retimed
+from mems_impact.actuator.drives.timeline import (
+    TimelineSegment,
+    array_of,
+    repeated,
+    retime,
+    with_offset,
+)
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 __all__ = ["TwoSided"]
 
@@ -101,7 +107,7 @@ class TwoSided(Drive):
         return any(side.changes_sign and count % 2 == 1 for side, count in sides)
 
     @property
-    def stretches(self) -> tuple[list[Stretch], list[Stretch]]:
+    def stretches(self) -> tuple[list[TimelineSegment], list[TimelineSegment]]:
         """The timelines of right and left side over a forcing period."""
         right, left = repeated(self.right, self.period), repeated(self.left, self.period)
         # What switches at the same time, but for rounding, shall be one switch.
@@ -132,7 +138,7 @@ class TwoSided(Drive):
             blocks += [np.array([block.size], dtype=np.float64), block]
         return np.concatenate(blocks)
 
-    def _continued(self, side: Drive, stretches: list[Stretch]) -> list[Stretch]:
+    def _continued(self, side: Drive, stretches: list[TimelineSegment]) -> list[TimelineSegment]:
         """Return the timeline of a side over two forcing periods, of which the first is given.
 
         A switch of the second is one forcing period after that of the first, to the last bit.
@@ -154,19 +160,19 @@ class TwoSided(Drive):
     @property
     def voltage(self) -> Waveform:  # type: ignore[override]
         """The waveform at the right electrode as a function of t and q."""
-        return behind(retimed(self.right.voltage), 0)
+        return with_offset(retime(self.right.voltage), 0)
 
     @property
     def voltage_rate(self) -> Waveform:  # type: ignore[override]
         """Its rate."""
-        return behind(retimed(self.right.voltage_rate), 0)
+        return with_offset(retime(self.right.voltage_rate), 0)
 
     @property
     def left_voltage(self) -> Waveform | None:
         """The waveform at the left electrode."""
-        return behind(retimed(self.left.voltage), 1)
+        return with_offset(retime(self.left.voltage), 1)
 
     @property
     def left_rate(self) -> Waveform | None:
         """Its rate."""
-        return behind(retimed(self.left.voltage_rate), 1)
+        return with_offset(retime(self.left.voltage_rate), 1)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import NonNegative
-from mems_impact.actuator.modes import X2
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["Adhesion"]
 
@@ -45,7 +45,7 @@ class Adhesion(Term):
     units = {"force": "N"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
         force = at.p["force"]
 
@@ -55,4 +55,4 @@ class Adhesion(Term):
         def energy(y, p):  # type: ignore[no-untyped-def]
             return -p[force] * max(abs(y[X2]) - p[eq.DELTA], 0.0)
 
-        return Contribution(adhesion=adhesion, energy=energy)
+        return TermContribution(adhesion=adhesion, energy=energy)

@@ -1,4 +1,4 @@
-"""The contract that every term keeps: what an option adds to the equations of the actuator.
+"""The interface of optional terms of the model, their registry and limits of validity.
 
 A term is a checked object of its parameters, and tells which scalar functions it contributes. These
 read all numbers from the array ``p`` and the state ``y`` by places that `Places` gives, so that one
@@ -13,19 +13,38 @@ frame, a2 that of the block relative to it. Nothing but the voltage of the drive
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
-from mems_impact.actuator.checked import Checked
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.units import Scales
+from mems_impact.actuator.parameter_base import Checked
 from mems_impact.actuator.units import scaled_fields, unscaled_fields
-from mems_impact.units import Scales
+from mems_impact.errors import ValidityWarning
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
 
-__all__ = ["Contribution", "Electrode", "Function", "Limit", "Places", "Term", "TermKind"]
+__all__ = [
+    "Electrode",
+    "Function",
+    "Limit",
+    "ParameterIndices",
+    "Term",
+    "TermContribution",
+    "TermKind",
+    "Validity",
+]
+
+# --- The contract that every term keeps: what an option adds to the equations of the actuator.
 
 Function = Callable[..., float]
 """A scalar function that numba compiles unchanged."""
@@ -77,7 +96,7 @@ class Limit(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contribution:
+class TermContribution:
     """What a term adds to the equations, or puts into their place. All of it is optional.
 
     Attributes
@@ -135,7 +154,7 @@ class Contribution:
 
 
 @dataclass(frozen=True)
-class Places:
+class ParameterIndices:
     """Where a term finds its numbers.
 
     Attributes
@@ -166,13 +185,13 @@ class TermKind(NamedTuple):
         """How many numbers the term has in ``p``."""
         return sum(self.lengths.values())
 
-    def at(self, first: int, states: Mapping[str, int] | None = None) -> Places:
+    def at(self, first: int, states: Mapping[str, int] | None = None) -> ParameterIndices:
         """Return the term's places, its numbers beginning at `first`."""
         places = {}
         for name, length in self.lengths.items():
             places[name] = first
             first += length
-        return Places(places, states or {})
+        return ParameterIndices(places, states or {})
 
 
 class Term(Checked, ABC):
@@ -180,8 +199,8 @@ class Term(Checked, ABC):
 
     A term is a subclass in a file of its own in `mems_impact.actuator.terms`, named like the file:
     that alone makes files of devices, parameters and the command line know it. It declares its
-    parameters as pydantic fields (with the number types of `mems_impact.actuator.checked`): a
-    number or a tuple of numbers is read by its functions, anything else is part of its `shape`.
+    parameters as pydantic fields (with the number types of `mems_impact.actuator.parameter_base`):
+    a number or a tuple of numbers is read by its functions, anything else is part of its `shape`.
 
     Attributes
     ----------
@@ -288,21 +307,21 @@ class Term(Checked, ABC):
         return ()
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return what it adds to the equations, beside what it makes of electrodes.
 
         A class method, since compiled equations know no values: these stand in ``p``.
         """
-        return Contribution()
+        return TermContribution()
 
     @classmethod
-    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return what it makes of an electrode; asked for each, with the places of its states."""
         return electrode
 
     @classmethod
     def electrode_rates(
-        cls, at: Places, shape: Shape, electrode: Electrode
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return ``rate(v, x, speed, y, p)`` of each of its states at an electrode, now complete.
 
@@ -311,7 +330,9 @@ class Term(Checked, ABC):
         return ()
 
     @classmethod
-    def electrode_energy(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+    def electrode_energy(
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> Function | None:
         """Return ``energy(v, x, y, p)``, the energy of the fields at an electrode, now complete.
 
         None where what is stored comes from the drive, and goes back to it, without a loss. The
@@ -321,7 +342,9 @@ class Term(Checked, ABC):
         return None
 
     @classmethod
-    def electrode_lost(cls, at: Places, shape: Shape, electrode: Electrode) -> Function | None:
+    def electrode_lost(
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
+    ) -> Function | None:
         """Return ``lost(v, x, y, p)``, the power that it turns into heat at an electrode, >= 0."""
         return None
 
@@ -332,3 +355,48 @@ def _shape(value: Any) -> Hashable:
     if isinstance(value, tuple) and value and isinstance(value[0], float):
         return len(value)
     return str(value)
+
+
+# --- Whether a run stayed where the terms of its model hold.
+
+
+class Validity:
+    """The limits of terms, looked at where a run has events, and at its ends.
+
+    Impacts, turning points and passages through the middle are events: the smallest gaps and the
+    largest speeds are among them.
+    """
+
+    def __init__(
+        self, limits: Sequence[Limit], problem: Problem, start: HybridState, scales: Scales
+    ) -> None:
+        self.limits, self.problem, self.scales = limits, problem, scales
+        self.worst = [(0.0, 0.0)] * len(limits)  # value and time
+        self._look(start.y[None], np.array([self._time(start)]))
+
+    def __call__(self, events: Events) -> None:
+        """Take a chunk of events in."""
+        if len(events):
+            times = events.cycle * self.problem.period + events.time
+            self._look(events.before, times)
+            self._look(events.after, times)
+
+    def tell(self, final: HybridState) -> None:
+        """Warn, once for each limit that the run has left behind."""
+        self._look(final.y[None], np.array([self._time(final)]))
+        for limit, (value, time) in zip(self.limits, self.worst, strict=True):
+            if value > limit.most:
+                when = float(self.scales.out(time, "s"))
+                message = f"{limit.what} is {value:.3g} at t = {when:.6g}"
+                told = f"{message}, and the model holds up to {limit.most:g}"
+                warnings.warn(told, ValidityWarning, stacklevel=5)
+
+    def _look(self, states: Floats, times: Floats) -> None:
+        for i, limit in enumerate(self.limits):
+            values = np.asarray(limit.value(states.T, self.problem.parameters))
+            row = int(np.argmax(values))
+            if values[row] > self.worst[i][0]:
+                self.worst[i] = float(values[row]), float(times[row])
+
+    def _time(self, instant: HybridState) -> float:
+        return float(instant.cycle * self.problem.period + instant.time)

@@ -8,9 +8,9 @@ from typing import Annotated
 from pydantic import Field
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import NonNegative, Number, Positive
-from mems_impact.actuator.modes import V2, X2
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import V2, X2
+from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["CompliantStopper"]
 
@@ -72,7 +72,7 @@ class CompliantStopper(Term):
         return ("contact_loss",)
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force of a stopper."""
         stiffness, exponent = at.p["stiffness"], at.p["exponent"]
         damping, reference = at.p["damping"], at.p["depth"]
@@ -105,7 +105,7 @@ class CompliantStopper(Term):
             rate = math.copysign(y[V2], y[X2] * y[V2])
             return spring(depth, p) * (hold(rate, p) - 1.0) * rate
 
-        return Contribution(
+        return TermContribution(
             stopper=stopper,
             stopper_slopes=stopper_slopes,
             rates=(lost,),

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.checked import Number
-from mems_impact.actuator.modes import X2
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["CubicStiffness"]
 
@@ -42,7 +42,7 @@ class CubicStiffness(Term):
     units = {"k3": "N/m^3"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
         k3 = at.p["k3"]
 
@@ -52,4 +52,4 @@ class CubicStiffness(Term):
         def energy(y, p):  # type: ignore[no-untyped-def]
             return 0.25 * p[k3] * y[X2] ** 4
 
-        return Contribution(force=force, energy=energy)
+        return TermContribution(force=force, energy=energy)

@@ -6,14 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from mems_impact.actuator.checked import Number, Positive
-from mems_impact.actuator.terms.base import (
-    Electrode,
-    Function,
-    Places,
-    Shape,
-    Term,
-)
+from mems_impact.actuator.parameter_base import Number, Positive
+from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
 
 __all__ = ["DielectricCharging"]
 
@@ -71,7 +65,7 @@ class DielectricCharging(Term):
         return ("offset",)
 
     @classmethod
-    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the offset."""
         before, own = electrode.offset, at.y["offset"]
 
@@ -82,7 +76,7 @@ class DielectricCharging(Term):
 
     @classmethod
     def electrode_rates(
-        cls, at: Places, shape: Shape, electrode: Electrode
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the rate of charging."""
         node = electrode.node

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
-from mems_impact import plugins
+from mems_impact._util import plugins
 from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.checked import Number
-from mems_impact.actuator.modes import X1
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import X1
+from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["FrameLoad"]
 
@@ -41,7 +41,7 @@ class FrameLoad(Term):
     units = {"force": "N"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
         load = at.p["force"]
 
@@ -51,4 +51,4 @@ class FrameLoad(Term):
         def energy(y, p):  # type: ignore[no-untyped-def]
             return p[load] * y[X1]
 
-        return Contribution(on_frame=on_frame, energy=energy)
+        return TermContribution(on_frame=on_frame, energy=energy)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.checked import NonNegative
-from mems_impact.actuator.modes import X1
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import X1
+from mems_impact.actuator.parameter_base import NonNegative
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["FrameSpring"]
 
@@ -45,7 +45,7 @@ class FrameSpring(Term):
     units = {"k1": "N/m"}  # noqa: RUF012 - ClassVar above
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the force."""
         k1 = at.p["k1"]
 
@@ -55,4 +55,4 @@ class FrameSpring(Term):
         def energy(y, p):  # type: ignore[no-untyped-def]
             return 0.5 * p[k1] * y[X1] * y[X1]
 
-        return Contribution(on_frame=on_frame, energy=energy, places_frame=True)
+        return TermContribution(on_frame=on_frame, energy=energy, places_frame=True)

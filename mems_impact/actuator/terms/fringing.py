@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
+from mems_impact._util.formatting import shown
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import Positive
-from mems_impact.actuator.terms.base import Electrode, Places, Shape, Term
+from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.terms.base import Electrode, ParameterIndices, Shape, Term
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
@@ -73,7 +73,7 @@ class Fringing(Term):
                 raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
 
     @classmethod
-    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode with the capacitance of its edges."""
         width, length = at.p["width"], at.p.get("length", -1)
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import NonNegative, Positive
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["PowerLawRestitution"]
 
@@ -47,7 +47,7 @@ class PowerLawRestitution(Term):
     instead = "restitution"
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the restitution."""
         scale, exponent = at.p["speed"], at.p["exponent"]
 
@@ -55,4 +55,4 @@ class PowerLawRestitution(Term):
             relative = speed / p[scale]
             return p[eq.E] * (1.0 + relative * relative) ** (-0.5 * p[exponent])
 
-        return Contribution(restitution=restitution)
+        return TermContribution(restitution=restitution)

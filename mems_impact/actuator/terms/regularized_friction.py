@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import Positive
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.parameter_base import Positive
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["RegularizedFriction"]
 
@@ -49,11 +49,11 @@ class RegularizedFriction(Term):
     stiff = True
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the coefficient."""
         width = at.p["width"]
 
         def friction(speed, p):  # type: ignore[no-untyped-def]
             return p[eq.MU_D] * math.tanh(speed / p[width])
 
-        return Contribution(friction=friction, sticks=False)
+        return TermContribution(friction=friction, sticks=False)

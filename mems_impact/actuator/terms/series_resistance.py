@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-from mems_impact.actuator.checked import NonNegative, Positive
-from mems_impact.actuator.terms.base import (
-    Electrode,
-    Function,
-    Places,
-    Shape,
-    Term,
-)
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.terms.base import Electrode, Function, ParameterIndices, Shape, Term
 
 __all__ = ["SeriesResistance"]
 
@@ -69,7 +63,7 @@ class SeriesResistance(Term):
         return ("charge",)
 
     @classmethod
-    def electrode(cls, at: Places, shape: Shape, electrode: Electrode) -> Electrode:
+    def electrode(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Electrode:
         """Return the electrode at the voltage that its charge tells."""
         capacitance, offset = electrode.capacitance, electrode.offset
         charge, parasitic = at.y["charge"], at.p["parasitic"]
@@ -82,7 +76,7 @@ class SeriesResistance(Term):
 
     @classmethod
     def electrode_rates(
-        cls, at: Places, shape: Shape, electrode: Electrode
+        cls, at: ParameterIndices, shape: Shape, electrode: Electrode
     ) -> tuple[Function, ...]:
         """Return the current."""
         node, resistance = electrode.node, at.p["resistance"]
@@ -93,7 +87,7 @@ class SeriesResistance(Term):
         return (current,)
 
     @classmethod
-    def electrode_energy(cls, at: Places, shape: Shape, electrode: Electrode) -> Function:
+    def electrode_energy(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
         """Return the energy of the fields, in the gap and in the parasitic capacitance."""
         node, offset, capacitance = electrode.node, electrode.offset, electrode.capacitance
         parasitic = at.p["parasitic"]
@@ -106,7 +100,7 @@ class SeriesResistance(Term):
         return energy
 
     @classmethod
-    def electrode_lost(cls, at: Places, shape: Shape, electrode: Electrode) -> Function:
+    def electrode_lost(cls, at: ParameterIndices, shape: Shape, electrode: Electrode) -> Function:
         """Return the power that the resistance turns into heat."""
         node, resistance = electrode.node, at.p["resistance"]
 

@@ -7,13 +7,20 @@ from typing import Annotated, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
+from mems_impact._util.formatting import shown
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import NonNegative, Positive
-from mems_impact.actuator.composing import summed
-from mems_impact.actuator.modes import V2, X2
-from mems_impact.actuator.terms.base import Contribution, Function, Limit, Places, Shape, Term
+from mems_impact.actuator.automaton import V2, X2
+from mems_impact.actuator.extended_automaton import summed
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.terms.base import (
+    Function,
+    Limit,
+    ParameterIndices,
+    Shape,
+    Term,
+    TermContribution,
+)
 from mems_impact.errors import InvalidParameter
-from mems_impact.wording import shown
 
 __all__ = ["SqueezeFilm"]
 
@@ -118,7 +125,7 @@ class SqueezeFilm(Term):
         return (*names, *(f"left_{name}" for name in names if sides == "both"))
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return what the films do."""
         sides, modes = _structure(shape)
         parts, places = compartments(at, modes), list(at.y.values())
@@ -132,7 +139,7 @@ class SqueezeFilm(Term):
             return p[path] / (p[ambient] * (p[eq.D] - (abs(y[X2]) if both else y[X2])))
 
         rarefied = Limit("the Knudsen number of the squeeze film", knudsen, THIN)
-        return Contribution(
+        return TermContribution(
             force=summed([film.force for film in films]),
             rates=tuple(rate for film in films for rate in film.rates),
             energy=summed([film.energy for film in films]),
@@ -162,7 +169,7 @@ class Compartment(NamedTuple):
     size: Function
 
 
-def compartments(at: Places, modes: int) -> list[Compartment]:
+def compartments(at: ParameterIndices, modes: int) -> list[Compartment]:
     """Return the compartments: row by row across the width, modes along it and what they leave.
 
     Row 1, 3, ... across has the modes 1, 3, ... along one by one, one fewer than the row before,
@@ -189,7 +196,7 @@ def share_of_row(across: int) -> float:
     return 8.0 / (math.pi**2 * across * across)
 
 
-def size_of(at: Places, along: int, across: int) -> Function:
+def size_of(at: ParameterIndices, along: int, across: int) -> Function:
     """Return the size of a mode."""
     length, width = at.p["length"], at.p["width"]
 
@@ -199,7 +206,7 @@ def size_of(at: Places, along: int, across: int) -> Function:
     return size
 
 
-def size_of_row(at: Places, across: int, resolved: int, rest: float) -> Function:
+def size_of_row(at: ParameterIndices, across: int, resolved: int, rest: float) -> Function:
     """Return the size of what `resolved` modes leave of a row: the mean over all others.
 
     The sum along of the shares times the sizes is that of a strip, less what flows out at its
@@ -219,7 +226,7 @@ def size_of_row(at: Places, across: int, resolved: int, rest: float) -> Function
     return size
 
 
-def size_of_rest(at: Places, modes: int, rest: float) -> Function:
+def size_of_rest(at: ParameterIndices, modes: int, rest: float) -> Function:
     """Return the size of all rows behind the first `modes`: the mean over them."""
     length, width = at.p["length"], at.p["width"]
     rows = range(1, 2 * modes, 2)
@@ -246,7 +253,7 @@ class Film(NamedTuple):
     limit: Limit
 
 
-def film_of(at: Places, parts: list[Compartment], side: int, places: list[int]) -> Film:
+def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: list[int]) -> Film:
     """Return the film at the electrode on `side`, whose states stand at `places`."""
     length, width, ambient = at.p["length"], at.p["width"], at.p["pressure"]
     filling = summed([weighted(part.share, u) for part, u in zip(parts, places, strict=True)])
@@ -300,7 +307,7 @@ def weighted(share: float, place: int) -> Function:
     return part
 
 
-def mobility_of(at: Places) -> Function:
+def mobility_of(at: ParameterIndices) -> Function:
     """Return ``mobility(gap, p)``, pressure gap^2/(12 mu_eff) [m^2/s]."""
     ambient, viscosity = at.p["pressure"], at.p["viscosity"]
     path = at.p["free_path_pressure"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import NonNegative, Positive
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.parameter_base import NonNegative, Positive
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["StribeckFriction"]
 
@@ -49,7 +49,7 @@ class StribeckFriction(Term):
     instead = "friction"
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the coefficient."""
         scale, viscous = at.p["speed"], at.p["viscous"]
 
@@ -60,4 +60,4 @@ class StribeckFriction(Term):
             fallen = math.exp(-square) if speed > 0.0 else 1.0 - square / (1.0 + 0.5 * square)
             return p[eq.MU_D] + (p[eq.MU_S] - p[eq.MU_D]) * fallen + p[viscous] * speed
 
-        return Contribution(friction=friction)
+        return TermContribution(friction=friction)

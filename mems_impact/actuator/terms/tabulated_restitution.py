@@ -7,8 +7,8 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
-from mems_impact.actuator.checked import Fraction, NonNegative
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.parameter_base import Fraction, NonNegative
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["TabulatedRestitution"]
@@ -63,7 +63,7 @@ class TabulatedRestitution(Term):
         return self
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the restitution."""
         x, y = at.p["speeds"], at.p["values"]
         last = cls.lengths(shape)["speeds"] - 1
@@ -95,4 +95,4 @@ class TabulatedRestitution(Term):
                     return found + h * u * w * (w * slope(i, p) - u * slope(i + 1, p))
             return p[y + last]
 
-        return Contribution(restitution=restitution)
+        return TermContribution(restitution=restitution)

@@ -8,9 +8,9 @@ from typing import Annotated
 from pydantic import Field
 
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.checked import Number
-from mems_impact.actuator.modes import X1, X2
-from mems_impact.actuator.terms.base import Contribution, Places, Shape, Term
+from mems_impact.actuator.automaton import X1, X2
+from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
 
 __all__ = ["Tilt"]
 
@@ -48,7 +48,7 @@ class Tilt(Term):
     angle: Annotated[Number, Field(gt=-UPRIGHT, lt=UPRIGHT)]
 
     @classmethod
-    def contribution(cls, at: Places, shape: Shape) -> Contribution:
+    def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:
         """Return the forces and the share of the weight that presses on the ground."""
         angle = at.p["angle"]
 
@@ -65,4 +65,4 @@ class Tilt(Term):
             weight = p[eq.G] * math.sin(p[angle])
             return weight * ((p[eq.M1] + p[eq.M2]) * y[X1] + p[eq.M2] * y[X2])
 
-        return Contribution(on_frame=on_frame, on_block=on_block, normal=normal, energy=energy)
+        return TermContribution(on_frame=on_frame, on_block=on_block, normal=normal, energy=energy)

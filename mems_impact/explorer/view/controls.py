@@ -9,9 +9,14 @@ from typing import Any
 from bokeh.layouts import column, row
 from bokeh.models import Button, CustomJS, Div, PrintfTickFormatter, Select, Slider
 
-from mems_impact.explorer.dials import Dial
-from mems_impact.explorer.setting import LONGEST, PageSetting, length_word, planes
-from mems_impact.explorer.subject import Subject
+from mems_impact.explorer.session import (
+    LONGEST,
+    PageSetting,
+    SliderSpec,
+    Subject,
+    length_word,
+    planes,
+)
 
 __all__ = ["Controls"]
 
@@ -39,7 +44,7 @@ class Controls:
     def __init__(
         self,
         subject: Subject,
-        dials: tuple[Dial, ...],
+        dials: tuple[SliderSpec, ...],
         setting: PageSetting,
         changed: Callable[[Callable[[PageSetting], PageSetting]], None],
         save: Callable[[str], None],
@@ -68,7 +73,7 @@ class Controls:
         self.files = row(*buttons, sizing_mode=WIDE)
         self.layout = column(*parts, _heading("shown"), *shown, sizing_mode=WIDE)
 
-    def _slider(self, dial: Dial, value: float) -> Slider:
+    def _slider(self, dial: SliderSpec, value: float) -> Slider:
         low, high = min(dial.low, value), max(dial.high, value)
         made = Slider(
             title=dial.label, value=value / dial.factor, start=low / dial.factor,

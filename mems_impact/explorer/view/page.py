@@ -17,28 +17,41 @@ from bokeh.models import ColumnDataSource, CustomJS, Div
 
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter, MemsImpactError
-from mems_impact.explorer.diagram import COARSE, Asked, BifurcationDiagram, diagram_of
-from mems_impact.explorer.dials import Dial
+from mems_impact.explorer.background import LatestOnlyWorker, Watch
 from mems_impact.explorer.export import device_file, python_of, run_picture
-from mems_impact.explorer.floquet import Floquet, floquet_of
-from mems_impact.explorer.latest import Latest, Watch
-from mems_impact.explorer.picture import PER_PERIOD, Picture, picture_of, series_shown
-from mems_impact.explorer.setting import (
+from mems_impact.explorer.session import (
     TIME,
     PageSetting,
+    SliderSpec,
+    Subject,
     address_of,
     first_setting,
     length_word,
     setting_at,
 )
-from mems_impact.explorer.subject import Subject
-from mems_impact.explorer.view.bifurcation import Bifurcation
+from mems_impact.explorer.snapshot import (
+    COARSE,
+    PER_PERIOD,
+    Asked,
+    BifurcationDiagram,
+    Floquet,
+    RunSnapshot,
+    diagram_of,
+    floquet_of,
+    series_shown,
+    take_snapshot,
+)
 from mems_impact.explorer.view.controls import Controls
-from mems_impact.explorer.view.cycles import CyclesPanel
-from mems_impact.explorer.view.device import EVERY, Device, frames_of
-from mems_impact.explorer.view.multipliers import Multipliers
-from mems_impact.explorer.view.portrait import Portrait
-from mems_impact.explorer.view.series import Series
+from mems_impact.explorer.view.panels import (
+    EVERY,
+    Bifurcation,
+    CyclesPanel,
+    Device,
+    Multipliers,
+    Portrait,
+    Series,
+    frames_of,
+)
 
 __all__ = ["Page"]
 
@@ -64,12 +77,12 @@ class Page:
         self,
         document: Document,
         subject: Subject,
-        dials: tuple[Dial, ...],
+        dials: tuple[SliderSpec, ...],
         query: Mapping[str, Iterable[str]],
     ) -> None:
         self.document, self.subject = document, subject
         self.dials = {dial.name: dial for dial in dials}
-        self.picture: Picture | None = None
+        self.picture: RunSnapshot | None = None
         self._diagram_asked: Any = None
         self._saved = 0
         refused = ""
@@ -79,7 +92,7 @@ class Page:
             self.setting, refused = first_setting(subject), f"The address: {error}"
         self._draw_first(tuple(dials))
         self.message.text = refused
-        self.pictures = self._thread(partial(picture_of, subject), self._show, patience=PATIENCE)
+        self.pictures = self._thread(partial(take_snapshot, subject), self._show, patience=PATIENCE)
         self.orbits = self._thread(floquet_of, self._show_orbit, delay=ORBIT_DELAY)
         self.diagrams = self._thread(self._diagram, self._show_diagram, delay=DIAGRAM_DELAY)
         self.drawings = self._thread(_drawing, lambda _, drawn: self._send("png", drawn))
@@ -110,7 +123,7 @@ class Page:
         elif isinstance(picture.system, ActuatorSystem):
             self._send("toml", device_file(self.subject, picture.system).encode())
 
-    def _draw_first(self, dials: tuple[Dial, ...]) -> None:
+    def _draw_first(self, dials: tuple[SliderSpec, ...]) -> None:
         subject, setting = self.subject, self.setting
         actuator = isinstance(subject.system, ActuatorSystem)
         self.frames = ColumnDataSource({"t": []})
@@ -165,7 +178,7 @@ class Page:
 
     def _thread(
         self, compute: Any, show: Callable[[Any, Any], None], **waits: float
-    ) -> Latest[Any]:
+    ) -> LatestOnlyWorker[Any]:
         """Return a thread whose results are shown by `show`, called by the server's thread."""
 
         def deliver(asked: Any, result: Any, error: Exception | None) -> None:
@@ -174,7 +187,7 @@ class Page:
             else:
                 self.document.add_next_tick_callback(lambda: show(asked, result))
 
-        return Latest(compute, deliver, **waits)
+        return LatestOnlyWorker(compute, deliver, **waits)
 
     def _fail(self, asked: Any, error: Exception) -> None:
         """Say in one sentence what went wrong; the last good picture stays."""
@@ -189,7 +202,7 @@ class Page:
             return
         self.message.text = text
 
-    def _show(self, setting: PageSetting, picture: Picture) -> None:
+    def _show(self, setting: PageSetting, picture: RunSnapshot) -> None:
         """Draw a run."""
         self.picture = picture
         self.document.hold("combine")
@@ -216,7 +229,7 @@ class Page:
             self.bifurcation.say("computing …")
             self.diagrams.ask(asked)
 
-    def _show_frames(self, picture: Picture) -> None:
+    def _show_frames(self, picture: RunSnapshot) -> None:
         """Hand the browser what it plays."""
         frames, setting = picture.motion.frames, picture.setting
         if self.device is not None:
@@ -233,7 +246,7 @@ class Page:
         self.about.data = {"per_period": [PER_PERIOD / EVERY], **more}
         self.frames.data = data | (frames_of(picture) if self.device is not None else {})
 
-    def _show_orbit(self, picture: Picture, floquet: Floquet) -> None:
+    def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
         self.multipliers.show(floquet)
 
     def _diagram(self, asked: Asked, watch: Watch) -> BifurcationDiagram:
@@ -254,7 +267,7 @@ class Page:
         self.parcel.text = json.dumps(told | {"content": base64.b64encode(content).decode()})
 
 
-def _drawing(picture: Picture, watch: Watch) -> bytes:
+def _drawing(picture: RunSnapshot, watch: Watch) -> bytes:
     return run_picture(picture.run)
 
 

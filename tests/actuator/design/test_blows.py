@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design.blows import BlowCounter, blow_of, contacts, each_blow
-from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.actuator.automaton import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
+from mems_impact.actuator.impacts import BlowCounter, blow_of, contacts, each_blow
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
 
 PAPER = mi.load_actuator("zhao2004")
 LEFT = 1
@@ -22,7 +22,11 @@ def log(*rows):
     states[:, 0] = np.arange(n)
     before = states.copy()
     before[:, 3] = [speed for _, _, speed in rows]
-    kinds = {"impact": loop.TRANSITION, "end": loop.ACCUMULATION, "rest": loop.TRANSITION}
+    kinds = {
+        "impact": workspace.TRANSITION,
+        "end": workspace.ACCUMULATION,
+        "rest": workspace.TRANSITION,
+    }
     modes = {"impact": mode_of(FORWARD, FREE), "end": mode_of(FORWARD, RIGHT),
              "rest": mode_of(STUCK, FREE)}  # fmt: skip
     kind = np.array([kinds[what] for what, _, _ in rows])

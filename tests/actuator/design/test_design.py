@@ -72,7 +72,7 @@ def test_no_steps_say_why():
     with pytest.raises(mi.InvalidParameter, match="no impact on the right stopper; raise"):
         mi.step_lengths(quiet)
     struck = mi.simulate(PAPER, mi.Sine(amplitude=0.24, omega=0.5), 0.085,
-                         initial=mi.kicked(PAPER), options=INTERPRETED)  # fmt: skip
+                         initial=mi.kicked_state(PAPER), options=INTERPRETED)  # fmt: skip
     with pytest.raises(mi.InvalidParameter, match=r"no step of 1 .* more periods"):
         mi.step_lengths(struck)
 
@@ -228,7 +228,7 @@ def test_a_chart_of_a_device_whose_frame_slips_first(tmp_path):
             # One impact a period, always as fast, on the one side; two in turn on the other.
             turns = []
             inside = row["amplitude"] * (1.0 + inwards * 0.01)
-            orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked(SLIPPING), transient=300)
+            orbit = mi.find_orbit(SLIPPING, PULLED, guess=mi.kicked_state(SLIPPING), transient=300)
             state = orbit.state
             for part in np.linspace(0.0, 1.0, 12):
                 amplitude = PULLED.amplitude + part * (inside - PULLED.amplitude)
@@ -271,7 +271,7 @@ def test_a_window_spans_a_jump_to_an_orbit_of_its_kind():
     drive = mi.Sine(amplitude=109.0, omega=3105.0)
     window = mi.period_one_window(LIGHT, drive, low=50.0, high=120.0)
     assert (window.low_kind, window.high_kind) == ("period-doubling", "bound")
-    orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked(LIGHT), transient=300)
+    orbit = mi.find_orbit(LIGHT, drive, guess=mi.kicked_state(LIGHT), transient=300)
     branch = mi.continue_orbit(orbit, "amplitude", stop=50.0)
     assert branch.ended.startswith("slip end: no orbit was found near this one")
     last = branch.orbits[-1].system.value("amplitude")

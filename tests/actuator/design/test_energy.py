@@ -7,11 +7,12 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
-from mems_impact.actuator.design.impacts import energy_lost
-from mems_impact.actuator.modes import V1, V2, X2, actuator_automaton, direction_of, mode_under
+from mems_impact.actuator.automaton import V1, V2, X2, actuator_automaton, direction_of, mode_under
+from mems_impact.actuator.impacts import energy_lost
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.hybrid.run import Problem, run
-from mems_impact.hybrid.trajectory import Instant
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
 
 ZHAO = mi.load_actuator("zhao2004")
 FORCE, DAMPER, FRICTION = 4, 5, 6
@@ -58,7 +59,7 @@ def imbalance(actuator, drive, y, periods, rtol):
         period=drive.period,
         options=mi.Options(engine="interpreted", rtol=rtol, atol=rtol * 1e-2),
     )
-    done = run(problem, Instant(0, 0.0, mode, start), periods)
+    done = run(problem, HybridState(0, 0.0, mode, start), periods)
     # All others change neither velocity: the end of a slip sets to zero what is zero.
     hits = done.events[np.isin(done.events.kind, (0, 1)) & (done.events.guard < 2)]
     lost = energy_lost(hits, actuator).sum()

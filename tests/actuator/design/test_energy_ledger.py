@@ -51,7 +51,7 @@ LOSSY = {
 
 def simulated(actuator, drive, periods, **given):
     return mi.simulate(
-        actuator, drive, periods, initial=mi.kicked(actuator), **{"options": OPTIONS, **given}
+        actuator, drive, periods, initial=mi.kicked_state(actuator), **{"options": OPTIONS, **given}
     )
 
 

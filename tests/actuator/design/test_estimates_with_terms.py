@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import brentq, minimize_scalar
 
 import mems_impact as mi
-from mems_impact.actuator.terms.base import Contribution, Term
+from mems_impact.actuator.terms.base import Term, TermContribution
 
 ZHAO = mi.load_actuator("zhao2004")
 MITA = mi.load_actuator("mita2003")
@@ -24,7 +24,7 @@ class Stretched(Term):
     @classmethod
     def contribution(cls, at, shape):
         stretch = at.y["stretch"]
-        return Contribution(
+        return TermContribution(
             force=lambda y, p: -0.1 * y[stretch],
             rates=(lambda y, p: y[2] ** 2 - y[stretch],),
         )
@@ -35,7 +35,7 @@ class Drifting(Stretched):
 
     @classmethod
     def contribution(cls, at, shape):
-        return Contribution(rates=(lambda y, p: 1.0,))
+        return TermContribution(rates=(lambda y, p: 1.0,))
 
 
 def top(square, low, high=0.5):

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.actuator.design.impacts import energy_lost, frame_steps, is_impact
-from mems_impact.actuator.modes import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
+from mems_impact.actuator.automaton import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
+from mems_impact.actuator.impacts import energy_lost, frame_steps, is_impact
 from mems_impact.actuator.parameters import load_actuator
-from mems_impact.hybrid import loop
-from mems_impact.hybrid.trajectory import Events
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
 
 STILL, SLIDING = mode_of(STUCK, FREE), mode_of(FORWARD, FREE)
 
@@ -25,10 +25,10 @@ def log(*rows):
     return Events(np.zeros(n, dtype=int), time, kind, guard, mode, mode, past, now)
 
 
-IMPACT = (loop.TRANSITION, 0)
-REST = (loop.TRANSITION, SLIP_END)
-APEX = (loop.APPROACH, 1)
-CROSSING = (loop.SECTION_CROSSING, 1)
+IMPACT = (workspace.TRANSITION, 0)
+REST = (workspace.TRANSITION, SLIP_END)
+APEX = (workspace.APPROACH, 1)
+CROSSING = (workspace.SECTION_CROSSING, 1)
 
 
 def test_step_ends_at_rest_or_at_the_next_impact():
@@ -71,12 +71,12 @@ def test_no_events():
 def test_what_is_an_impact():
     events = log(
         (*IMPACT, SLIDING, 0, 0, 0),
-        (loop.TRANSITION, 1, SLIDING, 0, 0, 0),
+        (workspace.TRANSITION, 1, SLIDING, 0, 0, 0),
         (*REST, STILL, 0, 0, 0),
-        (loop.ACCUMULATION, 0, mode_of(STUCK, RIGHT), 0, 0, 0),
+        (workspace.ACCUMULATION, 0, mode_of(STUCK, RIGHT), 0, 0, 0),
         (*APEX, STILL, 0, 0, 0),
         (*CROSSING, STILL, 0, 0, 0),
-        (loop.SWITCH, 10, STILL, 0, 0, 0),
+        (workspace.SWITCH, 10, STILL, 0, 0, 0),
     )
     assert is_impact(events).tolist() == [True, True] + [False] * 5
 

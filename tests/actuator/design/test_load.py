@@ -50,7 +50,7 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
     below, above = (curve.walking_load * factor for factor in (1.0 - 1e-5, 1.0 + 1e-5))
     loaded = ZHAO.adding(mi.FrameLoad(force=below))
     orbit = mi.find_orbit(loaded, DRIVE, guess=mi.find_orbit(
-        ZHAO.adding(mi.FrameLoad(force=8.0)), DRIVE, guess=mi.kicked(ZHAO), periods=1,
+        ZHAO.adding(mi.FrameLoad(force=8.0)), DRIVE, guess=mi.kicked_state(ZHAO), periods=1,
         transient=20, options=OPTIONS).state, periods=1, options=OPTIONS)  # fmt: skip
     assert orbit.stable
     assert orbit.admissible
@@ -69,7 +69,7 @@ def test_the_walk_ends_where_the_load_and_the_block_reach_static_friction(curve)
 @pytest.mark.slow
 def test_steps_are_those_of_runs(curve):
     loaded = ZHAO.adding(mi.FrameLoad(force=8.0))
-    run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked(ZHAO), options=OPTIONS)
+    run = mi.simulate(loaded, DRIVE, 60, initial=mi.kicked_state(ZHAO), options=OPTIONS)
     moved = run.statistics["displacement per period"]
     assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
 

@@ -18,7 +18,7 @@ FINE = mi.Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
 @pytest.fixture(scope="module")
 def run():
     return mi.simulate(
-        ZHAO, DRIVE, 14.5, initial=mi.kicked(ZHAO), window=(3.2, 14.1), options=OPTIONS
+        ZHAO, DRIVE, 14.5, initial=mi.kicked_state(ZHAO), window=(3.2, 14.1), options=OPTIONS
     )
 
 

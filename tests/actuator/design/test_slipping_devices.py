@@ -66,7 +66,7 @@ def test_what_follows_the_orbit(seed):
     assert table["derivative"].iloc[0] == pytest.approx(slope / (2.0 * step), rel=1e-3)
     window = mi.period_one_window(device, drive, low=0.3 * volts, high=1.6 * volts)
     assert window.low < volts < window.high
-    down = mi.margins(orbit, ["amplitude"]).iloc[0]
+    down = mi.bifurcation_margins(orbit, ["amplitude"]).iloc[0]
     if down["what"] == window.low_kind:
         assert down["at"] == pytest.approx(window.low, rel=1e-8)
     best = mi.optimize(
@@ -82,7 +82,7 @@ def test_what_follows_the_orbit(seed):
         mi.fit(start, [target], ["alpha"])
     fitted = mi.fit(start, [target], ["alpha"], transient=300, periods=20, initial=orbit.state)
     assert fitted.actuator.alpha == pytest.approx(device.alpha, rel=1e-6)
-    spread = mi.scatter(
+    spread = mi.tolerance_analysis(
         orbit.system, over={"d": "0.05%", "mu_d": "0.05%"}, samples=16, indices=True,
         initial=orbit.state,
     )  # fmt: skip

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.design.statistics import Accumulator
-from mems_impact.analysis.statistics import Span
+from mems_impact.actuator.statistics import Accumulator
+from mems_impact.systems.statistics import TimeWindow
 
 ZHAO = mi.load_actuator("zhao2004")
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -26,7 +26,7 @@ def chattering():
 def gathered(run, window, sizes):
     """Return the accumulator of a run whose events come in chunks of these sizes."""
     start = run.trajectory.start
-    accumulator = Accumulator(run.actuator, start, Span(*window, run.drive.period))
+    accumulator = Accumulator(run.actuator, start, TimeWindow(*window, run.drive.period))
     events, done = run.trajectory.events, 0
     for size in sizes:
         accumulator(events[done : done + size])

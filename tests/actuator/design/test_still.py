@@ -11,7 +11,7 @@ OPTIONS = mi.Options(method="dop853", engine="interpreted")
 
 def until_still(actuator, drive=DRIVE, **given):
     return mi.simulate(
-        actuator, drive, initial=mi.kicked(actuator), until="still", options=OPTIONS, **given
+        actuator, drive, initial=mi.kicked_state(actuator), until="still", options=OPTIONS, **given
     )
 
 
@@ -25,7 +25,7 @@ def test_a_spring_brings_the_walk_to_rest():
     # There the spring pulls by less than friction holds, and by more than half of that.
     assert 0.5 < 2e4 * run.final.x1 / (0.27 * 6.0 * 9.81) < 1.0
     # It is the run of that length, bit for bit, and its end lies on an orbit that closes in x1.
-    again = mi.simulate(run.system, run.periods, initial=mi.kicked(ZHAO), options=OPTIONS)
+    again = mi.simulate(run.system, run.periods, initial=mi.kicked_state(ZHAO), options=OPTIONS)
     assert again.final == run.final
     orbit = mi.find_orbit(run, periods=1, options=OPTIONS)
     assert orbit.step == 0.0

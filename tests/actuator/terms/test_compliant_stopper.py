@@ -7,10 +7,10 @@ from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.actuator.composing import compose
-from mems_impact.actuator.design.rests import contact_time
+from mems_impact.actuator.extended_automaton import compose
+from mems_impact.actuator.impacts import contact_time
 from mems_impact.actuator.terms import CompliantStopper
-from mems_impact.continuation.corrector import Steps
+from mems_impact.continuation.arclength import StepControl
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
@@ -286,7 +286,7 @@ def test_an_orbit_over_the_stiffness():
     other = mi.find_orbit(mi.simulate(hertz, drive, periods=300, options=options))
     assert len(other.impacts) == 1
     assert np.abs(other.multipliers) == pytest.approx(by_runs(hertz, drive, other), abs=1e-5)
-    wide = Steps(initial=1e3, largest=2e4, smallest=1.0)  # of a parameter of that size
+    wide = StepControl(initial=1e3, largest=2e4, smallest=1.0)  # of a parameter of that size
     branch = mi.continue_orbit(orbit, "compliant_stopper.stiffness", stop=2e5, steps=wide)
     assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)
     values = {"transient": 100, "periods": 2, "options": options, "direction": "up"}

@@ -23,7 +23,7 @@ SLOW = mi.Sine(amplitude=100.0, omega=2.0 * math.pi)
 DRIVE = mi.Sine(amplitude=0.6, omega=0.5)
 INTERPRETED = mi.Options(engine="interpreted")
 
-pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.warnings.ValidityWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
 
 
 def test_these_terms_are_stiff():

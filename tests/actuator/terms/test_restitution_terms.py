@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import mems_impact as mi
-from mems_impact.actuator.system import kicked
+from mems_impact.actuator.system import kicked_state
 from mems_impact.actuator.terms import PowerLawRestitution, TabulatedRestitution
 
 ZHAO = mi.load_actuator("zhao2004")
@@ -111,7 +111,7 @@ def test_files_units_and_pickles(tmp_path):
 @pytest.mark.parametrize("term", [POWER, TABLE])
 def test_multipliers_see_the_slope(term):
     device, name = ZHAO.adding(term), "e" if term is TABLE else "power_law_restitution.speed"
-    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=kicked(ZHAO)))
+    orbit = mi.find_orbit(mi.simulate(device, DRIVE, periods=300, initial=kicked_state(ZHAO)))
     assert len(orbit.impacts) == 1
     precise = mi.Options(method="dop853", rtol=1e-12, atol=1e-14)
     start, columns, h = orbit.state, [], 1e-5
@@ -129,5 +129,5 @@ def test_multipliers_see_the_slope(term):
     if term is POWER:
         branch = mi.continue_orbit(orbit, name, stop=0.4)
         other = ZHAO.adding(PowerLawRestitution(speed=0.4, exponent=0.25))
-        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=kicked(ZHAO)))
+        same = mi.find_orbit(mi.simulate(other, DRIVE, periods=300, initial=kicked_state(ZHAO)))
         assert branch.orbits[-1].step == pytest.approx(same.step, rel=1e-7)

@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mems_impact as mi
-from mems_impact.actuator.composing import compose
-from mems_impact.actuator.modes import X2
+from mems_impact.actuator.automaton import X2
+from mems_impact.actuator.extended_automaton import compose
 
-pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.warnings.ValidityWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
 
 INTERPRETED = mi.Options(engine="interpreted", rtol=1e-10, atol=1e-12)
 ZHAO = mi.load_actuator("zhao2004")
@@ -232,7 +232,7 @@ def test_a_run_is_kept_with_its_film(tmp_path):
     assert loaded.samples(4).equals(run.samples(4))
 
 
-@pytest.mark.filterwarnings("default::mems_impact.warnings.ValidityWarning")
+@pytest.mark.filterwarnings("default::mems_impact.errors.ValidityWarning")
 def test_a_run_beyond_what_holds_says_so_once():
     def told(speed, **changes):
         device, start = ZHAO.adding(FILM.replace(**changes)), mi.State(v2=speed)

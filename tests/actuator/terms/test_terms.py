@@ -10,7 +10,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import terms
-from mems_impact.actuator.modes import actuator_automaton
+from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.terms import TERMS
 from mems_impact.actuator.terms.files import table_of, term_of, term_type

@@ -2,10 +2,10 @@
 
 import click
 
-from mems_impact.cli.showing import Told, show_values
+from mems_impact.cli.output import OutputValue, show_values
 
 
 @click.command(short_help="Greet.")
 def command():
     """Greet."""
-    show_values({"greeting": Told("hello")})
+    show_values({"greeting": OutputValue("hello")})

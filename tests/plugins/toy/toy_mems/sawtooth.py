@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mems_impact.actuator.checked import NonNegative, Positive
 from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.parameter_base import NonNegative, Positive
 
 
 def _voltage(t, q):

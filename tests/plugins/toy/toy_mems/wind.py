@@ -1,7 +1,7 @@
 """A constant force on the frame to the right."""
 
-from mems_impact.actuator.checked import Number
-from mems_impact.actuator.terms.base import Contribution, Term
+from mems_impact.actuator.parameter_base import Number
+from mems_impact.actuator.terms.base import Term, TermContribution
 
 
 class Wind(Term):
@@ -18,4 +18,4 @@ class Wind(Term):
         def on_frame(y, p):
             return p[force]
 
-        return Contribution(on_frame=on_frame)
+        return TermContribution(on_frame=on_frame)

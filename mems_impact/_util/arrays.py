@@ -1,0 +1,11 @@
+"""Types of arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Complexes", "Floats"]
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]

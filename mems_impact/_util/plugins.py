@@ -1,0 +1,70 @@
+"""Entry points of other packages.
+
+A package says in its ``pyproject.toml``, for example::
+
+    [project.entry-points."mems_impact.drives"]
+    chirp = "their_package.chirp:Chirp"
+
+Names are read from metadata; what they stand for is imported when it is asked for. What comes with
+this package goes before a name of others. A plugin that fails is a `PluginWarning`, and as if it
+were not there.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from mems_impact._util.formatting import shown
+from mems_impact.errors import PluginWarning
+
+__all__ = ["COMMANDS", "DRIVES", "SYSTEMS", "TERMS", "names", "plugin"]
+
+SYSTEMS = "mems_impact.systems"
+DRIVES = "mems_impact.drives"
+TERMS = "mems_impact.terms"
+COMMANDS = "mems_impact.commands"
+
+
+def names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:
+    """Return the names of a group: those of this package, then those that others add, sorted."""
+    first = tuple(own)
+    return (*first, *sorted(_found(group).keys() - first))
+
+
+def plugin(group: str, name: str, is_one: Callable[[Any], bool], what: str) -> Any:
+    """Return what another package adds under a name; None if there is none, or it fails.
+
+    Parameters
+    ----------
+    group : str
+        One of those above.
+    name : str
+    is_one : callable
+        Tells whether what was found may be added.
+    what : str
+        What it must be, in words: "a subclass of Drive".
+    """
+    entry = _found(group).get(name)
+    if entry is None:
+        return None
+    try:
+        found = entry.load()
+    except (Exception, SystemExit) as error:
+        return _failed(entry, f"fails ({type(error).__name__}: {error})")
+    return found if is_one(found) else _failed(entry, f"is not {what}")
+
+
+@cache
+def _found(group: str) -> dict[str, EntryPoint]:
+    return {entry.name: entry for entry in entry_points(group=group)}
+
+
+def _failed(entry: EntryPoint, reason: str) -> None:
+    package = entry.dist.name if entry.dist is not None else entry.module
+    told = f"{entry.name} ({shown(entry.value)}) of the package {package} {reason}"
+    message = f"{told}; it is left out: mend or remove the package"
+    warnings.warn(" ".join(message.split()), PluginWarning, stacklevel=3)

@@ -1,0 +1,70 @@
+"""Conversion between internal units and those of the user.
+
+Inside, a system is integrated in whatever units make its numbers of order one. Every conversion is
+one multiplication or division, so that there and back is exact to one rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+__all__ = ["DIMENSIONLESS", "PREFIXED", "PREFIXES", "Scales"]
+
+PREFIXES = {
+    -24: "y", -21: "z", -18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k",
+    6: "M", 9: "G",
+}  # fmt: skip
+"""SI prefixes by their powers of ten."""
+PREFIXED = ("m", "s", "V", "Hz", "J", "N", "F", "W", "C", "A", "Pa", "ohm")
+"""The units that take a prefix, alone or as the first factor; the kilogram has one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scales:
+    """The units of the numerics, in those of the user.
+
+    Parameters
+    ----------
+    factors : mapping of str to float
+        By the name of a user's unit ("m/s"), the unit of the numerics in it; 1 for all others.
+    named : bool
+        Whether units have names; False where everything is a pure number.
+    """
+
+    factors: Mapping[str, float] = field(default_factory=dict)
+    named: bool = True
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
+
+    def __reduce__(self) -> Any:
+        """Pickle the factors as a dict: a mapping proxy cannot be."""
+        return Scales.of, (dict(self.factors), self.named)
+
+    @staticmethod
+    def of(factors: Mapping[str, float], named: bool) -> Scales:
+        """Return scales with these factors; where nothing has a unit, `DIMENSIONLESS` itself."""
+        return Scales(factors=factors, named=named) if factors or named else DIMENSIONLESS
+
+    def unit(self, name: str) -> float:
+        """Return the unit of the numerics for what has the unit `name`."""
+        return self.factors.get(name, 1.0)
+
+    def out(self, value: Any, name: str) -> Any:
+        """Return a value of the numerics (number or array) in the unit `name`."""
+        return value * self.unit(name) if name in self.factors else value
+
+    def into(self, value: Any, name: str) -> Any:
+        """Return a value in the unit `name` in the units of the numerics."""
+        return value / self.unit(name) if name in self.factors else value
+
+    def label(self, heading: str, name: str) -> str:
+        """Return a heading with its unit, or alone where there is none."""
+        return f"{heading} [{name}]" if self.named and name else heading
+
+
+DIMENSIONLESS = Scales(named=False)
+"""Of a dimensionless system: what goes in comes out."""

@@ -1,0 +1,596 @@
+"""Characteristics of a device: speed over voltage, response, duty cycle, period-one window."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mems_impact.actuator import results
+from mems_impact.actuator.automaton import MODES, direction_of, side_of
+from mems_impact.actuator.design.energy import arcs_of_orbit, arcs_of_run
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.integrators.options import Options
+from mems_impact.studies.sweep import sweep
+from mems_impact.systems.result import Result, SummaryRepr
+from mems_impact.systems.state import State
+from mems_impact.tables import bare, sweep_summary
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+    from mems_impact.analysis.branch import Branch
+    from mems_impact.analysis.orbit import Orbit
+    from mems_impact.analysis.special_points import SpecialPoint
+
+__all__ = [
+    "DutyCycle",
+    "PeriodOneWindow",
+    "duty_cycle",
+    "end_of",
+    "frequency_response",
+    "impact_onset",
+    "lasts_until",
+    "period_one_window",
+    "resolution",
+    "speed_over_voltage",
+]
+
+# --- Which share of the time the block flies, and the frame slips.
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class DutyCycle(Result):
+    """Shares of the time, between 0 and 1.
+
+    Attributes
+    ----------
+    flying, in_contact : float
+        In which the block is free, and in which it is on a stopper.
+    stuck, forward, backward : float
+        In which the frame rests on the ground, and in which it slips.
+    table : DataFrame
+        One row a mode that occurs: mode, share, time per period.
+
+    See Also
+    --------
+    duty_cycle
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> duty = mi.duty_cycle(run)
+    >>> abs(duty.flying + duty.in_contact - 1.0) < 1e-9
+    True
+    """
+
+    flying: float
+    in_contact: float
+    stuck: float
+    forward: float
+    backward: float
+    table: pd.DataFrame = field(repr=False)
+
+
+def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
+    """Return which share of the time block and frame spend in which mode.
+
+    Parameters
+    ----------
+    motion : ActuatorRun or ActuatorOrbit
+        A run with its events kept: over its window. Of an orbit, once round.
+
+    Returns
+    -------
+    Duty
+
+    Raises
+    ------
+    InvalidParameter
+        If `motion` is neither, or the run kept no events.
+
+    See Also
+    --------
+    Duty, energy, life
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> f"{mi.duty_cycle(run).stuck:.3f}"
+    '0.998'
+    """
+    if isinstance(motion, ActuatorOrbit):
+        arcs, window = arcs_of_orbit(motion), (0.0, float(motion.periods))
+        period = motion.found.point.period
+    elif isinstance(motion, ActuatorRun):
+        if motion.keep != "events":
+            allowed = "'events' for its duty cycle; simulate again with keep='events'"
+            raise InvalidParameter("keep", motion.keep, allowed)
+        first, last = (min(border, motion.extent[1]) for border in motion.window)
+        arcs, window = arcs_of_run(motion, motion.trajectory.events, first), (first, last)
+        period = motion.trajectory.period
+    else:
+        raise InvalidParameter("motion", motion, "a run or an orbit of an actuator")
+    first, last = window
+    lasted = np.zeros(len(MODES))
+    for arc in arcs:
+        begin = arc.begin.cycle + arc.begin.time / period
+        end = begin + arc.length / period
+        lasted[arc.begin.mode] += max(0.0, min(end, last) - max(begin, first))
+    shares = lasted / (last - first)
+    slips, sides = np.array([[direction_of(mode), side_of(mode)] for mode in range(len(MODES))]).T
+    there = np.flatnonzero(shares)
+    table = results.duty([MODES[mode] for mode in there], shares[there], period, motion.system)
+    return DutyCycle(
+        flying=float(shares[sides == 0].sum()),
+        in_contact=float(shares[sides != 0].sum()),
+        stuck=float(shares[slips == 0].sum()),
+        forward=float(shares[slips > 0].sum()),
+        backward=float(shares[slips < 0].sum()),
+        table=table,
+    )
+
+
+# --- What the block does over the frequency: its amplitude, where it strikes, what that moves.
+
+
+def frequency_response(
+    actuator: Actuator,
+    drive: Drive,
+    omegas: ArrayLike,
+    amplitudes: ArrayLike | None = None,
+    *,
+    direction: Literal["up", "down", "both"] = "both",
+    transient: int = 100,
+    periods: int = 20,
+    options: Options = Options(),  # noqa: B008 - immutable
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Return what the device does over the frequency, up and down, at one voltage or several.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        With an ``omega`` and an ``amplitude``.
+    omegas : array_like of float
+        Angular frequencies [rad/s].
+    amplitudes : array_like of float, optional
+        Voltages [V]; that of the drive by default.
+    direction, transient, periods, options, workers
+        As for `mems_impact.sweep`.
+
+    Returns
+    -------
+    DataFrame
+        One row an amplitude, direction and omega, in the order in which they were computed: these,
+        the largest deflection of the block (delta where it strikes; NaN where it does not turn
+        back), impacting, impacts and blows per period, displacement per period and mean speed, and
+        the status.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or the drive has no such parameter.
+
+    See Also
+    --------
+    impact_onset, plot_response, ring_down
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> table["amplitude"].unique().tolist()
+    [0.1, 0.24]
+    """
+    import pandas as pd
+
+    system = ActuatorSystem(actuator, drive)
+    for name in ("omega", "amplitude"):
+        system.check_parameter(name)
+    given = system.value("amplitude") if amplitudes is None else amplitudes
+    values = np.atleast_1d(np.asarray(given, dtype=float))
+    parts = []
+    for amplitude in values.tolist():
+        table = sweep(
+            system.changed(amplitude=amplitude), "omega", omegas, direction=direction,
+            transient=transient, periods=periods, options=options, workers=workers,
+        )  # fmt: skip
+        summary = sweep_summary(table)
+        summary.insert(0, "amplitude", amplitude)
+        parts.append(summary)
+    found = pd.concat(parts, ignore_index=True)
+    gap = found["closest approach"].to_numpy()
+    deflection = np.where(found["impacting"], actuator.delta, actuator.delta - gap)
+    columns = ["impacting", "impacts per period", "blows per period", "displacement per period",
+               "mean speed", "status"]  # fmt: skip
+    first = found[["amplitude", "direction", "omega"]].assign(deflection=deflection)
+    result = pd.concat([first, found[columns]], axis=1)
+    units = {**table.attrs["units"]}
+    if system.units:
+        units |= {"deflection": "m", "amplitude": "V"}
+    shown = {name: unit for name, unit in units.items() if name in result}
+    result.attrs = {"units": shown, "system": repr(system)}
+    return result
+
+
+def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
+    """Return between which frequencies the block strikes, by amplitude and direction.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `frequency_response`.
+
+    Returns
+    -------
+    DataFrame
+        One row an amplitude and direction: the lowest and the highest omega of the table at which
+        there are impacts (NaN without), and the smallest and largest mean speed among them.
+
+    Raises
+    ------
+    InvalidParameter
+        If the table is another one.
+
+    See Also
+    --------
+    frequency_response, plot_response
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> mi.impact_onset(table).columns.tolist()
+    ['amplitude', 'direction', 'omega from', 'omega to', 'mean speed min', 'mean speed max']
+    """
+    import pandas as pd
+
+    if not {"omega", "direction", "deflection", "impacting"} <= set(table.columns):
+        raise InvalidParameter("table", None, "", problem="not a table of frequency_response")
+    rows = []
+    for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
+        on = group[group["impacting"]]
+        omega, speed = on["omega"], on["mean speed"]
+        rows.append(
+            {
+                "amplitude": amplitude,
+                "direction": direction,
+                "omega from": omega.min(),
+                "omega to": omega.max(),
+                "mean speed min": speed.min(),
+                "mean speed max": speed.max(),
+            }
+        )
+    result = pd.DataFrame(rows)
+    units = table.attrs.get("units", {})
+    names = {"omega from": "omega", "omega to": "omega", "amplitude": "amplitude",
+             "mean speed min": "mean speed", "mean speed max": "mean speed"}  # fmt: skip
+    result.attrs = {"units": {name: units[of] for name, of in names.items() if of in units}}
+    return result
+
+
+# --- Speed over the voltage, and the smallest step.
+
+
+def speed_over_voltage(
+    actuator: Actuator,
+    drive: Drive,
+    amplitudes: ArrayLike,
+    *,
+    parameter: str = "amplitude",
+    transient: int = 300,
+    periods: int = 60,
+    initial: State | None = None,
+    options: Options = Options(),  # noqa: B008 - immutable
+    workers: int | None = None,
+) -> pd.DataFrame:
+    """Return steps and speed over the voltage, from the highest down: what is on stays on.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+    amplitudes : array_like
+        Values of the voltage.
+    parameter : str
+        Which voltage of the drive is varied, such as ``"right.amplitude"`` of a two-sided one.
+    transient, periods, initial, options, workers
+        As for `mems_impact.sweep`.
+
+    Returns
+    -------
+    DataFrame
+        One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
+        displacement per period, per impact and per blow, mean speed. A period is that of the
+        drive, of v^2, also where a term makes the sign of the voltage matter.
+
+    See Also
+    --------
+    resolution, load_curve, sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> speeds = mi.speed_over_voltage(
+    ...     actuator, drive, [0.2, 0.24], transient=100, periods=10,
+    initial=mi.kicked_state(actuator) ... )
+    >>> bool(speeds["mean speed"].is_monotonic_increasing)
+    True
+    """
+    from mems_impact.actuator.system import ActuatorSystem
+    from mems_impact.studies.sweep import sweep
+    from mems_impact.tables import sweep_summary
+
+    system = ActuatorSystem(actuator, drive)
+    table = sweep(
+        system, parameter, amplitudes, direction="down", transient=transient, periods=periods,
+        initial=initial, options=options, workers=workers,
+    )  # fmt: skip
+    summary = sweep_summary(table).iloc[::-1]
+    share = drive.period / system.forcing_period  # below 1 where a term makes the sign matter
+    return results.speed(
+        parameter,
+        summary[parameter].to_numpy(),
+        share * summary["impacts per period"].to_numpy(),
+        share * summary["blows per period"].to_numpy(),
+        share * summary["displacement per period"].to_numpy(),
+        drive.period,
+        system,
+    )
+
+
+def resolution(speeds: pd.DataFrame) -> float:
+    """Return the smallest forward step in a table of `speed_over_voltage`.
+
+    Of the voltages with one blow in a forcing period: there, each step is the same.
+
+    Parameters
+    ----------
+    speeds : DataFrame
+
+    Returns
+    -------
+    float
+        Displacement per blow [m].
+
+    Raises
+    ------
+    InvalidParameter
+        If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
+        period that moves the frame forward.
+
+    See Also
+    --------
+    speed_over_voltage, period_one_window
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> speeds = mi.speed_over_voltage(
+    ...     actuator, drive, [0.2, 0.24], transient=300, periods=10,
+    initial=mi.kicked_state(actuator) ... )
+    >>> f"{mi.resolution(speeds):.2e}"
+    '1.45e-04'
+    """
+    table = bare(speeds)
+    if "displacement per blow" not in table:
+        raise InvalidParameter("speeds", None, "", problem="not a table of speed_over_voltage")
+    blows, moved = table["blows per period"], table["displacement per blow"]
+    one = np.isclose(blows, 1.0)
+    forward = moved[one & (moved > 0.0)]
+    if forward.empty:
+        problem = _no_step(blows, one)
+        raise InvalidParameter("speeds", None, "", problem=problem)
+    return float(forward.min())
+
+
+def _no_step(blows: pd.Series, one: pd.Series) -> str:
+    """Return why no row of a table tells the resolution."""
+    if one.any():
+        return (
+            f"the frame moves forward at none of the {int(one.sum())} voltages with one blow in a "
+            "period; take a drive that pulls the block to the right"
+        )
+    seen = f", but {blows.min():g} to {blows.max():g}" if blows.notna().any() else ""
+    return (
+        f"no voltage in the table makes one blow in a period{seen}; add voltages at which the "
+        "device walks (see period_one_window), or a longer transient"
+    )
+
+
+# --- The voltages between which an orbit of one forcing period lasts.
+
+BIFURCATIONS = ("G", "CF", "PD", "NS", "BP")  # labels of points at which a stable orbit ends
+AHEAD = 1e-4  # part of an amplitude by which a run is beyond a jump
+JUMPS = 10  # that a window may span
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PeriodOneWindow(SummaryRepr):
+    """The voltages between which an orbit lasts.
+
+    Attributes
+    ----------
+    low, high : float
+        Amplitudes [V] at the ends.
+    low_kind, high_kind : str
+        What happens there: "grazing", "fold", "period-doubling", …, or "bound" where the search
+        ended.
+    margin : float
+        Half the width over the middle: how far off, relatively, a voltage in the middle may be.
+    si : bool
+        Whether these are in SI, those of a device that is.
+
+    See Also
+    --------
+    period_one_window
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window.low < drive.amplitude < window.high
+    True
+    """
+
+    si_units = {"low": "V", "high": "V"}  # noqa: RUF012 - ClassVar in Summarized
+
+    low: float
+    high: float
+    low_kind: str
+    high_kind: str
+    si: bool = False
+
+    @property
+    def margin(self) -> float:  # noqa: D102 - above
+        return (self.high - self.low) / (self.high + self.low)
+
+
+def period_one_window(
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    low: float,
+    high: float,
+    guess: State | None = None,
+    transient: int = 300,
+) -> PeriodOneWindow:
+    """Return between which amplitudes the stable orbit of one forcing period at `drive` lasts.
+
+    The orbit is continued both ways until it grazes, folds or loses its stability. Where only the
+    slips of the frame change, it goes on, also where the motion jumps to a stable orbit of one
+    period with as many impacts.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        With an ``amplitude`` at which the orbit is stable.
+    low, high : float
+        Where the search ends.
+    guess : State, optional
+        A state that leads to the orbit; a kick by default.
+    transient : int, optional
+        Forcing periods to run before the orbit is read.
+
+    Returns
+    -------
+    Window
+
+    Raises
+    ------
+    OrbitError
+        If the run from the guess does not lead to a stable orbit with impacts.
+
+    See Also
+    --------
+    Window, continue_orbit, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> window = mi.period_one_window(actuator, drive, low=0.17, high=0.26)
+    >>> window.low_kind, f"{window.low:.6f}"
+    ('fold', '0.176515')
+    """
+    from mems_impact.actuator.system import kicked_state
+    from mems_impact.analysis.orbit import find_orbit
+
+    amplitude = float(drive.amplitude)  # type: ignore[attr-defined]
+    if not low < amplitude < high:
+        raise InvalidParameter("amplitude", amplitude, f"between low = {low:g} and high = {high:g}")
+    start = kicked_state(actuator) if guess is None else guess
+    orbit = find_orbit(actuator, drive, guess=start, periods=1, transient=transient)
+    if not (orbit.stable and orbit.admissible and len(orbit.impacts)):
+        reason = f"at amplitude = {amplitude:g} there is no stable orbit with impacts of one period"
+        raise OrbitError(reason, "take an amplitude inside the window", orbit)
+    (low, low_kind, _), (high, high_kind, _) = (
+        lasts_until(orbit, stop, transient) for stop in (low, high)
+    )
+    return PeriodOneWindow(
+        low=low, low_kind=low_kind, high=high, high_kind=high_kind, si=actuator.scales.named
+    )
+
+
+def lasts_until(
+    orbit: Orbit, stop: float, transient: int
+) -> tuple[float, str, SpecialPoint | None]:
+    """Return the end of the window between `orbit` and an amplitude, and what happens there.
+
+    With the special point at which it ends, if it does at one.
+    """
+    from mems_impact.analysis.branch import continue_orbit
+    from mems_impact.analysis.orbit import find_orbit
+
+    value, kind = math.nan, ""
+    ends: list[SpecialPoint] = []
+    for _ in range(JUMPS):
+        branch = continue_orbit(orbit, "amplitude", stop=stop)
+        value, kind = end_of(branch, stop)
+        ends = [special for special in branch.special_points if special.value == value]
+        if kind == "bound" or any(special.label in BIFURCATIONS for special in ends):
+            break
+        last = min(branch.orbits, key=lambda each: abs(each.system.value("amplitude") - value))
+        ahead = value + math.copysign(AHEAD * value, stop - value)
+        if (stop - ahead) * (stop - value) <= 0.0:
+            break
+        try:
+            system = last.system.changed(amplitude=ahead)
+            orbit = find_orbit(system, guess=last.state, periods=1, transient=transient)
+        except (OrbitError, RunError):
+            break
+        if not orbit.stable or len(orbit.impacts) != len(last.impacts):
+            break
+    return value, kind, ends[0] if ends else None
+
+
+def end_of(branch: Branch, stop: float) -> tuple[float, str]:
+    """Return where the stable orbit ends with which a branch begins, and what happens there.
+
+    Events of the frame, such as the end of a slip that meets an impact, may leave it stable.
+
+    Parameters
+    ----------
+    branch : Branch
+    stop : float
+        Where it was to end: its end is a "bound" then.
+    """
+    values = [orbit.system.value(branch.parameter) for orbit in branch.orbits]
+    way = math.copysign(1.0, stop - values[0])
+    for special in branch.special_points:
+        beyond = (
+            orbit.stable and orbit.admissible
+            for value, orbit in zip(values, branch.orbits, strict=True)
+            if way * (value - special.value) > 0.0
+        )
+        if special.label in BIFURCATIONS or not next(beyond, False):
+            return special.value, special.kind
+    reached = math.isclose(values[-1], stop, rel_tol=1e-9)
+    return (stop, "bound") if reached else (values[-1], branch.ended)

@@ -1,0 +1,327 @@
+"""Speed against a load, and the largest load."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mems_impact.actuator import results
+from mems_impact.actuator.automaton import BREAK_AWAY, V1, X1, direction_of
+from mems_impact.actuator.design.energy import accounted_problem
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.extended_automaton import compose
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.actuator.terms.frame_load import FrameLoad
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import ArrayLike
+
+__all__ = ["LoadCurve", "load_curve"]
+
+LOAD = "frame_load.force"
+WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
+FASTER = 1e3  # so many times as fast a frame that runs away is not held either
+ROUNDS = 8  # orbits, one beyond the other, on which the end of the walk is looked for
+SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in the units of the numerics
+STILL = 1e-12  # of delta: a displacement that is rounding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoadCurve(Result):
+    """Mean speed over an opposing force, in the units of the device.
+
+    Attributes
+    ----------
+    system : ActuatorSystem
+        Without load.
+    table : DataFrame
+        One row a load, ascending: load, displacement per period, mean speed, power (load times
+        speed), what the device does ("walks", "walks back", "stands", "runs away": then it has no
+        mean speed), and whether that is an "orbit" or read off a "run".
+    sliding_load : float
+        Up to here every slip ends by itself: the friction on a frame that slips [N]. Beyond, a
+        device that once slips back runs away.
+    holding_load : float
+        Up to here static friction holds a device without voltage [N].
+    walking_load : float
+        Up to here it walks, on the orbit that was followed: there the frame breaks away backwards
+        while it should be at rest, and runs away [N]; NaN if that lies beyond the loads, or no
+        orbit was followed. A device whose frame slips back in every period has no such load: it
+        walks ever more slowly, stalls, and walks back.
+    stall_load : float
+        Where the speed is zero, between two rows [N]; NaN if it is nowhere: a device that friction
+        holds between its blows still walks at the load that tears it off.
+
+    See Also
+    --------
+    load_curve, plot_load
+
+    Notes
+    -----
+    A device runs away where its frame slips one way throughout the periods that are measured, and
+    the forces from outside exceed the friction at any speed.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> bool((curve.table["mean speed"].diff().dropna() < 0).all())
+    True
+    """
+
+    system: ActuatorSystem = field(repr=False)
+    table: pd.DataFrame = field(repr=False)
+    sliding_load: float
+    holding_load: float
+    walking_load: float
+    stall_load: float
+
+    def summary(self) -> dict[str, Any]:
+        """Return the loads that matter."""
+        names = ("sliding_load", "holding_load", "walking_load", "stall_load")
+        return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
+
+
+class _Row(NamedTuple):
+    displacement: float
+    does: str
+    by: str
+
+
+def load_curve(
+    actuator: Actuator,
+    drive: Drive,
+    loads: ArrayLike,
+    *,
+    transient: int = 100,
+    periods: int = 40,
+    initial: State | None = None,
+    options: Options = Options(),  # noqa: B008 - immutable
+) -> LoadCurve:
+    """Return mean speed and step over a force against which the device walks.
+
+    From the smallest load up, each from where the one before has led: along the periodic orbit
+    where there is a stable one, and by runs elsewhere.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        A `FrameLoad` of its own is left out.
+    drive : Drive
+    loads : array_like of float
+        Forces [N], against the way to the right.
+    transient, periods : int, optional
+        Forcing periods that a run is given to settle, and that are then measured.
+    initial : State, optional
+        Where the run at the smallest load starts; with a kick by default (see `kicked_state`).
+    options : Options, optional
+        Of runs; orbits are found to `find_orbit`'s own tolerances.
+
+    Returns
+    -------
+    LoadCurve
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range.
+    RunError
+        If a run cannot go on, and the device does not run away.
+
+    See Also
+    --------
+    LoadCurve, plot_load, FrameLoad
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> f"{curve.holding_load:.2f}", f"{curve.sliding_load:.2f}"
+    ('23.54', '15.89')
+    """
+    if not isinstance(actuator, Actuator):
+        raise InvalidParameter("actuator", actuator, "an Actuator (see load_actuator)")
+    values = np.sort(np.atleast_1d(np.asarray(loads, dtype=float)))
+    if values.ndim != 1 or values.size == 0 or not all(map(is_number, values.tolist())):
+        raise InvalidParameter("loads", loads, "one or more finite numbers")
+    transient, periods = whole("transient", transient, 0), whole("periods", periods, 1)
+    system = ActuatorSystem(actuator.adding(FrameLoad(force=0.0)), drive)
+    start = system.start_of("down") if initial is None else initial
+    chain = _Chain(system, start, transient, periods, options)
+    rows = [chain.at(load) for load in values.tolist()]
+    sliding, holding = _held(system)
+    moved = np.array([row.displacement for row in rows])
+    speed = moved / float(system.forcing_period)
+    table = results.load(
+        values, moved, speed, [row.does for row in rows], [row.by for row in rows], system
+    )
+    return LoadCurve(
+        system=system,
+        table=table,
+        sliding_load=sliding,
+        holding_load=holding,
+        walking_load=chain.limit(),
+        stall_load=_zero(values, speed),
+    )
+
+
+class _Chain:
+    """Loads one after the other, each from the state of the one before."""
+
+    def __init__(
+        self, system: ActuatorSystem, start: State, transient: int, periods: int, options: Options
+    ) -> None:
+        self.system, self.start, self.state = system, start, start
+        self.transient, self.periods, self.options = transient, periods, options
+        self.tight = replace(ORBIT_OPTIONS, engine=options.engine)
+        self.orbit: ActuatorOrbit | None = None
+        self.load, self.expected = math.nan, math.inf
+        self.away = False  # backwards, which no larger load ends
+
+    def at(self, load: float) -> _Row:
+        """Return what the device does at a load."""
+        if self.away:
+            return _Row(math.nan, AWAY, "run")
+        system = self.system.changed(**{LOAD: load})
+        known = self.orbit is not None and load < self.expected
+        if known and (row := self._follow(system, load)):
+            return row
+        run, way = self._run(system)
+        if way != 0:
+            self.away, self.state = way < 0, self.start
+            return _Row(math.nan, AWAY, "run")
+        self.state, self.expected = run.final, math.inf
+        row = self._follow(system, load)
+        return row or self._row(float(run.statistics["displacement per period"]), "run")
+
+    def limit(self) -> float:
+        """Return the load at which the orbit ends, from one close below; NaN if it was not met.
+
+        Where a run beyond it walks on, with one slip more, the orbit that it comes to is asked.
+        """
+        for _ in range(ROUNDS):
+            expected = self.expected
+            if not self.away or self.orbit is None or not math.isfinite(expected):
+                return math.nan
+            load = self.load + 0.999 * (expected - self.load)
+            self._follow(self.system.changed(**{LOAD: load}), load)
+            expected = self.expected
+            beyond = expected + 1e-6 * abs(expected)
+            system = self.system.changed(**{LOAD: beyond})
+            _, way = self._run(system)
+            if way != 0:
+                return expected
+            if not self._follow(system, beyond):
+                return math.nan
+        return math.nan
+
+    def _run(self, system: ActuatorSystem) -> tuple[ActuatorRun, int]:
+        """Return a run from the last state, and the way in which the frame runs away; 0 if not."""
+        length = self.transient + self.periods
+        first = self.state.time / system.forcing_period + self.transient
+        try:
+            run: Any = simulate(
+                system, length, initial=self.state, options=self.options,
+                window=(first, first + self.periods),
+            )  # fmt: skip
+        except RunError as error:
+            run = error.trajectory
+            way = _runaway(run, self.periods)
+            if way == 0:
+                raise
+            return run, way
+        return run, _runaway(run, self.periods)
+
+    def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
+        """Look for the stable orbit near the last state; return what it does."""
+        periods = None if self.orbit is None else self.orbit.periods
+        try:
+            found: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
+        except (OrbitError, RunError):
+            self.orbit = None
+            return None
+        if not (found.stable and found.admissible):
+            self.orbit = None
+            return None
+        self.orbit, self.state, self.load = found, found.state, load
+        # What acts on a frame at rest grows with the load, all else being the same. Where a rest
+        # ends by breaking away, it does so without more load.
+        margins = [
+            float(arc.minima[BREAK_AWAY])
+            for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
+            if direction_of(segment.mode) == 0 and segment.code != BREAK_AWAY
+        ]
+        self.expected = load + _unheld(system, min(margins)) if margins else math.inf
+        return self._row(found.step / found.periods, "orbit")
+
+    def _row(self, moved: float, by: str) -> _Row:
+        moved = 0.0 if abs(moved) < STILL * self.system.actuator.delta else moved
+        return _Row(moved, STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK, by)
+
+
+def _unheld(system: ActuatorSystem, margin: float) -> float:
+    """Return by how much more a frame at rest may be pushed, from the margin of its guard."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    limit = model.static_limit(system.numbers().parameters)
+    push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `composed.spare`
+    return float(system.scales.out(limit - push, "N"))
+
+
+def _runaway(run: ActuatorRun, periods: int) -> int:
+    """Return the way in which the frame runs away in the last periods of a run: 1, -1; 0 if not."""
+    trajectory = run.trajectory
+    log, final = trajectory.events, trajectory.final
+    way = direction_of(final.mode)
+    first = final.cycle + final.time / trajectory.period - periods
+    late = log[log.cycle + log.time / trajectory.period >= first]
+    modes = {*late.mode_before.tolist(), *late.mode_after.tolist()}
+    if way == 0 or any(direction_of(mode) != way for mode in modes):
+        return 0
+    system = run.system
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters
+    for factor in (1.0, FASTER):
+        y = final.y.copy()
+        y[[X1, V1]] *= factor
+        outside = model.on_frame(y, p) + model.on_block(y, p)
+        if way * (outside - model.sliding_friction(way, y[V1], p)) <= 0.0:
+            return 0
+    return way
+
+
+def _held(system: ActuatorSystem) -> tuple[float, float]:
+    """Return the loads that friction holds on a frame that slips, and on one at rest."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters
+    y = np.zeros(len(model.layout.states))
+    outside = model.on_frame(y, p) + model.on_block(y, p)
+    # Where friction falls and rises with the speed, it holds no more than at its lowest.
+    speeds = SPEEDS if model.sticks else SPEEDS[-1:]
+    friction = [model.sliding_friction(1, speed, p) for speed in speeds.tolist()]
+    sliding, static = min(friction) + outside, model.static_limit(p) + outside
+    return float(system.scales.out(sliding, "N")), float(system.scales.out(static, "N"))
+
+
+def _zero(loads: Any, speed: Any) -> float:
+    """Return where a speed goes through zero, on the straight line between two loads."""
+    for i in np.flatnonzero(speed[:-1] * speed[1:] <= 0.0).tolist():
+        if speed[i] > speed[i + 1]:
+            share = speed[i] / (speed[i] - speed[i + 1])
+            return float(loads[i] + share * (loads[i + 1] - loads[i]))
+    return math.nan

@@ -1,0 +1,999 @@
+"""The operating chart: on- and off-boundaries over frequency.
+
+Where the spring moves the frame before the block strikes, friction falls from its static to its
+dynamic value at once, and the motion jumps: no curve leads from rest to slip. So impacts are looked
+for by runs, each a little higher than the one before, and the orbit without impacts is followed
+through the last step alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact.actuator import results
+from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
+from mems_impact.actuator.design.characteristics import end_of, lasts_until
+from mems_impact.actuator.design.estimates import pull_in_voltage
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.terms.base import Term
+from mems_impact.analysis.branch import continue_orbit, curve_of
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, find_orbit
+from mems_impact.analysis.simulate import simulate
+from mems_impact.analysis.special_points import CodimensionTwo, GrazingType, SpecialPoint
+from mems_impact.continuation import grazing
+from mems_impact.continuation.arclength import StepControl
+from mems_impact.continuation.codim1_curve import CurvePoint, OrbitCurve, follow_curve
+from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch, points_of
+from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
+from mems_impact.integrators.options import Options
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.orbit_search import find_periodic_orbit
+from mems_impact.studies.engine.executors import Watch, stoppable_threads
+from mems_impact.systems.result import Result
+from mems_impact.systems.state import State, is_number, whole
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["ChartBuilder", "OperatingChart", "locate_crisis", "operating_chart"]
+
+# --- The chart of Fig. 7: at which voltage the device switches on and off, over the frequency.
+
+AMPLITUDE, OMEGA = "amplitude", "omega"
+ON, OFF, SLIP = "on", "off", "slip"
+STEADY_FROM, STEADY_TO = "steady from", "steady to"
+
+Point = tuple[float, float]  # omega and amplitude
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OperatingChart(Result):
+    """On- and off-boundaries over the frequency.
+
+    Attributes
+    ----------
+    system : ActuatorSystem
+    omega : tuple of float
+        The range of the chart.
+    special_points : tuple of CodimensionTwo
+        Of the grazing curve: the frequencies that separate the types.
+    notes : tuple of str
+        What could not be computed, and why; empty if all was.
+
+    See Also
+    --------
+    operating_chart, plot_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> chart.special_table.columns.tolist()
+    ['kind', 'omega', 'amplitude']
+    """
+
+    system: ActuatorSystem = field(repr=False)
+    omega: tuple[float, float]
+    special_points: tuple[CodimensionTwo, ...]
+    notes: tuple[str, ...]
+    regions: tuple[tuple[GrazingType, float, float], ...]
+    pieces: tuple[tuple[str, GrazingType | None, str, tuple[Point, ...]], ...] = field(repr=False)
+
+    def __repr__(self) -> str:
+        low, high = self.omega
+        notes = f"; {len(self.notes)} notes" if self.notes else ""
+        return f"OperatingChart({OMEGA} {low:g} to {high:g}, types {self._types()}{notes})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return the range, the types and what separates them."""
+        low, high = self.omega
+        found = [f"{s.kind} at {s.values[OMEGA]:.6g}" for s in self.special_points]
+        return {
+            "system": repr(self.system),
+            self.system.label(OMEGA): f"{low:g} to {high:g}",
+            "types": self._types(),
+            "special points": ", ".join(found) or "none",
+            "notes": "; ".join(self.notes) or "none",
+        }
+
+    def _types(self) -> str:
+        return ", ".join(region.paper for region, _, _ in self.regions) or "none"
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """One row a point of a boundary, each boundary in ascending omega.
+
+        Columns: boundary ("on", "off"; where the frame slips before the block strikes also "slip",
+        where it begins to, and "steady from" and "steady to", between which the block strikes alike
+        in every forcing period), omega, amplitude, type of the paper (I, II, III; none where the
+        frame slips first), kind (what happens there: grazing, fold, crisis, break-away, …).
+        """
+        rows = [
+            {
+                "boundary": boundary,
+                "values": (self.system.out(OMEGA, omega), self.system.out(AMPLITUDE, amplitude)),
+                "type": region.paper if region is not None else "",
+                "kind": kind,
+            }
+            for boundary, region, kind, points in self.pieces
+            for omega, amplitude in points
+        ]
+        return results.chart((OMEGA, AMPLITUDE), rows, self.system)
+
+    @cached_property
+    def types(self) -> pd.DataFrame:
+        """One row a type: where it begins and ends, and what its boundaries are."""
+        kinds = {(boundary, region): kind for boundary, region, kind, _ in self.pieces}
+        rows = [
+            {
+                "type": region.paper,
+                "grazing": str(region),
+                "values": (self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+                ON: kinds.get((ON, region), ""),
+                OFF: kinds.get((OFF, region), ""),
+            }
+            for region, low, high in self.regions
+        ]
+        return results.chart_types(OMEGA, rows, self.system)
+
+    @cached_property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two: kind, omega, amplitude."""
+        rows = [
+            {"kind": s.kind, "values": (s.values[OMEGA], s.values[AMPLITUDE])}
+            for s in self.special_points
+        ]
+        return results.chart_points((OMEGA, AMPLITUDE), rows, self.system)
+
+
+# --- Where an attractor with impacts ceases to exist, by simulation.
+
+RAMP = 21  # amplitudes from where the attractor is first looked for to the on-boundary
+TRIALS = 6  # states of the attractor from which the next amplitude is tried
+SIMULATION = Options()
+
+
+def locate_crisis(
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    below: float,
+    begin: float | None = None,
+    width: float | None = None,
+    start: State | None = None,
+    tolerance: float = 1e-6,
+    periods: int = 2000,
+    options: Options = SIMULATION,
+    watch: Watch | None = None,
+) -> float:
+    """Find by simulation the amplitude at which an attractor with impacts ceases to exist.
+
+    The amplitude is lowered in ever longer steps, each from states of the attractor before it,
+    until none of them goes on impacting; the last step is then halved.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive
+        Its amplitude does not matter.
+    below : float
+        An amplitude at which there is such an attractor, such as the on-boundary.
+    begin : float, optional
+        The amplitude at which it is looked for first; `below` by default. Near a fold
+        a run lingers where the orbit has vanished, so that a little above it is better.
+    width : float, optional
+        How far to look, `below` itself by default.
+    start : State, optional
+        From which it is looked for first; a kick by default.
+    tolerance : float, optional
+        Width of the last step, as a part of `below`.
+    periods : int, optional
+        Forcing periods for which the attractor has to persist. Just below the crisis a transient
+        may last as long, so that the result is a little low; it rises with `periods`.
+    options : Options, optional
+    watch : callable, optional
+        Called with the periods of the present run that are done, several times a second; an
+        exception that it raises ends the search.
+
+    Returns
+    -------
+    float
+        The smallest amplitude at which the attractor was seen.
+
+    Raises
+    ------
+    OrbitError
+        If there is no such attractor at `below`, or it is still there `width` lower.
+    """
+    progress = watch or False
+
+    def attractor(amplitude: float, starts: list[State]) -> list[State]:
+        """Return states of the attractor at `amplitude`; none if all `starts` lead off it."""
+        here = drive.replace(amplitude=amplitude)
+        for start in starts:
+            run = simulate(actuator, here, periods, initial=start, keep="statistics",
+                           window=(0.75 * periods, periods), options=options,
+                           progress=progress)  # fmt: skip
+            if run.statistics["impacts"] > 0.0:
+                states = [run.final]
+                for _ in range(TRIALS - 1):
+                    more = simulate(actuator, here, 7, initial=states[-1], options=options)
+                    states.append(more.final)
+                return states
+        return []
+
+    top, begin = below, below if begin is None else begin
+    states = attractor(begin, [kicked_state(actuator) if start is None else start])
+    if not states:
+        raise OrbitError(f"no attractor with impacts at amplitude {begin:.9g}", "begin higher")
+    for amplitude in np.linspace(begin, below, RAMP)[1:].tolist() if begin != below else ():
+        here = drive.replace(amplitude=amplitude)
+        states = [simulate(actuator, here, 50, initial=s, options=options).final for s in states]
+    step, bottom = tolerance * below, 0.0
+    least = below - (below if width is None else width)
+    while True:
+        trial = top - step
+        if trial <= least:
+            reason = f"the attractor with impacts is still there at amplitude {top:.9g}"
+            raise OrbitError(reason, "look further down", top)
+        found = attractor(trial, states)
+        if not found:
+            bottom = trial
+            break
+        top, states, step = trial, found, 2.0 * step
+    while top - bottom > tolerance * below:
+        trial = 0.5 * (top + bottom)
+        found = attractor(trial, states)
+        if found:
+            top, states = trial, found
+        else:
+            bottom = trial
+    return top
+
+
+# --- The voltages at which block and frame begin to move, one frequency after the other.
+
+SETTLED = 400  # forcing periods after which a run without impacts has settled, or more if asked
+LARGEST = 0.02  # part of the amplitude by which it rises at once
+PRECISE = 1e-5  # part of the amplitude to which a simulated threshold is found
+ABOVE = 1e-3  # part of the amplitude by which the motion with impacts is looked for above it
+RISES = 1.05  # steps in which an orbit with impacts is looked for
+LOWEST = 0.1  # part of the amplitude of the first impact at which none comes
+GRAZING, FOLD, JUMP = "grazing", "fold", "jump"
+
+
+def onset(
+    system: ActuatorSystem, first: float, most: float, watch: Watch | None
+) -> tuple[float, str, SpecialPoint | None, State]:
+    """Return the amplitude above `first` at which the block begins to strike, on the way up.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+        At one frequency.
+    first, most : float
+        Amplitudes between which it is looked for.
+    watch : callable or None
+        Called by runs; an exception that it raises ends the search.
+
+    Returns
+    -------
+    amplitude : float
+    kind : str
+        How the orbit without impacts ends there: "grazing", "fold", …; "jump" where it is not known
+        (from rest, or where there is no such orbit).
+    special : SpecialPoint or None
+        The grazing or fold.
+    state : State
+        Of the motion with impacts.
+
+    Raises
+    ------
+    OrbitError
+        If it does not strike up to `most`.
+    """
+
+    def settled(amplitude: float, start: State) -> tuple[bool, State]:
+        run = simulate(
+            system.changed(amplitude=amplitude), SETTLED, initial=start, keep="statistics",
+            window=(0.75 * SETTLED, SETTLED), progress=watch or False,
+        )  # fmt: skip
+        return bool(run.statistics["impacts"] > 0.0), run.final
+
+    low, state, step, struck = (1.0 - PRECISE) * first, State(), PRECISE * first, None
+    while struck is None or step > PRECISE * low:
+        strikes, there = settled(low + step, state)
+        if strikes:
+            struck, step = (low + step, there), 0.5 * step
+            continue
+        low, state = low + step, there
+        if struck is None:
+            step = min(2.0 * step, LARGEST * low)
+        elif low + step >= struck[0]:
+            step = 0.5 * (struck[0] - low)
+        if low > most:
+            raise OrbitError(f"no impacts up to amplitude = {most:.9g}", "take another frequency")
+    return *_ending(system.changed(amplitude=low), state, struck[0]), struck[1]
+
+
+def _ending(
+    system: ActuatorSystem, state: State, high: float
+) -> tuple[float, str, SpecialPoint | None]:
+    """Return where and how the orbit without impacts at a state ends, below `high`."""
+    try:
+        orbit: Any = find_orbit(system, guess=state)
+        if orbit.stable and orbit.admissible:
+            branch = continue_orbit(orbit, "amplitude", high)
+            amplitude, kind = end_of(branch, high)
+            if kind in (GRAZING, FOLD):
+                ends = [each for each in branch.special_points if each.value == amplitude]
+                return amplitude, kind, ends[0]
+    except OrbitError:
+        pass
+    return high, JUMP, None
+
+
+def steady(
+    system: ActuatorSystem, on: float, most: float, state: State
+) -> list[tuple[str, float, str, SpecialPoint | None]]:
+    """Return the ends of the window in which an orbit of one period strikes: boundary, amplitude.
+
+    Each with what happens there; none where there is no such orbit, or no end up to `most`.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+        At one frequency.
+    on, most : float
+        Amplitudes: above the first of them it is looked for.
+    state : State
+        Of the motion with impacts.
+    """
+    amplitude, orbit = on * (1.0 + ABOVE), None
+    while orbit is None and amplitude < most:
+        try:
+            there: Any = find_orbit(
+                system.changed(amplitude=amplitude), guess=state, periods=1, transient=SETTLED
+            )
+            if there.stable and there.admissible and len(there.impacts):
+                orbit = there
+        except OrbitError:
+            pass
+        amplitude *= RISES
+    if orbit is None:
+        return []
+    found = []
+    for boundary, stop in ((STEADY_FROM, LOWEST * on), (STEADY_TO, most)):
+        value, kind, special = lasts_until(orbit, stop, SETTLED)
+        if kind != "bound":
+            found.append((boundary, value, kind if special is not None else JUMP, special))
+    return found
+
+
+def switching_off(
+    system: ActuatorSystem, on: float, state: State, periods: int, watch: Watch | None
+) -> float:
+    """Return the amplitude below which the motion with impacts that begins at `on` is gone."""
+    return locate_crisis(
+        system.actuator,
+        system.drive,
+        below=on * (1.0 + ABOVE),
+        width=0.95 * on,
+        start=state,
+        tolerance=PRECISE,
+        periods=periods,
+        watch=watch,
+    )
+
+
+# --- The boundaries of a chart: curves where there are any, and crises by simulation.
+
+CRISIS = "crisis"
+SLIPS = GUARDS[BREAK_AWAY].name
+COLUMNS = 9  # frequencies at which thresholds are looked for, if nothing is simulated to its end
+FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
+SAME = 1e-9  # part of the frequency within which two points are one, located twice
+SLIDES = "raise mu_s, soften k, or take another range of omega"
+TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A point of a boundary, and that of a branch from which its curve may be followed."""
+
+    omega: float
+    amplitude: float
+    kind: str
+    event: BranchEvent | None
+
+    @property
+    def point(self) -> Point:
+        return self.omega, self.amplitude
+
+
+class ChartBuilder:
+    """The parts of a chart, in the units of the numerics.
+
+    Parameters
+    ----------
+    system : ActuatorSystem
+    options : Options
+    steps : Steps
+    tell : callable
+        Called with a line for every part.
+    omega : tuple of float
+        The range of the chart.
+    """
+
+    def __init__(
+        self,
+        system: ActuatorSystem,
+        options: Options,
+        steps: StepControl,
+        tell: Callable[[str], None],
+        omega: tuple[float, float],
+    ) -> None:
+        self.system, self.steps, self.tell, self.omega = system, steps, tell, omega
+        self.options = options
+        self.family: Family = system.family(options)
+        self.notes: list[str] = []
+        # By frequency: the branch of the orbit without impacts on its way up, its points to come.
+        self.met: dict[float, tuple[OrbitBranch, Iterator[BranchPoint]]] = {}
+        self.special_points: tuple[CodimensionTwo, ...] = ()
+        self.marks: set[float] = set()  # frequencies of these
+        self.regions: list[tuple[GrazingType, float, float]] = []
+        self.pieces: list[tuple[str, GrazingType | None, str, Sequence[Point]]] = []
+        self.done = self.total = 0  # pieces that are whole, and that there will be
+        self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
+
+    def make(self, crises: int, periods: int, workers: int) -> None:
+        """Compute the parts, those last that take longest; `chart` gives what is done."""
+        low, high = self.omega
+        if SLIPS in (self._first(low)[1], self._first(high)[1]):
+            self._thresholds(crises, periods, workers)
+            return
+        curve = self._grazings(low, high)
+        marks = [s for s in curve.special_points if s.kind in SEPARATING]
+        marks.sort(key=lambda s: s.values[1])
+        self.special_points = tuple(
+            sorted(
+                (s for s in curve_of(self.system, curve).special_points if s.kind in SEPARATING),
+                key=lambda s: s.values[OMEGA],
+            )
+        )
+        self.marks = {s.values[1] for s in marks}
+        edges = [low, *(s.values[1] for s in marks), high]
+        self.total = 2 * (len(edges) - 1)
+        simulated = []
+        for left, right in pairwise(edges):
+            slack = SAME * right
+            inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
+            ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
+            grazings = _joined(dict(_values(inside)), ends)
+            region = self._type(left, right)
+            self.tell(f"{self._at(left)} to {self._number(right)}: type {region.paper}")
+            self.regions.append((region, left, right))
+            for piece in self._followed(region, left, right, grazings):
+                self.pieces.append(piece)
+                self.done += 1
+                if piece[:3] == (ON, region, "fold"):
+                    simulated.append((region, left, right, piece[3]))
+        for region, left, right, folds in simulated:
+            found: list[Point] = []
+            self.pieces.append((OFF, region, CRISIS, found))
+            if crises:
+                self._crises(left, right, folds, crises, periods, workers, found)
+            self.done += 1
+
+    def chart(self) -> OperatingChart:
+        """Return the chart of what is done."""
+        order = {ON: 0, OFF: 1, SLIP: 2, STEADY_FROM: 3, STEADY_TO: 4}
+        pieces = [(side, region, kind, tuple(sorted(points)))
+                  for side, region, kind, points in self.pieces]  # fmt: skip
+        pieces.sort(key=lambda piece: (order[piece[0]], piece[3][0] if piece[3] else (0.0, 0.0)))
+        low, high = self.omega
+        return OperatingChart(
+            system=self.system,
+            omega=(self.system.out(OMEGA, low), self.system.out(OMEGA, high)),
+            special_points=self.special_points,
+            notes=tuple(self.notes),
+            regions=tuple(self.regions),
+            pieces=tuple(pieces),
+        )
+
+    def _special(
+        self,
+        omega: float,
+        wanted: Callable[[BranchEvent], bool],
+        watch: Watch | None = None,
+    ) -> list[BranchEvent]:
+        """Return what the orbit without impacts meets on the way up, at one frequency.
+
+        The branch is followed no further than to the first point that is wanted.
+        """
+        if omega not in self.met:
+            self.met[omega] = self._set_out(omega)
+        branch, points = self.met[omega]
+        while not any(map(wanted, branch.special_points)):
+            point = next(points, None)
+            if point is None:
+                break
+            if watch is not None:
+                watch(point.value)
+        return branch.special_points
+
+    def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
+        """Return the branch at one frequency, empty, and its points."""
+        amplitude = FIRST * self.pull_in
+        family = self.family.at(amplitude=amplitude, omega=omega)
+        here = self.system.changed(
+            amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
+        )
+        rest = here.instant(State(), family.problem())
+        try:
+            orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
+        except OrbitError as error:
+            where = f"{self._at(omega)} and {self._voltage(amplitude)}"
+            raise OrbitError(f"at {where}: {error.reason}", SLIDES) from error
+        branch, low = OrbitBranch(AMPLITUDE), 0.5 * amplitude
+        return branch, points_of(branch, orbit, low=low, high=self.pull_in, steps=self.steps)
+
+    def _grazings(self, low: float, high: float) -> OrbitCurve:
+        """Return the grazing curve of the orbit without impacts."""
+        for end, direction in ((high, -1.0), (low, 1.0)):
+            touching = [s for s in self._special(end, _grazes) if _grazes(s)]
+            if touching:
+                self.tell("the grazing curve of the orbit without impacts")
+                curve = self._curve(touching[0], low, high, direction)
+                reached = curve.points[-1].values[1] if curve.points else end
+                if abs(reached - (low if direction < 0.0 else high)) > 1e-9:
+                    self.notes.append(f"the grazing curve: {curve.ended}")
+                return curve
+        raise OrbitError(
+            f"{self._not_grazing(low)}, and {self._not_grazing(high)}", self._remedy(low, high)
+        )
+
+    def _first(self, omega: float) -> tuple[float, str]:
+        """Return the amplitude at which frame or block begin to move at one frequency, and how."""
+
+        def wanted(special: BranchEvent) -> bool:
+            return _grazes(special) or _slips(special)
+
+        try:
+            met = [special for special in self._special(omega, wanted) if wanted(special)]
+        except OrbitError:  # the frame moves at the smallest voltage
+            return FIRST * self.pull_in, SLIPS
+        return (met[0].value, met[0].kind) if met else (self.pull_in, "")
+
+    def _thresholds(self, crises: int, periods: int, workers: int) -> None:
+        """Find where the frame slips, and the block strikes or not, at equal distances."""
+        omegas = np.linspace(*self.omega, crises or COLUMNS).tolist()
+        found: dict[str, list[_Place]] = {}
+        self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
+
+        def one(omega: float) -> Iterator[tuple[str, _Place]]:
+            first, kind = self._first(omega)
+            if kind == SLIPS:
+                yield SLIP, _Place(omega, first, kind, self._slip(omega))
+            here = self.system.changed(omega=self.system.out(OMEGA, omega))
+            begin = self.system.out(AMPLITUDE, first)
+            try:
+                on, kind, special, state = onset(here, begin, most, watch)
+                yield ON, self._place(omega, on, kind, special)
+                if crises:
+                    off = min(on, switching_off(here, on, state, periods, watch))
+                    yield OFF, self._place(omega, off, CRISIS, None)
+                for side, end, what, special in steady(here, on, most, state):
+                    yield side, self._place(omega, end, what, special)
+            except OrbitError as error:
+                self.notes.append(f"at {self._at(omega)}: {error}")
+
+        self.tell(f"slip and impacts, at {len(omegas)} frequencies")
+        with stoppable_threads(workers) as (threads, watch):
+            for column in threads.map(lambda omega: [*one(omega)], omegas):
+                for side, place in column:
+                    found.setdefault(side, []).append(place)
+                self.done += 1
+        for side, places in found.items():
+            self.tell(f"the curves of {side}")
+            for kind, points in self._joined_by_curves(places):
+                self.pieces.append((side, None, kind, points))
+
+    def _slip(self, omega: float) -> BranchEvent | None:
+        """Return where the frame begins to move on the branch at one frequency, if it has any."""
+        if omega not in self.met:
+            return None
+        return next((s for s in self._special(omega, _slips) if _slips(s)), None)
+
+    def _place(
+        self, omega: float, amplitude: float, kind: str, special: SpecialPoint | None
+    ) -> _Place:
+        event = special.without_impact if special is not None else None
+        kind = kind if special is None else special.kind
+        return _Place(omega, self.system.into(AMPLITUDE, amplitude), kind, event)
+
+    def _joined_by_curves(self, places: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
+        """Give the places at ascending frequencies, by curves where these lead to the next one."""
+        alone: dict[str, list[Point]] = {}
+        points: list[Point] = []
+        for place, following in pairwise([*places, None]):
+            assert place is not None
+            points = points or [place.point]
+            between = self._between(place, following) if following is not None else None
+            if between is not None and following is not None:
+                points += [*between, following.point]
+                continue
+            if len(points) > 1:
+                yield place.kind, tuple(points)
+            else:
+                alone.setdefault(place.kind, []).extend(points)
+            points = []
+        for kind, found in alone.items():
+            yield kind, tuple(found)
+
+    def _between(self, left: _Place, right: _Place) -> list[Point] | None:
+        """Return the points of the curve from one place to another, None if it does not lead there.
+
+        It is followed from either of them.
+        """
+        if left.kind != right.kind:
+            return None
+        for begin, end in ((left, right), (right, left)):
+            if begin.event is None:
+                continue
+            way = 1.0 if end is right else -1.0
+            try:
+                curve = self._curve(begin.event, left.omega, right.omega, way)
+            except OrbitError:
+                continue
+            points = [(p.values[1], p.values[0]) for p in curve.points if p.orbit.admissible]
+            risen = all(way * (b[0] - a[0]) > 0.0 for a, b in pairwise(points))
+            if len(points) < len(curve.points) or not points or not risen:
+                continue
+            omega, amplitude = points[-1]
+            same = abs(omega - end.omega) <= SAME * end.omega
+            if same and abs(amplitude - end.amplitude) < TOUCH * end.amplitude:
+                return sorted(p for p in points if left.omega < p[0] < right.omega)
+        return None
+
+    def _remedy(self, *omegas: float) -> str:
+        """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
+        return "lower the damping c, or take another range of omega"
+
+    def _grazing(self, omega: float) -> BranchEvent:
+        """Return where the orbit without impacts grazes; OrbitError if it does not."""
+        for special in self._special(omega, _grazes):
+            if _grazes(special):
+                return special
+        raise OrbitError(self._not_grazing(omega), "take another range of omega")
+
+    def _not_grazing(self, omega: float) -> str:
+        """Say what the orbit without impacts meets at a frequency at which it does not graze."""
+        all_of_them = self._special(omega, lambda special: False)
+        met = [f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
+        return (
+            f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
+            f"{self._voltage(self.pull_in)} (it meets {', '.join(met) or 'nothing'})"
+        )
+
+    def _voltage(self, amplitude: float) -> str:
+        """Return an amplitude in words, in the user's units."""
+        value = self.system.out(AMPLITUDE, amplitude)
+        return f"{self.system.label(AMPLITUDE)} = {value:.6g}"
+
+    def _number(self, omega: float) -> str:
+        return f"{self.system.out(OMEGA, omega):.9g}"
+
+    def _at(self, omega: float) -> str:
+        """Return a frequency in words, in the user's units."""
+        return f"{self.system.label(OMEGA)} = {self._number(omega)}"
+
+    def _curve(self, special: BranchEvent, low: float, high: float, direction: float) -> OrbitCurve:
+        return follow_curve(
+            special, AMPLITUDE, OMEGA, low=low, high=high, direction=direction, steps=self.steps
+        )
+
+    def _type(self, left: float, right: float) -> GrazingType:
+        """Return the type between two points of codimension two, where they are far."""
+        middle = 0.5 * (left + right)
+        touching = self._grazing(middle)
+        try:
+            return GrazingType(grazing.grazing_type(touching.orbit, touching.monitor))
+        except OrbitError as error:
+            where = f"{self._at(middle)} and {self._voltage(touching.value)}"
+            raise OrbitError(f"at {where}: {error.reason}", error.remedy) from error
+
+    def _followed(
+        self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
+    ) -> Iterator[tuple[str, GrazingType, str, tuple[Point, ...]]]:
+        """Give the boundaries of one type that are curves: all but a crisis."""
+        if region == GrazingType.CONTINUOUS:
+            yield ON, region, "grazing", grazings
+            yield OFF, region, "grazing", grazings
+        elif region == GrazingType.JUMP:
+            yield ON, region, "grazing", grazings
+            folds = self._folds(left, right, without_impact=False, ends=grazings)
+            yield OFF, region, "fold", folds
+        else:
+            folds = self._folds(left, right, without_impact=True, ends=grazings)
+            yield ON, region, "fold", folds
+
+    def _folds(
+        self,
+        left: float,
+        right: float,
+        *,
+        without_impact: bool,
+        ends: tuple[Point, ...],
+    ) -> tuple[Point, ...]:
+        """Return the fold curve of the orbit with or without impacts between two frequencies."""
+        middle = 0.5 * (left + right)
+        what = f"the fold curve of the orbit with{'out' if without_impact else ''} impacts"
+        self.tell(what)
+
+        def wanted(special: BranchEvent) -> bool:
+            return special.kind == "fold" and (not special.orbit.impacts) == without_impact
+
+        folds = [special for special in self._special(middle, wanted) if wanted(special)]
+        if not folds:
+            self.notes.append(f"{what}: none at {self._at(middle)}")
+            return ()
+        ending = [end for end in ends if end[0] in self.marks]
+        points: list[CurvePoint] = []
+        for direction, bound in ((-1.0, left), (1.0, right)):
+            # A curve that ends in the grazing curve does so at a point that is known.
+            at_mark = [end for end in ending if end[0] == bound]
+            goal = bound + 0.02 * direction * (right - left) * len(at_mark)
+            curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
+            here = [p for p in curve.points if p.orbit.admissible]
+            points += here
+            reached = here[-1].values[1] if here else middle
+            if not at_mark and abs(reached - bound) > 1e-9:
+                self.notes.append(f"{what} ends at {self._at(reached)}: {curve.ended}")
+        values = dict(_values(points))
+        touching = [end for end in ending if self._ends_in_grazing(end, values)]
+        return _joined(values, touching)
+
+    def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
+        """Return whether a curve comes to the end of the grazing curve."""
+        nearest = min(values, key=lambda omega: abs(omega - end[0]))
+        return abs(values[nearest] - end[1]) < TOUCH * abs(end[1])
+
+    def _crises(
+        self,
+        left: float,
+        right: float,
+        folds: tuple[Point, ...],
+        crises: int,
+        periods: int,
+        workers: int,
+        found: list[Point],
+    ) -> None:
+        """Simulate the crisis at equal distances, each begun just above the fold, into `found`."""
+        if not folds:
+            return
+        found += [end for end in folds if end[0] in self.marks]
+        # Where the type ends in a point of codimension two, the two boundaries meet.
+        known = len(self.marks & {left, right})
+        omegas = np.linspace(left, right, crises + known)
+        omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
+        out = self.system.out
+
+        def one(omega: float) -> Point | str:
+            try:
+                specials = self._special(omega, lambda special: special.kind == "fold", watch)
+                met = [s.value for s in specials if s.kind == "fold"]
+                if not met:
+                    raise OrbitError("no fold to begin at", "take another range of omega")
+                fold = met[0]
+                here = self.system.changed(omega=out(OMEGA, omega))
+                value = locate_crisis(
+                    here.actuator,
+                    here.drive,
+                    below=out(AMPLITUDE, fold),
+                    begin=out(AMPLITUDE, fold * (1.0 + ABOVE)),
+                    width=0.2 * out(AMPLITUDE, fold),
+                    periods=periods,
+                    watch=watch,
+                )
+                return omega, self.system.into(AMPLITUDE, value)
+            except OrbitError as error:
+                return f"crisis at {self._at(omega)}: {error}"
+
+        at = "1 frequency" if crises == 1 else f"{crises} frequencies"
+        self.tell(f"the crisis, simulated at {at}")
+        with stoppable_threads(workers) as (threads, watch):
+            for result in threads.map(one, omegas.tolist()):
+                if isinstance(result, str):
+                    self.notes.append(result)
+                else:
+                    found.append(result)
+
+
+def _grazes(special: BranchEvent) -> bool:
+    return special.label == "G" and special.monitor.role == "approach"
+
+
+def _slips(special: BranchEvent) -> bool:
+    return special.kind == SLIPS
+
+
+def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
+    """Return (omega, amplitude) in ascending omega."""
+    return tuple(sorted({p.values[1]: p.values[0] for p in points}.items()))
+
+
+def _joined(
+    values: dict[float, float], ends: list[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return a boundary with its ends, each in place of what was located next to it.
+
+    A point in which two curves end is located on both, at numbers that differ by rounding.
+    """
+    kept = {w: a for w, a in values.items() if all(abs(w - end) > SAME * end for end, _ in ends)}
+    return tuple(sorted({**kept, **dict(ends)}.items()))
+
+
+# --- Computing the chart of a device.
+
+BAND = (0.88, 1.02)  # range of the forcing frequency by default, in the block's own: as in Fig. 7
+
+
+def operating_chart(
+    actuator: Actuator,
+    drive: Drive | None = None,
+    *,
+    omega: tuple[float | None, float | None] = (None, None),
+    crises: int = 7,
+    periods: int = 2000,
+    options: Options | None = None,
+    steps: StepControl = StepControl(),  # noqa: B008 - immutable
+    workers: int | None = None,
+    progress: bool | Callable[[str], None] = False,
+) -> OperatingChart:
+    """Compute the voltages at which a device switches on and off, over the frequency.
+
+    The grazing curve of the orbit without impacts is followed over the whole range. Its points of
+    codimension two cut the range; the normal form says of which type each part is. Type I goes on
+    at the grazing and off at the fold of the orbit with impacts; type II goes on and off at the
+    grazing; type III goes on at the fold of the orbit without impacts and off in a crisis of the
+    chaotic attractor, which no curve gives: it is simulated.
+
+    Where the spring moves the frame before the block strikes, there are no types. The chart then
+    has, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage at which
+    the frame begins to slip; that at which the block begins to strike, on the orbit that slips;
+    that below which it has ceased to, simulated; and those between which it strikes alike in every
+    forcing period, which end in period doublings, folds or grazings. Two frequencies are joined by
+    the curve of such points where it leads from one to the other.
+
+    Parameters
+    ----------
+    actuator : Actuator
+    drive : Drive, optional
+        A waveform with ``amplitude`` and ``omega``, whose values here do not matter; a sine by
+        default.
+    omega : tuple of float, optional
+        Range of the frequency [rad/s]; where an end is None, that of the band about the resonance
+        of the block, in which the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``. For the
+        device of the paper that is Fig. 7's, 0.44 to 0.51.
+    crises : int, optional
+        Frequencies of type III at which the crisis is simulated, >= 0.
+    periods : int, optional
+        Forcing periods for which an attractor has to persist in these simulations.
+    options : Options, optional
+        Of the continuation; by default as in `find_orbit`.
+    steps : Steps, optional
+        Of the continuation.
+    workers : int, optional
+        Threads for the simulations; by default one for each, up to 4.
+    progress : bool or callable, optional
+        True: a line on standard error for each part. A function is called with that line.
+
+    Returns
+    -------
+    Chart
+        With what could be computed; ``notes`` says what could not.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range, or the device has stoppers that yield or a term that makes
+        the sign of the voltage matter.
+    OrbitError
+        If the orbit without impacts meets neither a grazing nor a slip at either end of the range,
+        or does not graze at a frequency within it; says what it meets instead.
+    ChartInterrupted
+        On Ctrl-C; its ``chart`` holds what was done.
+
+    See Also
+    --------
+    Chart, plot_chart, continue_curve, grazing_type
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> chart.types["type"].tolist()
+    ['III', 'II', 'I']
+    """
+    drive = Sine(amplitude=0.0, omega=1.0) if drive is None else drive
+    system = ActuatorSystem(actuator, drive)
+    for term in actuator.terms:
+        if term.instead == "stopper":
+            raise _uncharted(term, "without impacts there is no grazing of the paper's types")
+        if term.signed:
+            raise _uncharted(term, "in a period of the voltage every grazing comes twice at once")
+    for name in (AMPLITUDE, OMEGA):
+        if name not in system.parameters:
+            raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
+    low, high = _range(omega, _band(system))
+    system.changed(omega=low)
+    crises, periods = whole("crises", crises, 0), whole("periods", periods, 1)
+    workers = min(4, max(1, crises)) if workers is None else whole("workers", workers, 1)
+    tell = progress_line(progress)
+    ends = system.into(OMEGA, low), system.into(OMEGA, high)
+    chosen = ORBIT_OPTIONS if options is None else options
+    maker = ChartBuilder(system, chosen, steps, tell, ends)
+    try:
+        maker.make(crises, periods, workers)
+    except KeyboardInterrupt:
+        raise ChartInterrupted(maker.chart(), maker.done, maker.total) from None
+    return maker.chart()
+
+
+def _uncharted(term: Term, reason: str) -> InvalidParameter:
+    """Return the error of a device of which there is no chart."""
+    problem = f"no chart with {type(term).__name__}: {reason}; sweep() over the amplitude tells it"
+    return InvalidParameter("terms", None, "", problem=problem)
+
+
+def _band(system: ActuatorSystem) -> tuple[float, float]:
+    """Return the range of omega in which the force is near the resonance of the block."""
+    own = math.sqrt(system.actuator.k / system.actuator.m2)
+    drive = system.changed(omega=own).drive
+    repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega
+    return BAND[0] * own / repeats, BAND[1] * own / repeats
+
+
+def _range(
+    omega: tuple[float | None, float | None], band: tuple[float, float]
+) -> tuple[float, float]:
+    allowed = "(lowest, highest) with 0 < lowest < highest"
+    try:
+        given_low, given_high = omega
+    except (TypeError, ValueError):
+        raise InvalidParameter("omega", omega, allowed) from None
+    low = band[0] if given_low is None else given_low
+    high = band[1] if given_high is None else given_high
+    if not (is_number(low) and is_number(high) and 0.0 < low < high):
+        raise InvalidParameter("omega", (low, high), allowed)
+    return float(low), float(high)
+
+
+def progress_line(progress: bool | Callable[[str], None]) -> Callable[[str], None]:
+    if callable(progress):
+        return progress
+    if not progress:
+        return lambda _: None
+    import sys
+
+    def tell(line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+
+    return tell

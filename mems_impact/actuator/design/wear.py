@@ -1,0 +1,154 @@
+"""Wear life by the law of Archard."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.design.energy import accounted_problem, energy
+from mems_impact.actuator.extended_automaton import compose
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
+from mems_impact.systems.result import SummaryRepr
+from mems_impact.systems.state import is_number
+
+__all__ = ["WearLife", "life"]
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class WearLife(SummaryRepr):
+    """What wears a device, and for how long it lasts, in the units of the device.
+
+    Attributes
+    ----------
+    normal_force : float
+        With which the frame presses on the ground [N].
+    slip_per_period, slip_per_blow : float
+        Path on which the frame slips, to and fro [m]; per blow NaN without blows.
+    volume_per_blow : float
+        Volume that is worn off [m^3]; NaN without blows.
+    blows : float
+        Blows (see `mems_impact.Blows`) until the depth is reached; infinite without slip, 0 where
+        the frame slips without blows.
+    time : float
+        How long that takes [s].
+    distance : float
+        How far the device has walked then [m].
+    si : bool
+        Whether these are in SI, those of a device that is.
+
+    See Also
+    --------
+    life
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> found = mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6)
+    >>> f"{found.distance:.0f} m", f"{found.slip_per_blow * 1e9:.1f} nm"
+    ('81 m', '20.0 nm')
+    """
+
+    si_units = {  # noqa: RUF012 - ClassVar in Summarized
+        "normal_force": "N", "slip_per_period": "m", "slip_per_blow": "m",
+        "volume_per_blow": "m^3", "time": "s", "distance": "m",
+    }  # fmt: skip
+
+    normal_force: float
+    slip_per_period: float
+    slip_per_blow: float
+    volume_per_blow: float
+    blows: float
+    time: float
+    distance: float
+    si: bool = False
+
+
+def life(
+    motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth: float
+) -> WearLife:
+    """Return for how many blows a device lasts whose frame wears where it slips.
+
+    Parameters
+    ----------
+    motion : ActuatorRun or ActuatorOrbit
+        What it does all its life; of a run, over its window.
+    wear : float
+        Specific wear rate [m^3/(N m)], Archard's K over the hardness, > 0: for polysilicon on
+        polysilicon some 1e-15 to 1e-12.
+    area : float
+        Area on which the frame stands [m^2], > 0.
+    depth : float
+        What may be worn off [m], > 0.
+
+    Returns
+    -------
+    Life
+
+    Raises
+    ------
+    InvalidParameter
+        If a number is out of range, or `motion` is neither run nor orbit.
+
+    See Also
+    --------
+    Life, duty_cycle, energy
+
+    Notes
+    -----
+    The volume is the wear rate times normal force times path (J. F. Archard, "Contact and rubbing
+    of flat surfaces", J. Appl. Phys. 24, 981 (1953)). The coefficients of friction stay what they
+    are meanwhile, and the normal force is that of the weight.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> f"{mi.life(run, wear=1e-13, area=1e-8, depth=0.1e-6).blows:.2e}"
+    '4.05e+09'
+    """
+    for field, value in (("wear", wear), ("area", area), ("depth", depth)):
+        if not (is_number(value) and value > 0.0):
+            raise InvalidParameter(field, value, "a finite number > 0")
+    found = energy(motion)
+    force = normal_force(found.system)
+    slip = found.slip_path / found.periods
+    if isinstance(motion, ActuatorOrbit):
+        blows = len(found.by_blow) / found.periods
+    else:
+        blows = motion.measured.blows_per_period
+    volume = wear * force * slip  # per period
+    periods = area * depth / volume if volume > 0.0 else math.inf
+    period = float(found.system.forcing_period)
+    walked = _walked(motion)
+    return WearLife(
+        normal_force=force,
+        slip_per_period=slip,
+        slip_per_blow=slip / blows if blows > 0.0 else math.nan,
+        volume_per_blow=volume / blows if blows > 0.0 else math.nan,
+        blows=periods * blows if periods < math.inf else math.inf,
+        time=periods * period,
+        distance=periods * walked if walked != 0.0 else 0.0,
+        si=found.system.scales.named,
+    )
+
+
+def normal_force(system: ActuatorSystem) -> float:
+    """Return the force with which the frame presses on the ground."""
+    model = compose(tuple(term.kind for term in system.actuator.terms), 1)
+    p = accounted_problem(system, Options()).parameters.copy()
+    p[eq.MU_S] = 1.0  # static friction is then the force itself
+    return float(system.scales.out(model.static_limit(p), "N"))
+
+
+def _walked(motion: ActuatorRun | ActuatorOrbit) -> float:
+    """Return the displacement per period."""
+    if isinstance(motion, ActuatorOrbit):
+        return motion.step / motion.periods
+    return float(motion.statistics["displacement per period"])

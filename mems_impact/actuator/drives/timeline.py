@@ -1,0 +1,91 @@
+"""Waveforms on a timeline: repeated, cut off, or side by side.
+
+A timeline is a list of stretches. In each, time of the waveform within runs from a given value, and
+never beyond the last number before the waveform's next switch. So the value at a switch is, to the
+last bit, the one after it, however often the waveform is repeated.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.actuator.drives.base import Drive, Waveform
+from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, piece_at
+
+__all__ = ["TimelineSegment", "array_of", "repeated", "retime", "with_offset"]
+
+FOREVER = 1e300
+SILENT = -1.0  # as `last`: no voltage
+WIDTH = 3  # numbers of a stretch, which stand in q as the pieces of `piecewise` do
+
+
+class TimelineSegment(NamedTuple):
+    """From `start` on, the waveform within is at `inner` and goes on to `last` at most."""
+
+    start: float
+    inner: float
+    last: float
+
+
+@cache
+def retime(within: Waveform) -> Waveform:
+    """Return `within` on a timeline: q is that of `array_of`, then the q of `within`."""
+
+    def waveform(t, q):  # type: ignore[no-untyped-def]
+        u = fold(t, q[PERIOD])
+        i = piece_at(u, q, WIDTH)
+        if q[i + 2] < 0.0:
+            return 0.0
+        rest = FIRST + WIDTH * int(q[COUNT])
+        return within(min(u - q[i] + q[i + 1], q[i + 2]), q[rest:])
+
+    return waveform
+
+
+@cache
+def with_offset(within: Waveform, block: int) -> Waveform:
+    """Return `within` for a q made of blocks, each headed by its length; it gets one of them."""
+
+    def waveform(t, q):  # type: ignore[no-untyped-def]
+        at = 0
+        for _ in range(block):
+            at += 1 + int(q[at])
+        return within(t, q[at + 1 :])
+
+    return waveform
+
+
+def array_of(
+    period: float, stretches: list[TimelineSegment], within: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the q of a retimed waveform."""
+    return np.concatenate([[period, len(stretches)], np.ravel(stretches), within])
+
+
+def repeated(drive: Drive, length: float) -> list[TimelineSegment]:
+    """Return the stretches of `drive` repeated from 0 to `length`, its sign as it goes on."""
+    period, switches = drive.period, drive.switches
+    if drive.changes_sign:
+        period, switches = 2.0 * period, (*switches, *(period + time for time in switches))
+    if not switches:
+        return [TimelineSegment(0.0, 0.0, FOREVER)]
+    # At the switch that closes a period, the next one begins.
+    begins = [0.0 if time == period else time for time in switches]
+    stretches = []
+    if begins[-1] != 0.0:
+        stretches.append(TimelineSegment(0.0, 0.0, math.nextafter(switches[0], 0.0)))
+    else:
+        begins = [0.0, *begins[:-1]]
+    ends = [*begins[1:], period + begins[0]]
+    last = length - 1e-12 * period
+    for k in range(math.ceil(length / period)):
+        for begin, end in zip(begins, ends, strict=True):
+            start = k * period + begin
+            if start < last:
+                stretches.append(TimelineSegment(start, begin, math.nextafter(end, 0.0)))
+    return stretches

@@ -1,0 +1,624 @@
+"""The automaton of a device with optional terms.
+
+Each sum, and each chain of what is put into a place, is a function that calls the next, so that the
+compiler sees plain calls.
+
+With stoppers that yield, the modes "right" and "left" are those in which block and stopper touch,
+and forces between them grow with the depth; nothing is reset there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import accumulate
+from typing import Any
+
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton import (
+    BREAK_AWAY,
+    COUNT,
+    FREE,
+    GUARDS,
+    LEFT,
+    LEFT_IMPACT,
+    MODES,
+    RELEASE,
+    RIGHT,
+    RIGHT_IMPACT,
+    SLIP_END,
+    STATES,
+    STUCK,
+    V1,
+    V2,
+    X1,
+    X2,
+    direction_of,
+    friction_towards,
+    mode_of,
+    side_of,
+)
+from mems_impact.actuator.terms.base import (
+    Electrode,
+    Function,
+    ParameterIndices,
+    TermContribution,
+    TermKind,
+)
+from mems_impact.hybrid.automaton import Automaton
+
+__all__ = ["Model", "compose", "composed_automaton", "layout"]
+
+# --- The equations of an actuator with terms, put together from what each contributes.
+
+SCRATCH = 2  # arrays of the size of the state, between the numbers of the terms and of the drive
+
+
+@dataclass(frozen=True)
+class ArrayLayout:
+    """Where everything stands in the arrays of parameters and states.
+
+    Attributes
+    ----------
+    states : tuple of str
+    terms : tuple of Places
+        Of each term, without electrodes.
+    electrodes : tuple of tuple of Places
+        Of each term at each electrode.
+    scratch, drive : int
+        Where scratch arrays and the numbers of the drive begin in ``p``.
+    """
+
+    states: tuple[str, ...]
+    terms: tuple[ParameterIndices, ...]
+    electrodes: tuple[tuple[ParameterIndices, ...], ...]
+    scratch: int
+    drive: int
+
+
+def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
+    """Return where everything stands; a left electrode's states are called ``left_...``."""
+    states = list(STATES)
+
+    def placed(names: Sequence[str], prefix: str = "") -> dict[str, int]:
+        first = len(states)
+        states.extend(prefix + name for name in names)
+        return {name: first + i for i, name in enumerate(names)}
+
+    firsts = list(accumulate((kind.length for kind in kinds), initial=eq.DRIVE))
+    terms = tuple(
+        kind.at(first, placed(kind.term.states(kind.shape)))
+        for kind, first in zip(kinds, firsts, strict=False)
+    )
+    sides = tuple(
+        tuple(
+            kind.at(first, placed(kind.term.electrode_states(kind.shape), prefix))
+            for kind, first in zip(kinds, firsts, strict=False)
+        )
+        for prefix in ("", "left_")[:electrodes]
+    )
+    scratch = firsts[-1]
+    return ArrayLayout(tuple(states), terms, sides, scratch, scratch + SCRATCH * len(states))
+
+
+@dataclass(frozen=True)
+class Model:
+    """An actuator with terms, as functions for numba; see `mems_impact.actuator.terms.base`.
+
+    Attributes
+    ----------
+    layout : Arrangement
+    contributions : tuple of Contribution
+        In the order of the terms.
+    electrodes : tuple of Electrode
+        The right one, and the left one where there is one.
+    pull : callable
+        ``pull(v, w, y, p)`` of the electrodes, positive to the right, where the drive puts v on the
+        right one and w on the left one.
+    force, on_frame, on_block : callable
+        ``force(y, p)`` of the terms.
+    static_limit : callable
+        ``static_limit(p)``
+    sliding_friction : callable
+        ``sliding_friction(direction, v1, p)``
+    restitution : callable
+        ``restitution(speed, p)``
+    adhesion : callable
+        ``adhesion(p)``
+    stopper : callable or None
+        ``stopper(depth, rate, p)``; None for stoppers that are rigid.
+    stopper_slopes : callable
+        ``stopper_slopes(depth, rate, p)``, its derivatives by both.
+    rates : callable
+        ``rates(v, w, y, p, dy)`` writes the derivatives of the states of the terms.
+    sticks : bool
+    cyclic : tuple of int
+        Places of the states that no function reads.
+    """
+
+    layout: ArrayLayout
+    contributions: tuple[TermContribution, ...]
+    electrodes: tuple[Electrode, ...]
+    pull: Function
+    force: Function
+    on_frame: Function
+    on_block: Function
+    static_limit: Function
+    sliding_friction: Function
+    restitution: Function
+    adhesion: Function
+    stopper: Function | None
+    stopper_slopes: Callable[..., tuple[float, float]]
+    rates: Function
+    sticks: bool
+    cyclic: tuple[int, ...]
+
+
+@cache
+def compose(kinds: tuple[TermKind, ...], electrodes: int) -> Model:
+    """Return the equations of an actuator with terms and one or two electrodes."""
+    places = layout(kinds, electrodes)
+    parts = tuple(
+        kind.term.contribution(at, kind.shape) for kind, at in zip(kinds, places.terms, strict=True)
+    )
+    ends = tuple(electrode_of(kinds, own) for own in places.electrodes)
+    normal = multiplied([part.normal for part in parts if part.normal])
+    return Model(
+        layout=places,
+        contributions=parts,
+        electrodes=ends,
+        pull=pull_of(ends),
+        force=summed([part.force for part in parts if part.force]),
+        on_frame=summed([part.on_frame for part in parts if part.on_frame]),
+        on_block=summed([part.on_block for part in parts if part.on_block]),
+        static_limit=limit_of(normal),
+        sliding_friction=friction_of(chosen(parts, "friction") or eq.mu_d, normal),
+        restitution=chosen(parts, "restitution") or eq.restitution,
+        adhesion=chosen(parts, "adhesion") or eq.no_adhesion,
+        stopper=chosen(parts, "stopper"),
+        stopper_slopes=chosen(parts, "stopper_slopes") or eq.no_slopes,
+        rates=all_rates(kinds, places, parts, ends),
+        sticks=all(part.sticks for part in parts),
+        cyclic=cyclic_of(parts, places),
+    )
+
+
+def cyclic_of(parts: Sequence[TermContribution], places: ArrayLayout) -> tuple[int, ...]:
+    """Return the places of the states that no function reads: x1 as a rule, and sums of terms."""
+    frame = () if any(part.places_frame for part in parts) else (X1,)
+    sums = (at.y[each] for part, at in zip(parts, places.terms, strict=True) for each in part.sums)
+    return (*frame, *sums)
+
+
+def chosen(parts: Sequence[TermContribution], name: str) -> Any:
+    """Return what a term puts into a place of which there is one; None if no term does."""
+    found = [each for part in parts if (each := getattr(part, name))]
+    return found[-1] if found else None
+
+
+def summed(functions: Sequence[Function]) -> Function:
+    """Return the sum of functions ``f(y, p)``."""
+    if not functions:
+
+        def nothing(y, p):  # type: ignore[no-untyped-def]
+            return 0.0
+
+        return nothing
+    if len(functions) == 1:
+        return functions[0]
+    first, rest = functions[0], summed(functions[1:])
+
+    def both(y, p):  # type: ignore[no-untyped-def]
+        return first(y, p) + rest(y, p)
+
+    return both
+
+
+def multiplied(functions: Sequence[Function]) -> Function:
+    """Return the product of functions ``f(p)``."""
+    if not functions:
+
+        def one(p):  # type: ignore[no-untyped-def]
+            return 1.0
+
+        return one
+    first, rest = functions[0], multiplied(functions[1:])
+
+    def both(p):  # type: ignore[no-untyped-def]
+        return first(p) * rest(p)
+
+    return both
+
+
+def limit_of(normal: Function) -> Function:
+    """Return the load that static friction holds."""
+
+    def static_limit(p):  # type: ignore[no-untyped-def]
+        return eq.static_limit(p) * normal(p)
+
+    return static_limit
+
+
+def friction_of(coefficient: Function, normal: Function) -> Function:
+    """Return the friction on a frame that slips."""
+
+    def sliding_friction(direction, v1, p):  # type: ignore[no-untyped-def]
+        weight = (p[eq.M1] + p[eq.M2]) * p[eq.G] * normal(p)
+        return direction * coefficient(direction * v1, p) * weight
+
+    return sliding_friction
+
+
+def electrode_of(kinds: tuple[TermKind, ...], places: Sequence[ParameterIndices]) -> Electrode:
+    """Return an electrode with all that terms make of it."""
+
+    def node(v, x, y, p):  # type: ignore[no-untyped-def]
+        return v
+
+    def offset(y, p):  # type: ignore[no-untyped-def]
+        return 0.0
+
+    electrode = Electrode(eq.capacitance, eq.capacitance_slope, node, offset)
+    ordered = sorted(zip(kinds, places, strict=True), key=lambda each: each[0].term.layer)
+    for kind, at in ordered:
+        electrode = kind.term.electrode(at, kind.shape, electrode)
+    return electrode
+
+
+def attraction_of(electrode: Electrode) -> Function:
+    """Return the force with which an electrode pulls."""
+    _, slope, node, offset = electrode
+
+    def attraction(v, x, y, p):  # type: ignore[no-untyped-def]
+        across = node(v, x, y, p) - offset(y, p)
+        return 0.5 * slope(x, p) * across * across
+
+    return attraction
+
+
+def pull_of(electrodes: Sequence[Electrode]) -> Function:
+    """Return the force of the electrodes on the block, positive to the right."""
+    right = attraction_of(electrodes[0])
+    if len(electrodes) == 1:
+
+        def pull(v, w, y, p):  # type: ignore[no-untyped-def]
+            return right(v, y[X2], y, p)
+
+        return pull
+    left = attraction_of(electrodes[1])
+
+    def both(v, w, y, p):  # type: ignore[no-untyped-def]
+        return right(v, y[X2], y, p) - left(w, -y[X2], y, p)
+
+    return both
+
+
+def all_rates(
+    kinds: Sequence[TermKind],
+    places: ArrayLayout,
+    parts: Sequence[TermContribution],
+    electrodes: Sequence[Electrode],
+) -> Function:
+    """Return the function that writes the derivatives of all states of terms."""
+    found: list[tuple[int, Function]] = []
+    for part, at in zip(parts, places.terms, strict=True):
+        found += zip(at.y.values(), map(undriven, part.rates), strict=True)
+    for side, (electrode, own) in enumerate(zip(electrodes, places.electrodes, strict=True)):
+        for kind, at in zip(kinds, own, strict=True):
+            rates = kind.term.electrode_rates(at, kind.shape, electrode)
+            sided = [at_left(rate) if side else at_right(rate) for rate in rates]
+            found += zip(at.y.values(), sided, strict=True)
+    return filling(found)
+
+
+def undriven(rate: Function) -> Function:
+    """Return a rate that no voltage enters as a function of the voltages too."""
+
+    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+        return rate(y, p)
+
+    return driven
+
+
+def at_right(rate: Function) -> Function:
+    """Return the rate of a state at the right electrode as a function of all."""
+
+    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+        return rate(v, y[X2], y[V2], y, p)
+
+    return driven
+
+
+def at_left(rate: Function) -> Function:
+    """Return the rate of a state at the left electrode as a function of all."""
+
+    def driven(v, w, y, p):  # type: ignore[no-untyped-def]
+        return rate(w, -y[X2], -y[V2], y, p)
+
+    return driven
+
+
+def filling(rates: Sequence[tuple[int, Function]]) -> Function:
+    """Return the function that writes rates into their places."""
+    if not rates:
+
+        def nothing(v, w, y, p, dy):  # type: ignore[no-untyped-def]
+            pass
+
+        return nothing
+    (place, rate), rest = rates[0], filling(rates[1:])
+
+    def fill(v, w, y, p, dy):  # type: ignore[no-untyped-def]
+        dy[place] = rate(v, w, y, p)
+        rest(v, w, y, p, dy)
+
+    return fill
+
+
+# --- The hybrid automaton of an actuator with terms: the modes, guards and rules of `modes`.
+
+STEP = 1e-3  # of the differences that give the rate of a load, in units of sqrt(m2/k)
+SMALL = 1e-6  # of those that give derivatives, within the depth of a contact
+
+
+def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
+    """Return the forces on which modes and margins hang.
+
+    Returns
+    -------
+    load : callable
+        ``load(side, v, w, y, p)``, what a block that moves exerts on the frame; `side` tells the
+        stopper that yields to it, 0 for none.
+    moved : callable
+        ``moved(mode, v, w, y, p)``, all that would set the frame in motion but for friction.
+    pressing : callable
+        ``pressing(side, direction, v, w, y, p)``, the force that holds the block at rest on the
+        face of a stopper, where friction acts in `direction`.
+    resting_acceleration : callable
+        ``resting_acceleration(direction, y, p)`` of frame and block together.
+    """
+    pull, force, stopper = model.pull, model.force, model.stopper
+    on_frame, on_block = model.on_frame, model.on_block
+    sliding_friction, adhesion = model.sliding_friction, model.adhesion
+    rigid = stopper is None
+
+    def inner(v, w, y, p):  # type: ignore[no-untyped-def]
+        return eq.load(y[X2], y[V2], pull(v, w, y, p) + force(y, p), p)
+
+    if stopper is None:
+
+        def load(side, v, w, y, p):  # type: ignore[no-untyped-def]
+            return inner(v, w, y, p)
+
+    else:
+
+        def load(side, v, w, y, p):  # type: ignore[no-untyped-def]
+            found = inner(v, w, y, p)
+            if side != 0:
+                depth = side * y[X2] - p[eq.DELTA]
+                found += side * (stopper(depth, side * y[V2], p) - adhesion(p))
+            return found
+
+    def moved(mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        side = side_of(mode)
+        if rigid and side != 0:
+            return on_frame(y, p) + on_block(y, p)
+        return load(side, v, w, y, p) + on_frame(y, p)
+
+    def resting_acceleration(direction, y, p):  # type: ignore[no-untyped-def]
+        if direction == 0:
+            return 0.0
+        outside = on_frame(y, p) + on_block(y, p)
+        return (outside - sliding_friction(direction, y[V1], p)) / (p[eq.M1] + p[eq.M2])
+
+    def pressing(side, direction, v, w, y, p):  # type: ignore[no-untyped-def]
+        carried = p[eq.M2] * resting_acceleration(direction, y, p)
+        held = eq.load(side * p[eq.DELTA], 0.0, pull(v, w, y, p) + force(y, p), p)
+        return side * (on_block(y, p) - held - carried) + adhesion(p)
+
+    return load, moved, pressing, resting_acceleration
+
+
+@cache
+def composed_automaton(
+    kinds: tuple[TermKind, ...],
+    voltage: Callable[..., float],
+    voltage_rate: Callable[..., float],
+    left: Callable[..., float] | None = None,
+    left_rate: Callable[..., float] | None = None,
+    bounds: bool = True,
+) -> Automaton:
+    """Return the automaton of an actuator with terms under the waveform ``voltage(t, q)``.
+
+    Parameters
+    ----------
+    kinds : tuple of TermKind
+        Of the terms.
+    voltage, voltage_rate, left, left_rate, bounds
+        As of `mems_impact.actuator.automaton.actuator_automaton`.
+    """
+    model = compose(kinds, 1 if left is None else 2)
+    load, moved, pressing, resting_acceleration = forces_of(model)
+    static_limit, sliding_friction = model.static_limit, model.sliding_friction
+    on_frame, on_block, rates = model.on_frame, model.on_block, model.rates
+    restitution, hardness = model.restitution, model.stopper_slopes
+    rigid, sticks = model.stopper is None, model.sticks
+    n, scratch, begin = len(model.layout.states), model.layout.scratch, model.layout.drive
+    volts = voltages(voltage, left, begin)
+    volt_rates = voltages(voltage_rate, left_rate, begin)
+
+    def flow(mode, t, y, p, dy):  # type: ignore[no-untyped-def]
+        v, w = volts(t, p)
+        direction, side = direction_of(mode), side_of(mode)
+        if rigid and side != 0:
+            dy[X2] = 0.0
+            dy[V1] = resting_acceleration(direction, y, p)
+            dy[V2] = 0.0
+        else:
+            own = load(side, v, w, y, p)
+            a1 = 0.0
+            if direction != 0:
+                friction = sliding_friction(direction, y[V1], p)
+                a1 = (own + on_frame(y, p) - friction) / p[eq.M1]
+            dy[X2] = y[V2]
+            dy[V1] = a1
+            dy[V2] = (on_block(y, p) - own) / p[eq.M2] - a1
+        dy[X1] = y[V1] if direction != 0 else 0.0
+        rates(v, w, y, p, dy)
+
+    def friction_mode(mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The frame slips on; at rest, Equation (4) holds it, or it slips where it is pushed.
+        if y[V1] != 0.0:
+            return friction_towards(y[V1])
+        own = moved(mode, v, w, y, p)
+        if sticks and abs(own) <= static_limit(p):
+            return STUCK
+        return friction_towards(own if own != 0.0 else 1.0)
+
+    def touched(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+        # The contact of the block: on a stopper that yields it stays the one that it is in, and
+        # begins with the way that the block goes at its face; or, as on a rigid one, where the
+        # block rests and is held.
+        if not rigid and kept != FREE:
+            return kept
+        for contact in (RIGHT, LEFT):
+            side = 1 if contact == RIGHT else -1
+            depth = side * y[X2] - p[eq.DELTA]
+            if not rigid and (depth > 0.0 or (depth == 0.0 and side * y[V2] > 0.0)):
+                return contact
+            if depth >= 0.0 and y[V2] == 0.0:
+                friction = friction_mode(mode_of(STUCK, contact), v, w, y, p)
+                if pressing(side, direction_of(friction), v, w, y, p) > 0.0:
+                    return contact
+        return FREE
+
+    def mode_under(kept, v, w, y, p):  # type: ignore[no-untyped-def]
+        contact = touched(kept, v, w, y, p)
+        return mode_of(friction_mode(mode_of(STUCK, contact), v, w, y, p), contact)
+
+    def watched(code, mode, v, w, y, p):  # type: ignore[no-untyped-def]
+        # What is taken by differences of the rates of two guards; of a load, not the part of a
+        # stopper that yields, which bends within less than they are wide.
+        if code == RELEASE:
+            return pressing(side_of(mode), direction_of(mode), v, w, y, p)
+        return moved(mode if rigid else mode % 3, v, w, y, p)
+
+    def slope_along(code, mode, t, y, p):  # type: ignore[no-untyped-def]
+        # Along the flow, and along the voltages' own rates: these jump where a drive switches.
+        # Without the corner of a margin: where a charge follows fast, the points lie far apart.
+        v, w = volts(t, p)
+        dv, dw = volt_rates(t, p)
+        h = STEP * (p[eq.M2] / p[eq.K]) ** 0.5
+        slope = p[scratch : scratch + n]
+        x = p[scratch + n : scratch + 2 * n]
+        flow(mode, t, y, p, slope)
+        total = 0.0
+        for point in range(4):
+            size = 1 + point // 2
+            sign = 1.0 - 2.0 * (point % 2)
+            s = sign * size * h
+            for k in range(n):
+                x[k] = y[k] + s * slope[k]
+            found = watched(code, mode, v + s * dv, w + s * dw, x, p)
+            total += sign * (8.0 if size == 1 else -1.0) * found
+        rate = total / (12.0 * h)
+        side = side_of(mode)
+        if not rigid and code == BREAK_AWAY and side != 0:
+            by_depth, by_rate = hardness(side * y[X2] - p[eq.DELTA], side * y[V2], p)
+            rate += by_depth * slope[X2] + by_rate * slope[V2]
+        return rate
+
+    def margins(mode, t, y, p, g, r):  # type: ignore[no-untyped-def]
+        v, w = volts(t, p)
+        direction, side = direction_of(mode), side_of(mode)
+        for i in range(COUNT):
+            g[i] = 1.0
+            r[i] = 1.0
+        if side == 0:
+            g[RIGHT_IMPACT] = p[eq.DELTA] - y[X2]
+            r[RIGHT_IMPACT] = -y[V2]
+            g[LEFT_IMPACT] = p[eq.DELTA] + y[X2]
+            r[LEFT_IMPACT] = y[V2]
+        elif rigid:
+            g[RELEASE] = pressing(side, direction, v, w, y, p)
+            r[RELEASE] = slope_along(RELEASE, mode, t, y, p)
+        else:
+            g[RELEASE] = side * y[X2] - p[eq.DELTA]
+            r[RELEASE] = side * y[V2]
+        if direction != 0:
+            force = moved(mode, v, w, y, p) - sliding_friction(direction, y[V1], p)
+            mass = p[eq.M1] + p[eq.M2] if rigid and side != 0 else p[eq.M1]
+            g[SLIP_END] = direction * y[V1]
+            r[SLIP_END] = direction * force / mass
+        else:
+            push = moved(mode, v, w, y, p)
+            rate = slope_along(BREAK_AWAY, mode, t, y, p)
+            g[BREAK_AWAY], r[BREAK_AWAY] = static_reserve(static_limit(p), push, rate)
+
+    def strike(side, resting, y, p):  # type: ignore[no-untyped-def]
+        y[X2] = side * p[eq.DELTA]
+        if rigid:
+            e = 0.0 if resting else restitution(abs(y[V2]), p)
+            y[V1] = eq.frame_speed_after(y[V1], y[V2], e, p)
+            y[V2] = eq.block_speed_after(y[V2], e)
+
+    def transition(mode, code, t, y, p):  # type: ignore[no-untyped-def]
+        v, w = volts(t, p)
+        if code in (RIGHT_IMPACT, LEFT_IMPACT):
+            strike(1 if code == RIGHT_IMPACT else -1, False, y, p)
+        elif code in (COUNT + RIGHT_IMPACT, COUNT + LEFT_IMPACT):
+            # An accumulated sequence of impacts is one without rebound.
+            strike(1 if code == COUNT + RIGHT_IMPACT else -1, True, y, p)
+        elif code == RELEASE:
+            # Depth, or force, is zero to rounding: let go whatever its sign.
+            y[X2] = side_of(mode) * p[eq.DELTA]
+            return mode_of(friction_mode(mode_of(STUCK, FREE), v, w, y, p), FREE)
+        elif code == SLIP_END:
+            y[V1] = 0.0
+        elif code == BREAK_AWAY:
+            # The push is at the static limit to rounding: slip whichever side it is on.
+            y[V1] = 0.0
+            return mode_of(friction_towards(moved(mode, v, w, y, p)), mode // 3)
+        return mode_under(mode // 3, v, w, y, p)
+
+    return Automaton(
+        states=model.layout.states,
+        modes=MODES,
+        guards=GUARDS if rigid else tuple(replace(guard, impact=False) for guard in GUARDS),
+        flow=flow,
+        margins=margins,
+        transition=transition,
+        cyclic=model.cyclic,
+        stiff=any(kind.term.stiff for kind in kinds),
+        step=1e-3 if rigid else SMALL,
+        bounds=bounds,
+        recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
+    )
+
+
+def static_reserve(limit: float, push: float, rate: float) -> tuple[float, float]:
+    """Return what static friction holds beyond a push, and the rate of that.
+
+    Like limit - abs(push) where the two are close, but without its corner: on a stopper that yields
+    the push goes a long way in no time.
+    """
+    if limit == 0.0:
+        return -abs(push), -rate if push > 0.0 else rate
+    return 0.5 * (limit - push * push / limit), -push * rate / limit
+
+
+def voltages(right: Function, left: Function | None, begin: int) -> Any:
+    """Return the voltages of both electrodes as a function of time; 0 where there is none."""
+    if left is None:
+
+        def one(t, p):  # type: ignore[no-untyped-def]
+            return right(t, p[begin:]), 0.0
+
+        return one
+
+    def both(t, p):  # type: ignore[no-untyped-def]
+        q = p[begin:]
+        return right(t, q), left(t, q)
+
+    return both

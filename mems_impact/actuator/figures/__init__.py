@@ -1,1 +1,0 @@
-"""Figures that an actuator has beside those of any system (see `mems_impact.plotting`)."""

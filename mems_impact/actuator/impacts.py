@@ -1,0 +1,408 @@
+"""Impacts, groups of impacts (blows), and rests of a device."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
+from mems_impact.actuator.extended_automaton import layout
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.simulation import Events
+from mems_impact.systems.result import SummaryRepr
+from mems_impact.systems.statistics import Moments
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.results import ActuatorRun
+
+__all__ = [
+    "SLIPPING",
+    "BlowCounter",
+    "BlowStatistics",
+    "RestDetector",
+    "blow_of",
+    "blows",
+    "contact_loss",
+    "contact_time",
+    "contacts",
+    "each_blow",
+    "energy_lost",
+    "frame_steps",
+    "is_impact",
+    "is_release",
+    "yields",
+]
+
+# --- Impacts among the events of a run, and the steps of the frame that they cause.
+
+SLIPPING = np.array([direction_of(mode) != 0 for mode in range(len(MODES))])
+"""Whether the frame slips, by mode."""
+
+
+def is_impact(events: Events) -> NDArray[np.bool_]:
+    """Return where the rows are impacts."""
+    return events.impacts_among(GUARDS)
+
+
+def is_release(events: Events) -> NDArray[np.bool_]:
+    """Return where the block leaves a stopper on which it has rested, or which has yielded."""
+    return (events.kind == workspace.TRANSITION) & (events.guard == RELEASE)
+
+
+def yields(actuator: Actuator) -> bool:
+    """Return whether the stoppers yield, and contacts last."""
+    return any(term.instead == "stopper" for term in actuator.terms)
+
+
+def contact_loss(actuator: Actuator) -> int:
+    """Return the place of the state that sums up what contacts with stoppers that yield lose."""
+    states = layout([term.kind for term in actuator.terms], 0).states
+    return states.index("contact_loss")
+
+
+def energy_lost(events: Events, actuator: Actuator) -> Floats:
+    """Return the energy that each row loses: impacts, and the rest of chatter sequences.
+
+    A contact with a stopper that yields has lost it when the block leaves; NaN if it has not left
+    yet.
+    """
+    if not yields(actuator):
+        speeds = events.before[:, V2], events.after[:, V2]
+        lost: Floats = eq.impact_loss(actuator.m1, actuator.m2, *speeds)
+        return np.where(is_impact(events) | (events.kind == workspace.ACCUMULATION), lost, 0.0)
+    rows = np.flatnonzero(is_impact(events))
+    ends = np.flatnonzero(is_release(events) | (events.kind == workspace.ACCUMULATION))
+    total = events.after[:, contact_loss(actuator)]
+    place = np.searchsorted(ends, rows)
+    ended = place < ends.size
+    lost = np.zeros(len(events))
+    lost[rows] = math.nan
+    lost[rows[ended]] = total[ends[place[ended]]] - total[rows[ended]]
+    return lost
+
+
+def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
+    """Return the rows of the impacts and the step of the frame after each of them.
+
+    A step is the displacement of the frame from an impact until the frame rests or the next
+    impact comes, whichever is first; NaN if neither has come yet.
+
+    Returns
+    -------
+    rows : int array, shape (k,)
+    steps : float array, shape (k,)
+    """
+    impact = is_impact(events)
+    rows = np.flatnonzero(impact)
+    # A contact that begins with the frame at rest may move it yet.
+    comes = SLIPPING[events.mode_before] | np.isin(events.guard, (RELEASE, SLIP_END))
+    rests = ~SLIPPING[events.mode_after] & events.begin_arcs & comes
+    ends = np.flatnonzero(impact | rests)
+    x1 = events.after[:, X1]
+    # An impact that leaves the frame at rest ends its own step, of length zero.
+    place = np.searchsorted(ends, rows, side="right")
+    steps = np.full(rows.size, math.nan)
+    ended = place < ends.size
+    steps[ended] = x1[ends[place[ended]]] - x1[rows[ended]]
+    struck = events.before[rows, V2] != events.after[rows, V2]  # else a contact begins
+    steps[struck & ~SLIPPING[events.mode_after[rows]]] = 0.0
+    return rows, steps
+
+
+# --- Impacts as an experimenter counts them: a sequence that ends in rest is one blow.
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class BlowStatistics(SummaryRepr):
+    """What the blows of a run's window do, in the units of the device.
+
+    A blow is an impact, or a sequence of ever weaker impacts on one stopper that ends in rest
+    there: `mems_impact.Run.blows` has one row each. The numbers per *impact*, in `Run.statistics`
+    beside these, count every bounce.
+
+    Attributes
+    ----------
+    count : int
+        Blows in the window, each where its first impact is.
+    per_period : float
+        By the length of the window in forcing periods.
+    displacement_per_blow : float
+        Displacement of the frame over the window by their number; 0 where there is neither, NaN
+        where the frame slips without blows.
+    displacement_std : float
+        Standard deviation of the displacements of the single blows, over their number; NaN
+        without a blow.
+    si : bool
+        Whether these are in SI, those of a device that is.
+
+    See Also
+    --------
+    blows
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> found = mi.blows(run)
+    >>> f"{found.displacement_per_blow * 1e9:.1f} nm", found.per_period
+    ('20.0 nm', 1.0)
+    """
+
+    si_units = {"displacement_per_blow": "m", "displacement_std": "m"}  # noqa: RUF012 - ClassVar in Summarized
+
+    count: int
+    per_period: float
+    displacement_per_blow: float
+    displacement_std: float
+    si: bool = False
+
+
+def blows(run: ActuatorRun) -> BlowStatistics:
+    """Return what the blows in the window of a run do.
+
+    Parameters
+    ----------
+    run : Run
+
+    Returns
+    -------
+    Blows
+
+    See Also
+    --------
+    Blows, Run, step_lengths
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> run = mi.simulate(mita, mi.Sine(amplitude=100, omega=6.283), periods=6, window=(2, 6))
+    >>> mi.blows(run).count  # the 80 impacts of run.statistics are bounces of these
+    4
+    """
+    found, scales = run.measured, run.system.scales
+    still = found.blows == 0 and found.displacement_per_period == 0.0
+    return BlowStatistics(
+        count=found.blows,
+        per_period=found.blows_per_period,
+        displacement_per_blow=0.0 if still else scales.out(found.displacement_per_blow, "m"),
+        displacement_std=scales.out(found.displacement_per_blow_std, "m"),
+        si=scales.named,
+    )
+
+
+def blow_of(log: Events) -> tuple[NDArray[np.int64], int]:
+    """Return where the blow of each row begins.
+
+    Parameters
+    ----------
+    log : Events
+        Impacts and ends of chatter, no other rows; k of them.
+
+    Returns
+    -------
+    first : int array, shape (k,)
+        The row of the first impact of the blow; -1 for an end of chatter that no impact of the
+        log leads to.
+    settled : int
+        The rows before this one cannot change with what comes: the sequence of ever weaker
+        impacts that begins there may still end in rest.
+    """
+    place = np.arange(len(log))
+    ends = log.kind == workspace.ACCUMULATION
+    speed = np.abs(log.before[:, V2])
+    goes_on = np.zeros(len(log), dtype=bool)
+    goes_on[1:] = (log.guard[1:] == log.guard[:-1]) & ~ends[:-1]
+    goes_on[1:] &= ends[1:] | (speed[1:] < speed[:-1])
+    start = np.maximum.accumulate(np.where(goes_on, 0, place))
+    rests = np.zeros(len(log), dtype=bool)
+    rests[start[ends & goes_on]] = True
+    first = np.where(rests[start], start, place)
+    first[ends & ~goes_on] = -1
+    settled = int(start[-1]) if len(log) and not ends[-1] else len(log)
+    return first, settled
+
+
+def contacts(events: Events) -> tuple[Events, Floats]:
+    """Return the impacts and ends of chatter among events, and the step of the frame after each.
+
+    Steps are those of `frame_steps` after impacts, 0 after the end of chatter.
+    """
+    chosen = _chosen(events)
+    hits, moved = frame_steps(events)
+    steps = np.zeros(len(events))
+    steps[hits] = moved
+    return events[chosen], steps[chosen]
+
+
+def _chosen(events: Events) -> NDArray[np.bool_]:
+    return is_impact(events) | (events.kind == workspace.ACCUMULATION)
+
+
+class BlowCounter:
+    """Counts blows, and gathers what they displace, while impacts come in portions.
+
+    What is held back is one sequence of ever weaker impacts, which may yet end in rest.
+
+    Attributes
+    ----------
+    count : int
+    displacements : Moments
+        Of those whose last step has ended.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.displacements = Moments()
+        self._held: tuple[Events, Floats, NDArray[np.bool_]] | None = None
+
+    def add(self, log: Events, steps: Floats, inside: NDArray[np.bool_], *, last: bool) -> None:
+        """Take the next rows.
+
+        Parameters
+        ----------
+        log, steps : Events, float array
+            From `contacts`.
+        inside : bool array
+            Whether a blow that begins with the row counts.
+        last : bool
+            Whether no more rows come.
+        """
+        if self._held is not None:
+            events, before, within = self._held
+            log = Events.joined([events, log])
+            steps, inside = np.concatenate([before, steps]), np.concatenate([within, inside])
+        first, settled = blow_of(log)
+        done = len(log) if last else settled
+        begins = np.flatnonzero((first == np.arange(len(log))) & inside)
+        begins = begins[begins < done]
+        self.count += begins.size
+        moved = _sums(first, steps)[begins]
+        self.displacements.add(moved[~np.isnan(moved)])
+        self._held = (log[done:], steps[done:], inside[done:])
+
+
+@dataclass(frozen=True)
+class BlowTable:
+    """The blows among events, one a row.
+
+    Attributes
+    ----------
+    first : Events
+        Their first impacts.
+    impacts : int array
+    rests : bool array
+        Whether they end in rest on the stopper.
+    displacement : float array
+        Of the frame, until it rests or the next blow comes; NaN if neither has come yet.
+    energy : float array
+        Kinetic energy lost.
+    """
+
+    first: Events
+    impacts: NDArray[np.int64]
+    rests: NDArray[np.bool_]
+    displacement: Floats
+    energy: Floats
+
+
+def each_blow(events: Events, actuator: Actuator) -> BlowTable:
+    """Return the blows among events, in which `Rests` has told the ends of contacts."""
+    log, steps = contacts(events)
+    first, _ = blow_of(log)
+    begins = first == np.arange(len(log))
+    ends = log.kind == workspace.ACCUMULATION
+    return BlowTable(
+        first=log[begins],
+        impacts=_sums(first, ~ends)[begins].astype(np.int64),
+        rests=_sums(first, ends)[begins] > 0.0,
+        displacement=_sums(first, steps)[begins],
+        energy=_sums(first, energy_lost(events, actuator)[_chosen(events)])[begins],
+    )
+
+
+def _sums(first: NDArray[np.int64], values: NDArray[Any]) -> Floats:
+    """Return, where a blow begins, the sum of the values of its rows; 0 elsewhere."""
+    sums = np.zeros(first.size)
+    member = first >= 0
+    np.add.at(sums, first[member], values[member])
+    return sums
+
+
+# --- Rest on stoppers that yield, told by how long contacts last.
+
+LONGEST = 2.0  # a force that presses makes a bounce last up to so many times as long (exponent 1)
+
+
+class RestDetector:
+    """Tells bounces off stoppers that yield from rest on them, while events come in portions.
+
+    A bounce lasts for up to two of its `contact_time`; what lasts longer has come to rest. The
+    event that ends it is then told like the end of a sequence of impacts at a rigid stopper.
+
+    Parameters
+    ----------
+    actuator : Actuator
+        In the units of the numerics.
+    period : float
+        Forcing period.
+    """
+
+    def __init__(self, actuator: Actuator, period: float) -> None:
+        self._actuator, self._period = actuator, period
+        self._yields = yields(actuator)
+        self._hits = np.zeros((0, 3))  # the last impact so far: time, speed, guard
+
+    def __call__(self, events: Events) -> Events:
+        """Return the next events, the ends of rests told as such."""
+        if not self._yields:
+            return events
+        time = events.cycle * self._period + events.time
+        impact = is_impact(events)
+        new = np.stack([time, np.abs(events.before[:, V2]), events.guard], axis=1)[impact]
+        hits = np.concatenate([self._hits, new])
+        known = np.cumsum(impact) + len(self._hits)  # hits until each event
+        ends = np.flatnonzero(is_release(events) & (known > 0))
+        begun = hits[known[ends] - 1]
+        lasted = time[ends] - begun[:, 0]
+        rests = lasted > LONGEST * contact_time(self._actuator, begun[:, 1])
+        self._hits = hits[-1:]
+        kind, guard = events.kind.copy(), events.guard.copy()
+        kind[ends[rests]] = workspace.ACCUMULATION
+        guard[ends[rests]] = begun[rests, 2].astype(np.int64)
+        return replace(events, kind=kind, guard=guard)
+
+
+def contact_time(actuator: Actuator, speed: Floats) -> Floats:
+    """Return how long the block is in contact with a stopper that yields at impacts with `speed`.
+
+    Of a frame at rest, without damping and force: quadrature of the energy,
+    m2 s'^2/2 + K s^(n+1)/(n+1) = m2 speed^2/2 at the depth s (Johnson, Contact Mechanics, 1985,
+    Section 11.4).
+
+    Parameters
+    ----------
+    actuator : Actuator
+        With a `CompliantStopper`.
+    speed : float array
+
+    Returns
+    -------
+    float array
+    """
+    (stopper,) = (dict(term) for term in actuator.terms if term.instead == "stopper")
+    power = stopper["exponent"] + 1.0
+    factor = stopper["stiffness"] / stopper["depth"] ** (power - 2.0)
+    deepest = (0.5 * power * actuator.m2 * speed * speed / factor) ** (1.0 / power)
+    shape = math.sqrt(math.pi) * math.gamma(1.0 + 1.0 / power) / math.gamma(0.5 + 1.0 / power)
+    still: NDArray[np.bool_] = speed == 0.0
+    time: Floats = 2.0 * shape * deepest / np.where(still, 1.0, speed)
+    return np.where(still, 0.0, time)

@@ -1,0 +1,232 @@
+"""The base of parameter objects, with validation by pydantic.
+
+pydantic does the checking; this module gives its findings in the package's own words, as one
+`InvalidParameter` that names the field, the value and the allowed range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from functools import reduce
+from inspect import Parameter, Signature
+from numbers import Real
+from operator import or_
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    Self,
+    Union,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
+
+from annotated_types import Ge, Gt, Le, Lt
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
+
+from mems_impact._util.formatting import html_table
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Checked", "Fraction", "NonNegative", "Number", "Positive", "unknown"]
+
+_KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
+
+
+def _to_float(value: Any) -> float:
+    # pydantic's strict floats refuse NumPy's integers and single floats, which sweeps produce;
+    # its lax ones take strings and booleans, which are mistakes.
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise PydanticCustomError("number_type", "must be a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise PydanticCustomError("number_type", "must be a finite number") from None
+
+
+Number = Annotated[float, BeforeValidator(_to_float), Field(allow_inf_nan=False)]
+"""A finite number."""
+
+Positive = Annotated[Number, Field(gt=0)]
+"""A finite number > 0."""
+
+NonNegative = Annotated[Number, Field(ge=0)]
+"""A finite number >= 0."""
+
+Fraction = Annotated[Number, Field(ge=0, le=1)]
+"""A finite number between 0 and 1, both included."""
+
+
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(Field,))
+class _Kind(ModelMetaclass):
+    """Of parameter objects: what completion offers of them is their own, none of pydantic's."""
+
+    def __dir__(cls) -> list[str]:
+        return _own(super().__dir__())
+
+
+class Checked(BaseModel, metaclass=_Kind):
+    """Base of parameter objects: immutable, keyword-only, every value checked.
+
+    Raises
+    ------
+    InvalidParameter
+        If a value is not allowed, or a parameter is missing or unknown.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    # `self` is positional-only so that even an unknown parameter called "self" is reported.
+    def __init__(self, /, *places: Any, **values: Any) -> None:
+        if places:
+            raise _unnamed(type(self), places, values)
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise _translated(error, type(self)) from None
+        except OverflowError:
+            problem = "its numbers are too large, or too small, to calculate with"
+            raise InvalidParameter(type(self).__name__, None, "", problem=problem) from None
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **more: Any) -> None:
+        # Of types and defaults alone, without what pydantic needs for checking.
+        super().__pydantic_init_subclass__(**more)
+        cls.__signature__ = Signature(
+            [
+                Parameter(
+                    name,
+                    Parameter.KEYWORD_ONLY,
+                    default=Parameter.empty if field.is_required() else field.default,
+                    annotation=_plain(field.annotation),
+                )
+                for name, field in cls.model_fields.items()
+            ]
+        )
+
+    def __dir__(self) -> list[str]:
+        return _own(super().__dir__())
+
+    def __str__(self) -> str:
+        return repr(self)  # pydantic's leaves out what it is
+
+    def _repr_html_(self) -> str:
+        return html_table(type(self).__name__, dict(self))
+
+    def replace(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed, checked like a new one.
+
+        Parameters
+        ----------
+        **changes : object
+            New values, by parameter name.
+
+        Raises
+        ------
+        InvalidParameter
+            If the changed set is not allowed, or a name is unknown.
+        """
+        return type(self)(**{**dict(self), **changes})
+
+    def replace_unchecked(self, /, **changes: Any) -> Self:
+        """Return a copy with some parameters changed to whatever is given."""
+        return type(self).model_construct(**{**dict(self), **changes})
+
+    # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
+    __replace__ = replace
+
+
+def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, Any]) -> TypeError:
+    """Return the error of values without names, which shows how they are named."""
+    names = [name for name in kind.model_fields if name not in values]
+    given = dict(zip(names, places, strict=False)) if len(places) <= len(names) else {}
+    call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
+    example = f"{kind.__name__}({call})" if given else f"they are {', '.join(names)}"
+    return TypeError(f"{kind.__name__} takes its parameters by name: {example}")
+
+
+_PYDANTIC = frozenset(name for name in dir(BaseModel) if not name.startswith("__"))
+
+
+def _own(names: Iterable[str]) -> list[str]:
+    return [name for name in names if name not in _PYDANTIC]
+
+
+def _plain(kind: Any) -> Any:
+    """Return a type without the checks that are annotated to it."""
+    if get_origin(kind) is Annotated:
+        return _plain(get_args(kind)[0])
+    if get_origin(kind) is tuple:
+        return tuple[tuple(map(_plain, get_args(kind)))]  # type: ignore[misc]
+    if get_origin(kind) is Union:
+        return reduce(or_, map(_plain, get_args(kind)))
+    return kind
+
+
+def _translated(error: ValidationError, model: type[BaseModel]) -> InvalidParameter:
+    """Return the most telling of pydantic's findings as an `InvalidParameter`."""
+    findings = error.errors(include_url=False)
+    # A misspelt name shows as one unknown and one missing parameter: the first tells more.
+    first = next((one for one in findings if one["type"] == "extra_forbidden"), findings[0])
+    cause = first.get("ctx", {}).get("error")
+    if isinstance(cause, InvalidParameter):  # raised by a check across several fields
+        return cause
+    return _from_finding(first, model)
+
+
+def _from_finding(finding: ErrorDetails, model: type[BaseModel]) -> InvalidParameter:
+    name = str(finding["loc"][0]) if finding["loc"] else model.__name__
+    known = model.model_fields
+    if finding["type"] == "extra_forbidden":
+        return unknown(name, finding["input"], known)
+    allowed = _allowed(known[name]) if name in known else finding["msg"]
+    if finding["type"] == "missing":
+        return InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
+    return InvalidParameter(name, finding["input"], allowed)
+
+
+def unknown(name: str, value: object, known: Iterable[str]) -> InvalidParameter:
+    """Return the error of a name that is none of those that are known."""
+    names = list(known)
+    allowed = f"one of {', '.join(names)}"
+    near = get_close_matches(name, names, n=1)
+    suggestion = f"did you mean {near[0]}?" if near else f"must be {allowed}"
+    problem = f"unknown name, {suggestion}"
+    return InvalidParameter(name, value, allowed, problem=problem)
+
+
+def _allowed(field: FieldInfo) -> str:
+    """Describe what a field takes, worded to follow "must be"."""
+    if field.description is not None:
+        return field.description
+    if field.annotation is not float:
+        kind = get_origin(field.annotation) or field.annotation
+        if kind is Literal:
+            return f"one of {', '.join(get_args(field.annotation))}"
+        return _KINDS.get(kind, f"of type {field.annotation}")
+    bounds = [bound for limit in field.metadata if (bound := _bound(limit))]
+    return " ".join(["a finite number", " and ".join(bounds)]).rstrip()
+
+
+def _bound(limit: object) -> str:
+    match limit:
+        case Gt(gt=value):
+            return f"> {value}"
+        case Ge(ge=value):
+            return f">= {value}"
+        case Lt(lt=value):
+            return f"< {value}"
+        case Le(le=value):
+            return f"<= {value}"
+        case _:
+            return ""

@@ -1,0 +1,243 @@
+"""Plausible ranges of device parameters, and warnings outside them.
+
+All of it concerns devices in SI; a dimensionless one may have any numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mems_impact.errors import UnitsWarning
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.drives.base import Drive
+    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.terms.base import Term
+
+__all__ = ["look_at_device", "look_at_drive", "look_at_target"]
+
+
+class Range(NamedTuple):
+    """Between what a quantity may lie, and where it usually does; 0 is always in it."""
+
+    low: float
+    usual: float
+    high: float
+
+
+# More than an order beyond what is published of such devices, on either side.
+MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
+FACE = Range(1e-7, 1e-4, 1e-1)  # of electrodes
+STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
+SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)
+DEVICE = {
+    "m1": MASS,
+    "m2": MASS,
+    "k": STIFFNESS,
+    "c": Range(0.0, 1e-4, 1.0),
+    "d": LENGTH,
+    "delta": LENGTH,
+    "mu_s": Range(0.0, 0.4, 5.0),
+    "mu_d": Range(0.0, 0.3, 5.0),
+    "alpha": Range(1e-25, 1e-19, 1e-14),
+    "g": Range(0.0, 10.0, 300.0),
+}
+TERMS = {
+    "adhesion.force": FORCE,
+    "compliant_stopper.stiffness": Range(1e-2, 1e5, 1e11),
+    "compliant_stopper.damping": PER_SPEED,
+    "compliant_stopper.depth": Range(1e-13, 1e-8, 1e-3),
+    "cubic_stiffness.k3": Range(1e2, 1e11, 1e20),
+    "dielectric_charging.time": Range(1e-8, 1.0, 1e9),
+    "frame_load.force": FORCE,
+    "frame_spring.k1": STIFFNESS,
+    "fringing.width": FACE,
+    "fringing.length": FACE,
+    "power_law_restitution.speed": SPEED,
+    "regularized_friction.width": SPEED,
+    "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
+    "series_resistance.parasitic": Range(1e-19, 1e-12, 1e-6),
+    "squeeze_film.length": FACE,
+    "squeeze_film.width": FACE,
+    "squeeze_film.pressure": Range(1e-4, 1e5, 1e8),
+    "squeeze_film.viscosity": Range(1e-7, 2e-5, 1e-2),
+    "squeeze_film.free_path_pressure": Range(1e-4, 7e-3, 1.0),
+    "stribeck_friction.speed": SPEED,
+    "stribeck_friction.viscous": PER_SPEED,
+    "tabulated_restitution.speeds": SPEED,
+    "tilt.angle": Range(0.0, 0.05, 0.8),
+}
+"""Of terms, by name and number."""
+
+VOLTAGE = Range(0.0, 30.0, 1e4)
+PERIOD = Range(1e-8, 1e-3, 300.0)
+TARGETS = {
+    "m": Range(1e-13, 1e-7, 1e-3),
+    "m/s": Range(1e-13, 1e-4, 100.0),
+    "V": Range(1e-3, 30.0, 1e4),
+    "rad/s": Range(10.0, 1e4, 1e9),
+}
+PREFIXES = {"m": 1e-3, "u": 1e-6, "n": 1e-9, "k": 1e3}
+OTHERS = {
+    "kg": {"g": 1e-3, "mg": 1e-6, "ug": 1e-9, "ng": 1e-12},
+    "m": {"mm": 1e-3, "um": 1e-6, "nm": 1e-9},
+    "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "rad": {"deg": math.pi / 180.0},
+    "ohm": {"kohm": 1e3, "Mohm": 1e6, "Gohm": 1e9},
+    "F": {"uF": 1e-6, "nF": 1e-9, "pF": 1e-12, "fF": 1e-15},
+    "": {"%": 1e-2},
+}
+"""What else a number may be in, by its unit, where that is not a prefix away."""
+
+SHORTER = {"mm": 1e3, "um": 1e6}  # by which a number per metre is told per another length
+SAMPLES = 256  # of a period, by which its largest voltage is seen
+HALF_PERMITTIVITY = 4.427e-12  # of vacuum [F/m]
+SLOW = 300.0  # ratio of resonance and frequency from which a block follows as if at rest
+NEAR = 30.0  # ratio of both within which they are
+HERTZ = 1.3  # ratio of two resonances that are the same
+
+
+def look_at_device(actuator: Actuator) -> None:
+    """Warn, once, of parameters that look like ones in other units."""
+    from mems_impact.actuator.parameters import PARAMETER_UNITS
+
+    if actuator.units != "SI":
+        return
+    for name, within in DEVICE.items():
+        value, unit = getattr(actuator, name), PARAMETER_UNITS.get(name, "")
+        if name == "alpha" and value > within.high:
+            alpha = HALF_PERMITTIVITY * value
+            _tell(f"{_far(name, value, unit, within)}; an area of {value:g} m^2, of which alpha is "
+                  f"{alpha:.4g} F m?")  # fmt: skip
+        else:
+            _look(name, value, unit, within)
+    for term in actuator.terms:
+        _look_at_term(term)
+
+
+def look_at_drive(actuator: Actuator, drive: Drive) -> None:
+    """Warn, once, of voltages and times that look like ones in other units."""
+    if actuator.units != "SI":
+        return
+    for name in drive.names:
+        if drive.unit(name) == "V":
+            _look(name, drive.number(name), "V", VOLTAGE)
+    _look_at_times(actuator, drive, "")
+
+
+def _look_at_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
+    """Warn of periods and frequencies, those of a drive within another among them."""
+    from mems_impact.actuator.drives.base import Drive
+
+    resonance = math.sqrt(actuator.k / actuator.m2) / (2.0 * math.pi)
+    _look(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
+    omega = getattr(drive, "omega", None)
+    frequency = omega / (2.0 * math.pi) if omega else math.inf
+    near = resonance / NEAR < 1e3 * frequency < resonance * NEAR
+    if near and frequency * SLOW < resonance and 0.0 < _peak(drive) < _striking(actuator):
+        _tell(f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
+              f"{resonance:.4g} Hz, where the block needs {_striking(actuator):.4g} V to strike; "
+              f"{frequency:.4g} kHz?")  # fmt: skip
+    for name in type(drive).model_fields:
+        if isinstance(within := getattr(drive, name), Drive):
+            _look_at_times(actuator, within, f"{prefix}{name}.")
+
+
+def _peak(drive: Drive) -> float:
+    """Return the largest voltage, as far as samples tell."""
+    times = np.linspace(0.0, drive.period, SAMPLES, endpoint=False)
+    return float(max(np.abs(drive.value(times, left=left)).max() for left in (False, True)))
+
+
+def _striking(actuator: Actuator) -> float:
+    """Return the voltage at which a block strikes however slowly it comes: pull-in, or before.
+
+    By the paper's equations alone; terms change it little.
+    """
+    x2 = min(actuator.delta, actuator.d / 3.0)
+    return math.sqrt(actuator.k * x2 / actuator.alpha) * (actuator.d - x2)
+
+
+def _look_at_term(term: Term) -> None:
+    """Warn of numbers of a term; those that stand at their default are none of the user's."""
+    for field, given in type(term).model_fields.items():
+        name, value = f"{term.name()}.{field}", getattr(term, field)
+        if name not in TERMS or value is None or value == given.default:
+            continue
+        if name == "compliant_stopper.stiffness" and not _is_stiffness(term):
+            continue
+        within = TERMS[name]
+        unit = "rad" if name == "tilt.angle" else term.units.get(field, "")
+        size = max(value) if isinstance(value, tuple) else value
+        if name == "squeeze_film.free_path_pressure" and 0.0 < size < within.low:
+            far = _far(name, size, unit, within)
+            _tell(f"{far}; {size:g} m, the path without the pressure?")
+        else:
+            _look(name, size, unit, within)
+
+
+def _is_stiffness(term: Any) -> bool:
+    """Return whether the stiffness of a stopper is one, and not the factor of a power."""
+    return bool(term.exponent == 1.0 or term.depth != type(term).model_fields["depth"].default)
+
+
+def look_at_target(actuator: Actuator, quantity: str, value: float, unit: str) -> None:
+    """Warn, once, of a measured number that looks like one in another unit."""
+    if actuator.units != "SI":
+        return
+    if unit in TARGETS:
+        _look(quantity, value, unit, TARGETS[unit])
+    if quantity == "resonance" and value > 0.0:
+        own = math.sqrt(actuator.k / actuator.m2)
+        turned = 2.0 * math.pi * value
+        if 1.0 / HERTZ < turned / own < HERTZ:
+            _tell(f"resonance = {value:g} rad/s, where the device has {own:.4g}; "
+                  f"{value:g} Hz, {turned:.6g} rad/s?")  # fmt: skip
+
+
+def _look(name: str, value: float, unit: str, within: Range) -> None:
+    size = abs(value)
+    if size == 0.0 or within.low <= size <= within.high:
+        return
+    told = _far(name, value, unit, within)
+    meant = sorted(_meant(size, unit, within), key=lambda each: each[0])
+    _tell(f"{told}; {value:g} {meant[0][1]}?" if meant else told)
+
+
+def _far(name: str, value: float, unit: str, within: Range) -> str:
+    amount = f"{value:g} {unit}".rstrip()
+    limits = f"{within.low:g} to {within.high:g} {unit}".rstrip()
+    return f"{name} = {amount}, where such devices have {limits}"
+
+
+def _meant(size: float, unit: str, within: Range) -> Iterator[tuple[float, str]]:
+    """Yield units in which a number would be a usual one, and how far from that it is."""
+    for other, factor in _others(unit).items():
+        if within.low <= size * factor <= within.high:
+            yield abs(math.log(size * factor / within.usual)), other
+
+
+def _others(unit: str) -> Mapping[str, float]:
+    """Return units that may have been meant, and what they are in `unit`."""
+    if unit in OTHERS:
+        return OTHERS[unit]
+    others = {f"{prefix}{unit}": factor for prefix, factor in PREFIXES.items()}
+    per_length = re.fullmatch(r"(.*/)m(\^(\d))?", unit)
+    if per_length is not None:
+        for length, factor in SHORTER.items():
+            power = per_length[2] or ""
+            others[f"{per_length[1]}{length}{power}"] = factor ** int(per_length[3] or 1)
+    return others
+
+
+@cache
+def _tell(message: str) -> None:
+    """Warn of it the first time."""
+    warnings.warn(message, UnitsWarning, stacklevel=5)

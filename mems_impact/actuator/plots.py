@@ -1,0 +1,812 @@
+"""Figures of a device."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact.actuator.automaton import slips
+from mems_impact.actuator.results import SYMBOLS
+from mems_impact.plotting.animation import Frames, Scene, caption, clock, frames_of, glow
+from mems_impact.plotting.labels import (
+    Label,
+    Mark,
+    free_corner,
+    label_axis,
+    label_of,
+    label_points,
+    legend_above,
+    parameter_label,
+    prefixed,
+    symbol,
+)
+from mems_impact.plotting.style import (
+    DASHES,
+    DOTS,
+    LINES,
+    color,
+    given_axes,
+    graded,
+    new_figure,
+    styled,
+    thickness,
+)
+from mems_impact.plotting.trajectories import (
+    IMPACT,
+    ORBIT_POINTS_PER_PERIOD,
+    RUN_POINTS_PER_PERIOD,
+    SHOWN,
+    jump,
+)
+
+if TYPE_CHECKING:
+    from mems_impact.actuator.design.energy import Energy
+    from mems_impact.actuator.design.load_curve import LoadCurve
+    from mems_impact.actuator.drives.base import Drive
+    from mems_impact.actuator.parameters import Actuator
+    from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+
+__all__ = ["plot_chart", "plot_drive", "plot_energy", "plot_load", "plot_response", "seen"]
+
+# --- The chart of Fig. 7: on- and off-boundaries over the frequency, and the three types.
+
+SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
+NEAR = 0.03  # of the height of the axes: boundaries that the eye does not part
+INSET = (0.42, 0.28)  # width and height, of the axes
+TITLE = 0.07  # height of its title
+
+
+class Charted(Protocol):
+    """What `plot_chart` needs of a `mems_impact.actuator.design.operating_chart.OperatingChart`."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a point of a boundary."""
+
+    @property
+    def types(self) -> pd.DataFrame:
+        """One row a type."""
+
+    @property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two."""
+
+
+@styled
+def plot_chart(chart: Charted, ax: Any = None) -> Any:
+    """Draw the amplitudes of switching on (solid) and off (dotted) over the frequency.
+
+    Crosses are values that were simulated, not followed. The types of the paper are shaded, and
+    the points of codimension two between them marked; of a device whose frame slips before the
+    block strikes, a line shows where it begins to, and dashes between which voltages the block
+    strikes alike in every forcing period. Where the boundaries lie so near each other that they
+    are not told apart, an inset shows by how much they differ.
+
+    Parameters
+    ----------
+    chart : Chart
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    operating_chart, Chart, plot_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    >>> mi.plot_chart(chart).figure.savefig("chart.png")
+    """
+    if ax is None:
+        ax = new_figure(1.2).subplots()
+    table = chart.table
+    omega, amplitude = "omega", "amplitude"
+    boundaries = {
+        name: table[table["boundary"] == name].sort_values(omega) for name in ("on", "off")
+    }
+    slips = table[table["boundary"] == "slip"].sort_values(omega)
+    if len(slips):
+        ax.plot(
+            slips[omega], slips[amplitude], color=color("guide"), linewidth=thickness(1.0),
+            label="the frame slips", zorder=2,
+        )  # fmt: skip
+    for name in ("steady from", "steady to"):
+        rows = table[table["boundary"] == name].sort_values(omega)
+        if len(rows):
+            ax.plot(
+                rows[omega], rows[amplitude], color=color("guide"), label=name, zorder=2, **DASHES,
+            )  # fmt: skip
+    for name, rows in boundaries.items():
+        ax.plot(rows[omega], rows[amplitude], label=name, **_line(name))
+    simulated = table[table["kind"] == "crisis"]
+    # Where the boundaries meet is known from the curves.
+    simulated = simulated[~simulated[omega].isin(chart.special_table[omega])]
+    if len(simulated):
+        ax.plot(
+            simulated[omega], simulated[amplitude], linestyle="none", marker="x", markersize=3.5,
+            color=color("down"), label="off, simulated (crisis)", zorder=5, clip_on=False,
+        )  # fmt: skip
+    types = chart.types
+    edges = types[[f"{omega} from", f"{omega} to"]] if len(types) else table[omega]
+    ax.set_xlim(edges.to_numpy().min(), edges.to_numpy().max())
+    low, high = ax.get_ylim()
+    ax.set_ylim(low - 0.22 * (high - low), high + 0.08 * (high - low))  # for labels
+    for _, row in types.iterrows():
+        low, high = row[f"{omega} from"], row[f"{omega} to"]
+        ax.axvspan(low, high, color=SHADES[row["type"]], linewidth=0.0, zorder=0)
+        ax.annotate(
+            row["type"], (0.5 * (low + high), 0.98), xycoords=ax.get_xaxis_transform(),
+            ha="center", va="top", color="0.25",
+        )  # fmt: skip
+    for _, row in chart.special_table.iterrows():
+        ax.plot(
+            row[omega], row[amplitude], marker="o", markersize=4.5, color="white",
+            linestyle="none", markeredgecolor="black", markeredgewidth=0.8, zorder=6,
+        )  # fmt: skip
+    label_axis(ax.xaxis, label_of(table, omega, symbol(omega)))
+    label_axis(ax.yaxis, label_of(table, amplitude, f"amplitude {symbol(amplitude, SYMBOLS)}"))
+    legend_above(ax)
+    marks = [
+        Mark(f"{row['kind']}\n({row[omega]:.5g}, {row[amplitude]:.5g})", row[omega], row[amplitude])
+        for _, row in chart.special_table.iterrows()
+    ]
+    label_points(ax, marks)
+    _inset(ax, boundaries)
+    return ax
+
+
+def _line(boundary: str) -> dict[str, Any]:
+    """Return how a boundary is drawn."""
+    if boundary == "on":
+        return {"color": color("up"), "linewidth": thickness(1.2), "zorder": 3}
+    return {
+        "color": color("down"), "linewidth": thickness(1.2), "linestyle": DOTS, "zorder": 4,
+    }  # fmt: skip
+
+
+def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
+    """Draw by how much the boundaries differ where the eye does not part them."""
+    on, off = (
+        rows.drop_duplicates("omega")[["omega", "amplitude"]].to_numpy(dtype=float)
+        for rows in boundaries.values()
+    )
+    if min(len(on), len(off)) < 2:
+        return
+    # At the frequencies of the boundary with fewer points.
+    own = on if len(on) < len(off) else off
+    gap = np.interp(own[:, 0], *on.T) - np.interp(own[:, 0], *off.T)
+    near = np.abs(gap) < NEAR * np.ptp(ax.get_ylim())
+    place = free_corner(ax, INSET[0], INSET[1] + TITLE, top=0.88)
+    if near.sum() < 3 or place is None:
+        return
+    inset = ax.inset_axes((*place, *INSET))
+    inset.plot(own[near, 0], gap[near], color="black", marker=".", linewidth=thickness(0.8))
+    inset.axhline(0.0, color=color("guide"), linewidth=0.5, zorder=0)
+    inset.tick_params(labelsize="small", pad=1.5)
+    inset.margins(y=0.1)
+    unit = label_of(boundaries["on"], "amplitude").unit
+    label_axis(inset.yaxis, Label("", unit))
+    label_axis(inset.xaxis, Label(""))
+    # Beside the inset the words might lie on an axis.
+    words = f"on \N{MINUS SIGN} off {inset.get_ylabel()}".strip()
+    inset.set_title(words, fontsize="small", pad=2.0)
+    inset.set_ylabel("")
+
+
+# --- The device itself, moving: frame, block, stoppers, electrodes, and the path of the frame.
+
+# Sizes in gaps d: across, true to scale are delta, d and x2; the rest is as it looks well.
+BLOCK = 1.0  # half width of the block
+WALL = 0.3  # thickness of the frame
+TOP, FLOOR = 2.6, 0.35  # inner edges of the frame
+BODY = (0.6, 1.75)  # lower and upper edge of the block
+STOPPER = (0.72, 1.02)  # lower and upper edge of a stopper
+PLATE = (1.12, 1.68)  # and of an electrode
+PATH = 0.9  # how far the frame goes in the picture, at most
+
+
+class Shapes(NamedTuple):
+    """What moves."""
+
+    frame: list[tuple[Any, float]]  # patches with their place in the frame
+    block: Any
+    springs: list[tuple[Any, float]]
+    plates: dict[str, Any]  # electrodes by side
+    flashes: dict[str, tuple[Any, float]]  # stars by side, with their places
+    ground: Any
+
+
+def device_scene(
+    run: ActuatorRun, first: float | None, last: float | None, per_period: int
+) -> Scene:
+    """Return the device of a run, which moves, over the path of its frame.
+
+    Parameters
+    ----------
+    run : ActuatorRun
+    first, last, per_period
+        As in `mems_impact.animate`.
+    """
+    frames = frames_of(run, first, last, per_period)
+    shown, device = frames.shown, run.actuator
+    path = frames.samples["x1"].to_numpy() - frames.samples["x1"].iloc[0]
+    scale = _magnified(float(np.abs(path).max()) / device.d)
+    volts = _voltages(run, shown)
+    most = max(float(np.abs(values).max()) for values in volts.values()) or 1.0
+
+    figure = new_figure(1.15)
+    above, below = figure.subplots(2, height_ratios=(5, 2))
+    shapes = _draw_shapes(above, device.delta / device.d, sorted(volts))
+    reach = scale * np.array([path.min(), path.max()]) / device.d
+    _look(above, device.delta / device.d, reach)
+    line, head = _draw_path(below, run, frames, path)
+    words = caption(above)
+    seconds = frames.samples["t"].to_numpy()
+    sides = _sides(run, frames)
+    slipping = shown["mode"].astype(str).map(slips).to_numpy()
+    period = run.system.forcing_period
+    sliding = color("frame")
+    told = f"steps × {scale:g}" if scale != 1.0 else ""
+
+    def draw(number: int) -> None:
+        here, place = shown.iloc[number], path[number * frames.every]
+        _move(shapes, scale * place / device.d, here["x2"] / device.d)
+        shapes.ground.set_color(sliding if slipping[number] else "black")
+        for side, values in volts.items():
+            shapes.plates[side].set_alpha(0.12 + 0.88 * abs(values[number]) / most)
+        lit = glow(here["t"], frames.step, sides)
+        for side, (star, _) in shapes.flashes.items():
+            strength = float(lit.loc[lit["side"] == side, "strength"].max()) if len(lit) else 0.0
+            star.set_alpha(0.0 if math.isnan(strength) else strength)
+        until = number * frames.every + 1
+        line.set_data(seconds[:until] / period, path[:until])
+        head.set_data([here["t"] / period], [place])
+        voltage = ", ".join(_volts(run, values[number]) for values in volts.values())
+        words.set_text("     ".join(filter(None, (clock(run, here["t"]), voltage, told))))
+
+    artists = [shapes.block, shapes.ground, line, head, words]
+    for group in (shapes.frame, shapes.springs, shapes.flashes.values()):
+        artists += [artist for artist, _ in group]
+    return Scene(figure, draw, len(shown), artists)
+
+
+def _magnified(path: float) -> float:
+    """Return the factor, 1, 2 or 5 times a power of ten, by which a path is seen in the picture."""
+    if not 0.0 < path < PATH:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(PATH / path))
+    return max(1.0, next(n * power for n in (5, 2, 1) if n * power * path <= PATH))
+
+
+def _voltages(run: ActuatorRun, shown: pd.DataFrame) -> dict[str, Any]:
+    """Return the voltage of each electrode at the frames."""
+    # The period of the force may be half of that of the voltage.
+    time = np.remainder(shown["t"].to_numpy(), 2.0 * run.system.forcing_period)
+    volts = {"right": run.drive.value(time)}
+    if run.drive.left_voltage is not None:
+        volts["left"] = run.drive.value(time, left=True)
+    return volts
+
+
+def _volts(run: ActuatorRun, value: float) -> str:
+    number = f"{value:+.3g}".replace("-", "\N{MINUS SIGN}")
+    return f"$v$ = {number} V" if run.actuator.units == "SI" else f"$v$ = {number}"
+
+
+def _sides(run: ActuatorRun, frames: Frames) -> pd.DataFrame:
+    """Return when impacts are, and on which side."""
+    hits = frames.corners[frames.corners["impact"].astype(bool)]
+    side = np.where(hits["x2 after"] > 0.0, "right", "left")
+    return hits[["t"]].assign(side=side)
+
+
+def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
+    """Draw the device at rest."""
+    from matplotlib.patches import Rectangle
+
+    def box(left: float, low: float, width: float, height: float, **look: Any) -> Any:
+        return ax.add_patch(Rectangle((left, low), width, height, **look))
+
+    half = BLOCK + 1.0 + 0.12  # of the inside of the frame: gap, and thickness of an electrode
+    grey: dict[str, Any] = {"facecolor": "0.8", "edgecolor": "black", "linewidth": 0.6}
+    high = TOP - FLOOR + 2.0 * WALL
+    walls = [(-half - WALL, FLOOR - WALL, WALL, high), (half, FLOOR - WALL, WALL, high),
+             (-half, FLOOR - WALL, 2.0 * half, WALL), (-half, TOP, 2.0 * half, WALL)]  # fmt: skip
+    frame = [(box(*place, **grey), place[0]) for place in walls]
+    for left in (BLOCK + delta, -half):
+        width = half - BLOCK - delta
+        stopper = box(
+            left, STOPPER[0], width, STOPPER[1] - STOPPER[0], **{**grey, "facecolor": "0.45"}
+        )
+        frame.append((stopper, left))
+    plates = {}
+    for side, left in (("right", BLOCK + 1.0), ("left", -half)):
+        if side in electrodes:
+            look = {"facecolor": color("voltage"), "edgecolor": "none"}
+            plates[side] = box(left, PLATE[0], 0.12, PLATE[1] - PLATE[0], **look)
+            frame.append((plates[side], left))
+    block = box(-BLOCK, BODY[0], 2.0 * BLOCK, BODY[1] - BODY[0], facecolor=color("motion"),
+                edgecolor="black", linewidth=0.6)  # fmt: skip
+    springs = [
+        (ax.plot([], [], color="black", linewidth=thickness(0.8))[0], place)
+        for place in (-0.6 * BLOCK, 0.6 * BLOCK)
+    ]
+    star = {"marker": "*", "markersize": 15, "linestyle": "none", "zorder": 6}
+    star |= {"color": color("impact"), "markeredgecolor": "white"}
+    flashes = {
+        side: (ax.plot([at], [0.5 * sum(STOPPER)], **star)[0], at)
+        for side, at in (("right", BLOCK + delta), ("left", -BLOCK - delta))
+    }
+    ground = ax.axhline(FLOOR - WALL, linewidth=thickness(1.6), zorder=1)
+    return Shapes(frame, block, springs, plates, flashes, ground)
+
+
+def _look(ax: Any, delta: float, reach: Any) -> None:
+    """Set what is seen of the device: all places that it comes to, and marks on the ground."""
+    half = BLOCK + 1.12 + WALL
+    low, high = -half + min(0.0, reach[0]) - 0.15, half + max(0.0, reach[1]) + 0.15
+    ax.set(xlim=(low, high), ylim=(FLOOR - WALL - 0.25, TOP + WALL + 0.1), aspect="equal")
+    for mark in np.arange(math.ceil(low / 0.25), high / 0.25) * 0.25:
+        ax.plot([mark, mark - 0.1], [FLOOR - WALL, FLOOR - WALL - 0.16], color="0.5", linewidth=0.6)
+    ax.set_axis_off()
+
+
+def _draw_path(ax: Any, run: ActuatorRun, frames: Frames, path: Any) -> tuple[Any, Any]:
+    """Draw the axes of the path of the frame; return its line and its end."""
+    motion = color("motion")
+    (line,) = ax.plot([], [], color=motion)
+    (head,) = ax.plot([], [], marker="o", markersize=4.5, color=motion, clip_on=False, zorder=4)
+    time = frames.samples["t"].to_numpy()[[0, -1]] / run.system.forcing_period
+    room = 0.08 * max(np.ptp(path), 1e-12 * run.actuator.d)
+    ax.set(xlim=time, ylim=(path.min() - room, path.max() + room))
+    label_axis(ax.yaxis, label_of(frames.samples, "x1", "frame $x_1$"))
+    label_axis(ax.xaxis, Label("time / forcing period"))
+    return line, head
+
+
+def _move(shapes: Shapes, frame: float, block: float) -> None:
+    """Put everything where it is at one instant, in gaps d."""
+    for patch, place in shapes.frame:
+        patch.set_x(place + frame)
+    shapes.block.set_x(-BLOCK + frame + block)
+    along = np.linspace(0.0, 1.0, 20)
+    bent = along**2 * (3.0 - 2.0 * along)  # a beam between two clamps
+    for line, place in shapes.springs:
+        line.set_data(place + frame + block * bent, TOP + (BODY[1] - TOP) * along)
+    for star, place in shapes.flashes.values():
+        star.set_xdata([place + frame])
+
+
+# --- What the device sees of a drive: voltage and force over one forcing period.
+
+POINTS = 2000  # over a period
+FEWEST = 16  # between two switches
+
+
+class Excerpt(NamedTuple):
+    """A drive between two of its switches."""
+
+    time: NDArray[np.float64]
+    right: NDArray[np.float64]
+    left: NDArray[np.float64]
+    force: NDArray[np.float64]
+
+
+def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
+    """Return one forcing period of a drive, cut at its switches.
+
+    The force is that on the block at x2 = 0, alpha (right^2 - left^2)/d^2; without an actuator,
+    that divided by alpha/d^2.
+    """
+    scale = 1.0 if actuator is None else actuator.alpha / actuator.d**2
+    borders = sorted({0.0, *drive.switches, drive.period})
+    stretches = []
+    for begin, end in pairwise(borders):
+        count = max(FEWEST, round(POINTS * (end - begin) / drive.period))
+        time = np.linspace(begin, np.nextafter(end, 0.0), count)
+        right, left = drive.value(time), drive.value(time, left=True)
+        stretches.append(Excerpt(time, right, left, scale * (right**2 - left**2)))
+    return stretches
+
+
+@styled
+def plot_drive(drive: Drive, actuator: Actuator | None = None, ax: Any = None) -> tuple[Any, Any]:
+    """Draw what the device sees: voltage and force at x2 = 0 over one forcing period.
+
+    Parameters
+    ----------
+    drive : Drive
+    actuator : Actuator, optional
+        Whose force is drawn; by default the force is in units of alpha/d^2.
+    ax : two matplotlib Axes, optional
+        Where to draw voltage and force; a new figure by default.
+
+    Returns
+    -------
+    tuple of Axes
+        For voltage and force.
+
+    See Also
+    --------
+    Drive, plot_run
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> voltage, force = mi.plot_drive(drive, actuator)
+    >>> voltage.figure.savefig("drive.png")
+    """
+    above, below = new_figure(1.2).subplots(2, sharex=True) if ax is None else ax
+    si = actuator is not None and actuator.units == "SI"
+    stretches = seen(drive, actuator)
+    time, right, left, force = (_joined([s[i] for s in stretches]) for i in range(4))
+    two = drive.left_voltage is not None
+    own = color("voltage")
+    above.plot(time, right, color=own, label="right electrode")
+    if two:
+        above.plot(time, left, color=own, linestyle=LINES[1], label="left electrode")
+        legend_above(above)
+    below.plot(time, force, color="black")
+    guide = {"color": color("guide"), "linewidth": 0.5, "zorder": 0}
+    for panel in (above, below):
+        panel.axhline(0.0, **guide)
+        if len(drive.switches) <= 64:
+            for switch in drive.switches:
+                panel.axvline(switch, linestyle=(0, (1, 3)), **guide)
+    below.set_xlim(0.0, drive.period)
+    volt, newton, second = ("V", "N", "s") if si else ("", "", "")
+    label_axis(above.yaxis, Label("voltage", volt))
+    unit = r"$\alpha/d^2$" if actuator is None else newton
+    label_axis(below.yaxis, Label("force at $x_2 = 0$", unit))
+    label_axis(below.xaxis, Label("time", second))
+    return above, below
+
+
+def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Join stretches with a gap in the line between them, where the voltage may jump."""
+    gap = np.array([np.nan])
+    return np.concatenate([piece for part in parts for piece in (part, gap)])[:-1]
+
+
+# --- Where the energy goes, as bars.
+
+COLORS = {"in": "voltage", "load": "frame"}
+HATCHES = {"lost": "////", "load": "....", "stored": ""}
+WORDS = {"in": "given by the drive", "lost": "lost", "load": "work on loads", "stored": "stored"}
+
+
+@styled
+def plot_energy(energy: Energy, ax: Any = None) -> Any:
+    """Draw the energy per forcing period of every account as a bar, its share beside it.
+
+    Parameters
+    ----------
+    energy : Energy
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    energy, Energy
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=60)
+    >>> mi.plot_energy(mi.energy(run)).figure.savefig("energy.png")
+    """
+    table = energy.table
+    if ax is None:
+        ax = new_figure(0.0, 4.0 + 1.1 * len(table)).subplots()
+    places = range(len(table))
+    shown = set()
+    for place, row in zip(places, table.itertuples(), strict=True):
+        label = None if row.kind in shown else WORDS[row.kind]
+        shown.add(row.kind)
+        value = table["energy per period"].iloc[place]
+        face = color(COLORS[row.kind]) if row.kind in COLORS else "0.8"
+        bar = ax.barh(
+            place, value, color=face, label=label, hatch=HATCHES.get(row.kind), edgecolor="0.3"
+        )
+        ax.bar_label(bar, labels=[f"{100.0 * row.share:.3g} %"], padding=3, fontsize="small")
+    ax.set_yticks(list(places), [name.replace("_", " ") for name in table["account"]])
+    ax.invert_yaxis()
+    ax.axvline(0.0, color=color("guide"), linewidth=0.6)
+    ax.margins(x=0.25)
+    label_axis(ax.xaxis, label_of(table, "energy per period"))
+    legend_above(ax)
+    return ax
+
+
+# --- Mean speed over a load.
+
+LOAD_LINES = {
+    "sliding_load": ("every slip ends", (0, (4, 3))),
+    "walking_load": ("walks", (0, (4, 1.2, 1, 1.2))),
+    "holding_load": ("holds without voltage", (0, (1, 1.5))),
+}
+
+
+@styled
+def plot_load(curve: LoadCurve, ax: Any = None) -> Any:
+    """Draw the mean speed over the load: orbits filled, runs hollow, crosses where it runs away.
+
+    Parameters
+    ----------
+    curve : LoadCurve
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    load_curve, LoadCurve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> curve = mi.load_curve(actuator, drive, [0, 5, 10], transient=60, periods=10)
+    >>> mi.plot_load(curve).figure.savefig("load.png")
+    """
+    if ax is None:
+        ax = new_figure(1.25).subplots()
+    table = curve.table
+    motion, guide = color("motion"), color("guide")
+    ax.plot(table["load"], table["mean speed"], color=motion, linewidth=thickness(0.8), zorder=2)
+    for by, filled in (("orbit", "full"), ("run", "none")):
+        rows = table[(table["by"] == by) & table["mean speed"].notna()]
+        if len(rows):
+            ax.plot(
+                rows["load"], rows["mean speed"], linestyle="none", marker="o",
+                color=motion, fillstyle=filled, label=by, zorder=3,
+            )  # fmt: skip
+    away = table.loc[table["does"] == "runs away", "load"]
+    if len(away):
+        ax.plot(
+            away, [0.0] * len(away), linestyle="none", marker="x", markersize=4.5, color=guide,
+            label="runs away", zorder=3,
+        )  # fmt: skip
+    label = label_of(table, "load")
+    for name, (words, dashes) in LOAD_LINES.items():
+        value = getattr(curve, name)
+        if math.isfinite(value):
+            power, unit = prefixed(label.unit, abs(value))
+            told = f"{words} up to {value / 10.0**power:.4g} {unit}".rstrip()
+            ax.axvline(
+                value, color=guide, linewidth=thickness(0.8), linestyle=dashes, zorder=1, label=told
+            )
+    ax.axhline(0.0, color=guide, linewidth=0.6, zorder=0)
+    label_axis(ax.xaxis, label)
+    label_axis(ax.yaxis, label_of(table, "mean speed"))
+    legend_above(ax)
+    return ax
+
+
+# --- One periodic orbit in the phase plane of the block.
+
+
+@styled
+def plot_orbit(orbit: ActuatorOrbit, ax: Any = None) -> Any:
+    """Draw v2 over x2 along a periodic orbit, with stoppers, impacts and slips.
+
+    Parameters
+    ----------
+    orbit : ActuatorOrbit
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+    """
+    if ax is None:
+        ax = new_figure(1.2).subplots()
+    table = orbit.samples(ORBIT_POINTS_PER_PERIOD)
+    x, v = "x2", "v2"
+    stuck = ~table["mode"].astype(str).map(slips)
+    free, slipping = table[v].where(stuck), table[v].where(~stuck)
+    # At an impact the velocity jumps: the line is broken there.
+    jumps = (table[x].diff().abs() < 1e-9) | (table[v].diff().abs() > 0.2 * table[v].abs().max())
+    ax.plot(table[x], free.mask(jumps), color=color("motion"), label="frame stuck")
+    if (~stuck).any():
+        ax.plot(
+            table[x], slipping, color=color("frame"), linewidth=thickness(2.0), label="frame slips"
+        )
+    delta = orbit.actuator.delta
+    for stopper in (-delta, delta):
+        ax.axvline(stopper, color=color("guide"), zorder=1, **DASHES)
+    hits = orbit.impacts
+    for place, (_, hit) in enumerate(hits.iterrows()):
+        side = delta if hit["stopper"] == "right" else -delta
+        ends = [hit["v2 before"], hit["v2 after"]]
+        ax.plot([side, side], ends, marker="o", label=None if place else "impact", **jump())
+    for name, axis in ((x, ax.xaxis), (v, ax.yaxis)):
+        label_axis(axis, label_of(table, name, symbol(name)))
+    legend_above(ax)
+    return ax
+
+
+# --- Deflection of the block and mean speed over the frequency.
+
+FILLS = {"up": "full", "down": "none"}
+
+
+@styled
+def plot_response(table: pd.DataFrame, ax: Any = None) -> tuple[Any, Any]:
+    """Draw deflection and mean speed over the frequency, a colour and a marker an amplitude.
+
+    Filled on the way up, hollow on the way down.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `mems_impact.frequency_response`.
+    ax : two matplotlib Axes, optional
+        Where to draw deflection and speed; a new figure by default.
+
+    Returns
+    -------
+    tuple of Axes
+        ``axes[0].figure.savefig(…)`` writes the figure.
+
+    See Also
+    --------
+    frequency_response, impact_onset
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.frequency_response(actuator, drive, [0.46, 0.48, 0.5], [0.1, 0.24], transient=50)
+    >>> mi.plot_response(table)[0].figure.savefig("response.png")
+    """
+    ax = new_figure(1.6).subplots(2, sharex=True) if ax is None else ax
+    axes = given_axes(ax, 2, "one for the deflection, one for the speed")
+    looks = dict(zip(values := table["amplitude"].unique(), graded(len(values)), strict=True))
+    volts = label_of(table, "amplitude", "$f$")
+    for (amplitude, direction), group in table.groupby(["amplitude", "direction"], sort=False):
+        told = f"{volts.words} = {amplitude:g} {volts.unit}".rstrip()
+        for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
+            panel.plot(
+                group["omega"], group[name], linewidth=thickness(0.6), label=f"{told}, {direction}",
+                fillstyle=FILLS[direction], **looks[amplitude],
+            )  # fmt: skip
+    for panel, name in zip(axes, ("deflection", "mean speed"), strict=True):
+        label_axis(panel.yaxis, label_of(table, name))
+    label_axis(axes[1].xaxis, parameter_label(table, "omega"))
+    legend_above(axes[0])
+    return axes[0], axes[1]
+
+
+# --- The motion over time: block between its stoppers, and frame on the ground.
+
+
+@styled
+def plot_run(
+    run: ActuatorRun,
+    first: float | None = None,
+    last: float | None = None,
+    ax: Any = None,
+) -> tuple[Any, Any]:
+    """Draw x2 and x1 over time, impacts marked and slips shaded.
+
+    Parameters
+    ----------
+    run : ActuatorRun
+        With its events kept.
+    first, last : float, optional
+        Forcing periods between which to draw; the last 6 of the run by default.
+    ax : two matplotlib Axes, optional
+        Where to draw x2 and x1; a new figure by default.
+
+    Returns
+    -------
+    tuple of Axes
+        For x2 and x1; ``axes[0].figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If the run kept no events, or does not cover those periods.
+    """
+    period, delta = run.system.forcing_period, run.actuator.delta
+    if first is None:
+        begin, end = run.extent
+        end = end if last is None else last
+        first = max(begin, end - SHOWN)
+    samples = run.samples(RUN_POINTS_PER_PERIOD, first, last)
+    time = samples["t"] / period
+    left, right = time.iloc[0], time.iloc[-1]
+    if ax is None:
+        ax = new_figure(1.3).subplots(2, sharex=True, height_ratios=(3, 2))
+    block, frame = given_axes(ax, 2, "one for the block, one for the frame")
+
+    for slip in _slips(run.events, period, left, right, samples["mode"].iloc[0]):
+        for panel in (block, frame):
+            # The edge keeps a slip visible that is thinner than a dot.
+            panel.axvspan(*slip, linewidth=0.8, zorder=0, **_slip())
+    for stopper in (-delta, delta):
+        block.axhline(stopper, color=color("guide"), zorder=1, **DASHES)
+    block.plot(time, samples["x2"], color=color("motion"))
+    hits = run.impacts
+    hits = hits.assign(t=hits["period"] + hits["phase"])
+    hits = hits[(hits["t"] >= left) & (hits["t"] <= right)]
+    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+        sides = hits["stopper"].map({"right": delta, "left": -delta}).astype(float)
+        block.plot(hits["t"], sides, color=color("impact"), clip_on=False, **IMPACT)
+    frame.plot(time, samples["x1"], color=color("motion"))
+
+    block.set_ylim(-1.15 * delta, 1.15 * delta)
+    frame.set_xlim(left, right)
+    label_axis(block.yaxis, label_of(samples, "x2", "block in frame $x_2$"))
+    label_axis(frame.yaxis, label_of(samples, "x1", "frame $x_1$"))
+    label_axis(frame.xaxis, Label("time / forcing period"))
+    _key(block)
+    return block, frame
+
+
+def _key(ax: Any) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries = [
+        Line2D([], [], label="impact", color=color("impact"), **IMPACT),
+        Line2D([], [], label="stopper", color=color("guide"), **DASHES),
+        Patch(label="frame slips", **_slip()),
+    ]
+    legend_above(ax, entries)  # the block may be anywhere within the axes
+
+
+def _slip() -> dict[str, Any]:
+    """Return how slips are shaded."""
+    own = color("frame")
+    return {"facecolor": (own, 0.3), "edgecolor": (own, 0.6)}
+
+
+def _slips(
+    events: pd.DataFrame, period: float, left: float, right: float, mode: str
+) -> list[tuple[float, float]]:
+    """Return the intervals between `left` and `right`, in forcing periods, of a sliding frame."""
+    times = events["period"] + events["time"] / period
+    within = (times >= left) & (times <= right)
+    found, begin = [], left if slips(mode) else None
+    for time, after in zip(times[within], events["mode after"][within], strict=True):
+        slides = slips(after)
+        if slides and begin is None:
+            begin = time
+        elif not slides and begin is not None:
+            found.append((begin, time))
+            begin = None
+    if begin is not None:
+        found.append((begin, right))
+    return found

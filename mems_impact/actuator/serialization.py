@@ -1,0 +1,117 @@
+"""Objects of this room that result files may contain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import FunctionType
+from typing import Any
+
+import numpy as np
+
+from mems_impact.actuator.design.characteristics import DutyCycle
+from mems_impact.actuator.design.energy import Energy, WorkSums
+from mems_impact.actuator.design.load_curve import LoadCurve
+from mems_impact.actuator.design.operating_chart import OperatingChart
+from mems_impact.actuator.design.ring_down import RingDown
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.files import drive_of_kind
+from mems_impact.actuator.impacts import BlowCounter, RestDetector
+from mems_impact.actuator.parameters import Actuator
+from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
+from mems_impact.actuator.statistics import Accumulator
+from mems_impact.actuator.system import ActuatorSystem, EndedSystem, EnergyAccountingSystem, kind_of
+from mems_impact.actuator.terms.files import table_of as term_table
+from mems_impact.actuator.terms.files import term_of
+from mems_impact.actuator.units import DeviceScales
+from mems_impact.analysis.serialization import register_object, register_run, restored
+from mems_impact.hybrid.pickling import reference
+from mems_impact.systems.serialization.codec import Reader, register
+from mems_impact.systems.serialization.detached import check_same_system, describe
+from mems_impact.systems.system import System
+
+SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
+
+
+def table_of(drive: Drive) -> dict[str, Any]:
+    """Return a drive as the table ``[drive]`` of a file; functions by where they are defined."""
+    table: dict[str, Any] = {"kind": kind_of(drive)}
+    for name in type(drive).model_fields:
+        value = getattr(drive, name)
+        if isinstance(value, Drive):
+            value = table_of(value)
+        elif isinstance(value, FunctionType):
+            value = reference(value)
+        elif isinstance(value, tuple) and value and isinstance(value[0], float):
+            value = np.array(value)
+        table[name] = value
+    return table
+
+
+def drive_of(table: Mapping[str, Any]) -> Drive:
+    """Return the drive of a table that names no functions."""
+    values = {name: value for name, value in table.items() if name != "kind"}
+    for name, value in values.items():
+        if isinstance(value, np.ndarray):
+            values[name] = tuple(value.tolist())
+        elif isinstance(value, Mapping):
+            values[name] = drive_of(value)
+    return drive_of_kind(table["kind"])(**values)
+
+
+def actuator_parts(actuator: Actuator) -> dict[str, Any]:
+    """Return a device as the tables of a file."""
+    terms = {term.name(): term_table(term) for term in actuator.terms}
+    values = {name: value for name, value in dict(actuator).items() if name != "terms"}
+    return {**values, "terms": terms} if terms else values
+
+
+def actuator_of(parts: Mapping[str, Any]) -> Actuator:
+    """Return the device of such tables."""
+    terms = tuple(term_of(name, table) for name, table in parts.get("terms", {}).items())
+    return Actuator(**{**parts, "terms": terms})
+
+
+def _parts(system: ActuatorSystem) -> dict[str, Any]:
+    own = not system.told_by_numbers
+    return {
+        "actuator": actuator_parts(system.actuator),
+        "drive": table_of(system.drive),
+        "scales": system.scales,
+        "told": describe(system, system.functions) if own else None,
+    }
+
+
+def _system(parts: dict[str, Any], reader: Reader) -> System:
+    if parts["told"] is not None:
+        return restored(parts["told"], reader)
+    system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
+    system = system.restored({}, parts["scales"])
+    if reader.system is not None:
+        check_same_system(reader.system, describe(system, {}), reader.path)
+    return system
+
+
+def _ledger(system: System) -> System:
+    return system.with_energy() if isinstance(system, ActuatorSystem) else system
+
+
+register(ActuatorSystem, parts=_parts, reading=_system)
+register(EndedSystem, parts=_parts, reading=_system)
+register(
+    EnergyAccountingSystem,
+    parts=_parts,
+    reading=lambda parts, reader: _ledger(_system(parts, reader)),
+)
+register(Actuator, parts=actuator_parts, reading=lambda parts, reader: actuator_of(parts))
+register(DeviceScales, parts=lambda scales: {name: getattr(scales, name) for name in SCALES})
+register_run(ActuatorRun)
+register(ActuatorOrbit)
+register(OperatingChart)
+register(Energy)
+register(LoadCurve)
+register(DutyCycle)
+register(RingDown)
+register(WorkSums)
+register_object(Accumulator)
+register_object(BlowCounter)
+register_object(RestDetector)

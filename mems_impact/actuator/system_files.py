@@ -1,0 +1,365 @@
+"""Systems in Python files, and study files."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any
+
+from mems_impact._util import plugins
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.files import drive_in_table, drive_of_kind, holds_drive, load_drive
+from mems_impact.actuator.parameter_base import unknown
+from mems_impact.actuator.parameters import Actuator, load_actuator, preset_names
+from mems_impact.actuator.system import kicked_state
+from mems_impact.actuator.toml_files import (
+    CodeRequest,
+    execute_code,
+    parse_toml,
+    read_bytes,
+    resolve_code_path,
+)
+from mems_impact.errors import InvalidFile, InvalidParameter
+from mems_impact.studies.engine.config import verb_arguments, verb_of
+from mems_impact.systems.system import System
+
+__all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
+
+# --- Systems that are written as Python code: in a file, a module, or another package.
+
+WHAT = (
+    'name in Python code, "FILE.py:NAME" or "MODULE:NAME", of a System or of a function that makes '
+    "one"
+)
+SYSTEM_REQUEST = CodeRequest(field="system", what=WHAT, kind="command line", reader="load_system")
+
+
+def load_system(name: str) -> System:
+    """Load a system that Python code defines.
+
+    Parameters
+    ----------
+    name : str
+        ``"FILE.py:NAME"`` or ``"MODULE:NAME"``: the name in a file, or in a module that can be
+        imported from the working directory or is installed, of a `System` or of a function without
+        arguments that makes one. Or the name of a system that another package adds by an entry
+        point of the group ``mems_impact.systems``. The code is run, and can do all that you can.
+
+    Returns
+    -------
+    System
+
+    Raises
+    ------
+    InvalidParameter
+        If it is no such name.
+    InvalidFile
+        If the code fails, or holds no such system.
+
+    See Also
+    --------
+    load_actuator, load_drive, load_study
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import mems_impact as mi
+    >>> _ = Path("decay.py").write_text('''
+    ... import mems_impact as mi
+    ... def flow(mode, t, y, p):
+    ...     return (-y.x,)
+    ... decay = mi.System(states=("x",), flow=flow, initial={"x": 1.0})
+    ... ''')
+    >>> mi.load_system("decay.py:decay").states
+    ('x',)
+    """
+    place, colon, attribute = name.rpartition(":") if isinstance(name, str) else ("", "", "")
+    if isinstance(name, str) and not colon:
+        return _added(name)
+    if not place or not attribute.isidentifier():
+        raise InvalidParameter("system", name, f"a {WHAT}")
+    if place.endswith(".py"):
+        path = Path(place)
+        if not path.is_file():
+            raise InvalidFile(place, "no such file", f"give a {WHAT}")
+        module = execute_code(path, SYSTEM_REQUEST)
+    else:
+        module = _imported(place)
+    return made_system(getattr(module, attribute, None), place, attribute)
+
+
+def is_system_name(name: str) -> bool:
+    """Return whether that may be the name of a system, rather than of a device."""
+    place, colon, attribute = name.rpartition(":")
+    return name in system_names() or bool(colon and place and attribute.isidentifier())
+
+
+def system_names() -> tuple[str, ...]:
+    """Return the names of the systems that other packages add."""
+    return plugins.names(plugins.SYSTEMS)
+
+
+def made_system(found: Any, place: str | PathLike[str], name: str) -> System:
+    """Return the system that code holds, or that its function makes; InvalidFile if it is none."""
+    if callable(found) and not isinstance(found, System):
+        try:
+            found = found()
+        except Exception as error:
+            reason = f"{name}() fails ({type(error).__name__}: {error})"
+            raise InvalidFile(place, reason, f"give a {WHAT}") from None
+    if not isinstance(found, System):
+        raise InvalidFile(place, f"holds no system {name}", f"give a {WHAT}")
+    return found
+
+
+def _added(name: str) -> System:
+    found = plugins.plugin(plugins.SYSTEMS, name, _may_be_system, "a System or a function")
+    if found is None:
+        known = ", ".join(system_names())
+        raise InvalidParameter("system", name, f"{f'one of {known}, or ' if known else ''}a {WHAT}")
+    return made_system(found, name, name)
+
+
+def _may_be_system(found: Any) -> bool:
+    return isinstance(found, System) or callable(found)
+
+
+def _imported(name: str) -> Any:
+    """Return a module, looked for in the working directory too."""
+    here = str(Path.cwd())
+    sys.path.insert(0, here)
+    try:
+        return import_module(name)
+    except (Exception, SystemExit) as error:
+        reason = f"cannot be imported ({type(error).__name__}: {error})"
+        raise InvalidFile(name, reason, f"give a {WHAT}") from None
+    finally:
+        sys.path.remove(here)
+
+
+# --- Study files: one TOML file that names a system, a study of it and where that is kept.
+
+KICKED = "kicked"  # of `initial`: the state of that name
+TABLES = ("name", "description", "device", "system", "set", "drive", "study")
+REMEDY = 'give a TOML file with a table [study] of lines like kind = "map"'
+STUDY_REQUEST = CodeRequest(
+    field="system",
+    what='Python file and a name in it: "FILE.py:NAME", a System or a function that makes one',
+    kind="study file",
+    reader="load_study",
+)
+_LARGEST_FILE = 10_000_000  # bytes
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyFile:
+    """A study as a file tells it.
+
+    Attributes
+    ----------
+    path : str
+    kind : str
+        Of the study, such as ``"map"``.
+    system : System
+    arguments : dict
+        Of the verb that runs it, by name.
+    """
+
+    path: str
+    kind: str
+    system: System = field(repr=False)
+    arguments: dict[str, Any] = field(repr=False)
+
+    def run(self, **changes: Any) -> Any:
+        """Run the study and return what its verb does, such as an `OperatingMap`.
+
+        Parameters
+        ----------
+        **changes
+            Arguments of the verb that take the place of those in the file: ``workers=8``.
+        """
+        return verb_of(self.kind)(self.system, **{**self.arguments, **changes})
+
+
+def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyFile:
+    """Load a study from a file; ``load_study(path).run()`` runs it.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        A TOML file with a table ``[study]``: its ``kind``, and the arguments of the verb by their
+        names in Python. Above it ``device``, a preset or the file of a device, with a table
+        ``[drive]`` as in drive files (or ``drive``, such a file; or none, where the file of the
+        device has such a table) and changes of parameters in a
+        table ``[set]``; or ``system = "FILE.py:NAME"``, a system of your own or a function that
+        makes it. All paths are relative to the file.
+    allow_code : bool, optional
+        Whether Python code that the file names may be run, which can do all that you can. Allow it
+        for files whose code you have read. It must lie in the folder of the TOML file or below,
+        links followed.
+
+    Returns
+    -------
+    StudyFile
+
+    Raises
+    ------
+    InvalidFile
+        If a file cannot be read, or is no such file; if it names code that is not allowed, or that
+        lies elsewhere.
+    InvalidParameter
+        If it holds a wrong, missing or unknown entry; says where.
+
+    See Also
+    --------
+    read_study, operating_map
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import mems_impact as mi
+    >>> _ = Path("map.toml").write_text('''
+    ... device = "zhao2004"
+    ... [drive]
+    ... kind = "sine"
+    ... [study]
+    ... kind = "map"
+    ... x = ["amplitude", 0.22, 0.24, 2]
+    ... y = ["omega", [0.5]]
+    ... initial = "kicked"
+    ... ''')
+    >>> found = mi.load_study("map.toml").run()
+    >>> found.table["motion"].tolist()
+    ['periodic', 'periodic']
+    """
+    if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
+        raise InvalidParameter("path", path, "the path of a TOML file")
+    source = fspath(path)
+    content = _content(source)
+    try:
+        for name in content:
+            if name not in TABLES:
+                raise unknown(name, content[name], TABLES)
+        if not isinstance(content.get("study"), dict):
+            raise InvalidFile(source, "holds no table [study]", REMEDY)
+        return _Reader(content, Path(source), allow_code).study()
+    except InvalidParameter as error:
+        raise error if error.source else error.located(source) from None
+
+
+def holds_study(name_or_path: str) -> bool:
+    """Return whether that is the path of a study file, rather than a device."""
+    if name_or_path in preset_names() or not Path(name_or_path).is_file():
+        return False
+    try:
+        return "study" in _content(name_or_path)
+    except InvalidFile:
+        return False  # let the device say what is wrong
+
+
+def _content(source: str) -> dict[str, Any]:
+    raw = read_bytes(source, REMEDY, largest=_LARGEST_FILE, kind="study file")
+    return parse_toml(raw, source, 'a table [study] of lines like kind = "map"')
+
+
+class _Reader:
+    """Makes a study of the content of a file."""
+
+    def __init__(self, content: Mapping[str, Any], file: Path, allow_code: bool) -> None:
+        self.content, self.file, self.allow_code = content, file, allow_code
+
+    def study(self) -> StudyFile:
+        """Return the study."""
+        words = dict(self.content["study"])
+        kind = words.pop("kind", None)
+        start = words.pop("initial", None) if words.get("initial") == KICKED else None
+        try:
+            given = verb_arguments(kind, words, self.file.parent)
+        except InvalidParameter as error:
+            raise error.located(owner="study") from None
+        varied = {name: values[0] for name, values in _varied(given)}
+        if "system" in self.content:
+            system, actuator = self._own_system(), None
+        else:
+            actuator = self._actuator(varied)
+            system = actuator.under(self._drive(varied))
+        if start == KICKED:
+            if actuator is None:
+                allowed = "a table of components of the state: only a device is kicked"
+                raise InvalidParameter("study.initial", start, allowed)
+            given["initial"] = kicked_state(actuator)
+        return StudyFile(path=str(self.file), kind=kind, system=system, arguments=given)
+
+    def _own_system(self) -> System:
+        for name in ("device", "drive"):
+            if name in self.content:
+                problem = f"not beside system = {self.content['system']!r}, which is all of it"
+                raise InvalidParameter(name, None, "", problem=problem)
+        value = self.content["system"]
+        if value in system_names():
+            return self._changed(load_system(value))
+        source, _, name = value.rpartition(":") if isinstance(value, str) else ("", "", "")
+        if not source or not name.isidentifier():
+            raise InvalidParameter("system", value, f"a {STUDY_REQUEST.what}")
+        path = resolve_code_path(source, self.file, self.allow_code, STUDY_REQUEST)
+        found = getattr(execute_code(path, STUDY_REQUEST), name, None)
+        return self._changed(made_system(found, path, name))
+
+    def _changed(self, found: System) -> System:
+        changes = dict(_flat(self.content.get("set", {}), "set"))
+        return found.changed(**changes) if changes else found
+
+    def _actuator(self, varied: Mapping[str, float]) -> Actuator:
+        """Return the device; a term that is varied is added to it if need be."""
+        device = self.content.get("device")
+        if not isinstance(device, str):
+            allowed = "the name of a preset or the path of a TOML file"
+            problem = f"missing, must be {allowed}; or system" if device is None else None
+            raise InvalidParameter("device", device, allowed, problem=problem)
+        beside = device not in preset_names()
+        actuator = load_actuator(self.file.parent / device if beside else device)
+        terms = {name: value for name, value in varied.items() if "." in name}
+        changes = {**terms, **dict(_flat(self.content.get("set", {}), "set"))}
+        return actuator.setting(changes) if changes else actuator
+
+    def _drive(self, varied: Mapping[str, float]) -> Drive:
+        """Return the drive; what is varied need not be in its table."""
+        given = self.content.get("drive")
+        device = str(self.file.parent / self.content["device"])
+        if given is None and holds_drive(device):
+            given = self.content["device"]
+        if isinstance(given, str):
+            return load_drive(self.file.parent / given, allow_code=self.allow_code)
+        if not isinstance(given, dict):
+            allowed = "a table of lines like kind = 'sine', or the path of a drive file"
+            problem = f"missing, must be {allowed}" if given is None else None
+            raise InvalidParameter("drive", given, allowed, problem=problem)
+        try:
+            if "kind" in given:
+                fields = drive_of_kind(given["kind"]).model_fields
+                given = {**{name: varied[name] for name in varied if name in fields}, **given}
+            return drive_in_table(given, self.file, self.allow_code)
+        except InvalidParameter as error:
+            raise error if error.source else error.located(owner="drive") from None
+
+
+def _varied(given: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Give the axes of a study that are parameters: names and values."""
+    for word in ("x", "y"):
+        if word in given and len(given[word][1]):
+            yield given[word]
+
+
+def _flat(table: Any, owner: str) -> Iterator[tuple[str, float]]:
+    """Give the numbers of a table by name, those of tables in it as ``tilt.angle``."""
+    if not isinstance(table, dict):
+        raise InvalidParameter(owner, table, "a table of lines like e = 0.7")
+    for name, value in table.items():
+        if isinstance(value, dict):
+            yield from ((f"{name}.{inner}", number) for inner, number in _flat(value, owner))
+        else:
+            yield name, value

@@ -1,0 +1,134 @@
+"""Classes of this room that result files may contain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mems_impact._util.units import Scales
+from mems_impact.analysis import (
+    branch,
+    equilibrium,
+    lyapunov,
+    orbit,
+    run,
+    special_points,
+    verification,
+)
+from mems_impact.analysis import branch as curve
+from mems_impact.analysis import branch as equilibria
+from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitCurve
+from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
+from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
+from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import TestFunction
+from mems_impact.hybrid.definition import Typical
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.sensitivity import Arc, Event
+from mems_impact.integrators.options import Options
+from mems_impact.orbits.equilibrium import EquilibriumEvaluation, EquilibriumState
+from mems_impact.orbits.family import Family, ParameterPoint
+from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
+from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
+from mems_impact.orbits.signature import Segment
+from mems_impact.systems import state, statistics
+from mems_impact.systems.serialization.codec import Reader, register
+from mems_impact.systems.serialization.detached import DetachedSystem, check_same_system, describe
+from mems_impact.systems.statistics import Moments
+from mems_impact.systems.system import Build, System
+
+__all__ = ["register_run", "restored"]
+
+TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_arcs")
+
+
+def restored(told: Mapping[str, Any], reader: Reader) -> System:
+    """Return the system of a description: the user's own, at these parameters, if it is given."""
+    if reader.system is None:
+        return DetachedSystem(told, reader.path)
+    check_same_system(reader.system, told, reader.path)
+    system: System = reader.system.restored(told["parameters"], told["scales"], told.get("typical"))
+    return system
+
+
+def variables(value: Any) -> Mapping[str, Any]:
+    """Return all that an object holds."""
+    return vars(value)
+
+
+def register_object(kind: type, name: str = "") -> None:
+    """Let the objects of a class be stored that have no more to them than their variables."""
+
+    def whole(**found: Any) -> Any:
+        value: Any = object.__new__(kind)
+        vars(value).update(found)
+        return value
+
+    register(kind, name, parts=variables, whole=whole)
+
+
+def register_run(kind: type[run.Run]) -> None:
+    """Let the runs of a class be stored: without the problem, which their system makes."""
+
+    def parts(value: run.Run) -> Mapping[str, Any]:
+        return {
+            **{name: getattr(value, name) for name in ("system", "options", "keep", "window")},
+            "ended": value.ended,
+            "trajectory": {name: getattr(value.trajectory, name) for name in TRAJECTORY},
+            "gatherer": value.gatherer,
+        }
+
+    def whole(trajectory: Mapping[str, Any], gatherer: Any, **found: Any) -> run.Run:
+        problem = found["system"].problem(found["options"])
+        if isinstance(gatherer, statistics.RunStatistics):
+            gatherer.resume(found["system"], problem)
+        made = Trajectory(problem=problem, **trajectory)
+        return kind(trajectory=made, _gatherer=gatherer, **found)
+
+    register(kind, parts=parts, whole=whole)
+
+
+register(System, parts=lambda system: describe(system, system.functions), reading=restored)
+register(DetachedSystem, "System", parts=lambda system: system.description, reading=restored)
+register(Build)
+register(Typical)
+register(Scales, parts=lambda scales: {"factors": scales.factors, "named": scales.named},
+         whole=lambda factors, named: Scales.of(factors, named))  # fmt: skip
+register(
+    state.State,
+    parts=lambda each: {"values": each.as_dict(), "time": each.time, "mode": each.mode},
+    whole=lambda values, time, mode: state.state_from(values, time, mode),
+)
+register(
+    special_points.GrazingType,
+    parts=lambda each: {"value": each.value},
+    whole=special_points.GrazingType,
+)
+register(
+    Shooting,
+    parts=lambda s: {"family": s.family, "segments": s.segments, "active": s.active,
+                     "pinned": tuple(s.pinned.items()), "phase": s.phase},
+    whole=lambda pinned, **rest: Shooting(pinned=dict(pinned), **rest),
+)  # fmt: skip
+register_run(run.Run)
+KINDS: tuple[type, ...] = (
+    Options, HybridState, Events, Arc, Event, Family, AdmissibilityViolation, PeriodicOrbit,
+    ShootingEvaluation, ParameterPoint, Segment, Phase, TestFunction,
+    BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
+    statistics.TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
+    special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
+    EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
+    equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
+)  # fmt: skip
+for kind in KINDS:
+    register(kind)
+register(BranchEvent)
+register(CurveEvent)
+register_object(Moments)
+register_object(statistics.WindowCheckpoints)
+register(
+    statistics.RunStatistics,
+    parts=lambda each: each.gathered(),
+    whole=statistics.RunStatistics.of,
+)

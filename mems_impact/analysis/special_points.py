@@ -1,0 +1,237 @@
+"""Special points of branches, and types of grazing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cached_property
+from types import UnionType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.continuation import grazing
+from mems_impact.continuation.orbit_branch import follow
+from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.errors import InvalidParameter
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.systems.result import Result
+from mems_impact.systems.system import System
+
+__all__ = ["CodimensionTwo", "GrazingType", "SpecialPoint", "check_kind", "grazing_type"]
+
+NEAR = 1e-3  # within this part of its parameter, the other side of a grazing is looked for
+
+
+class GrazingType(StrEnum):
+    """How the attractor leaves a grazing orbit when the parameter goes on.
+
+    CONTINUOUS: a small attractor with impacts bifurcates from it, the paper's type II. JUMP: the
+    next attractor is far away, and there is hysteresis, type I. DIED_EARLIER: the orbit was
+    unstable before it grazed, the stable one having vanished in a fold, type III.
+
+    See Also
+    --------
+    grazing_type, operating_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> [kind.paper for kind in mi.GrazingType]
+    ['II', 'I', 'III']
+    >>> mi.GrazingType("jump").paper
+    'I'
+    """
+
+    CONTINUOUS = grazing.CONTINUOUS
+    JUMP = grazing.JUMP
+    DIED_EARLIER = grazing.DEAD
+
+    @property
+    def paper(self) -> str:
+        """The type's number in the paper: I, II or III."""
+        return {GrazingType.CONTINUOUS: "II", GrazingType.JUMP: "I"}.get(self, "III")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpecialPoint(Result):
+    """A point of a branch at which something happens.
+
+    Attributes
+    ----------
+    kind : str
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
+        crosses, as in symmetric systems), the guard that is touched, such as "break-away", or
+        "unexplained" where the number of unstable multipliers changes and no such point is found.
+    label : str
+        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
+    parameter : str
+    value : float
+        Of the parameter.
+    orbit : Orbit
+        There.
+    bounds : tuple of float
+        Of the branch.
+
+    See Also
+    --------
+    Branch, switch_branch, continue_curve, grazing_type
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> fold = branch.special_points[0]
+    >>> fold.kind, fold.parameter, round(fold.value, 7)
+    ('fold', 'amplitude', 0.1765154)
+    >>> f"{max(fold.multipliers.real):.3f}"
+    '1.000'
+    """
+
+    kind: str
+    label: str
+    parameter: str
+    value: float
+    orbit: Orbit
+    bounds: tuple[float, float] = field(repr=False)
+    found: BranchEvent = field(repr=False)
+    beyond: PeriodicOrbit | None = field(repr=False, default=None)
+
+    def __repr__(self) -> str:
+        return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.orbit})"
+
+    @property
+    def system(self) -> System:
+        """The orbit's."""
+        return self.orbit.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which orbit."""
+        return {
+            "kind": self.kind,
+            self.system.label(self.parameter): self.value,
+            **self.orbit.summary(),
+        }
+
+    @property
+    def multipliers(self) -> NDArray[np.complex128]:
+        """Floquet multipliers; where an impact comes in or drops out they grow without bound."""
+        return self.orbit.multipliers
+
+    @cached_property
+    def without_impact(self) -> BranchEvent:
+        """The same grazing, as the end of the branch that does not have the impact.
+
+        There everything is smooth, while on the side of the impact multipliers are infinite.
+        """
+        found = self.found
+        if found.monitor.role != "rate" or self.beyond is None:
+            return found
+        away = found.value - self.beyond.family.values[self.parameter]
+        width = NEAR * abs(found.value)
+        other = follow(
+            self.beyond,
+            self.parameter,
+            low=found.value - width,
+            high=found.value + width,
+            direction=math.copysign(1.0, away),
+            reconnecting=False,
+        )
+        touching = [s for s in other.special_points if s.monitor.role == "approach"]
+        return touching[0] if touching else found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CodimensionTwo(Result):
+    """A point of a curve at which a second thing happens.
+
+    Attributes
+    ----------
+    kind : str
+        What is followed and what else happens: "cusp", "fold-flip", "fold-Neimark-Sacker",
+        "flip-Neimark-Sacker", "double Neimark-Sacker"; "1:1 resonance" to "1:4 resonance" by the
+        angle of a pair of multipliers on the unit circle; "grazing-fold" (a grazing orbit with a
+        multiplier +1), "grazing-flip", "grazing-Neimark-Sacker", "degenerate grazing" (the first
+        impact leads neither away from the stopper nor towards it), "double grazing"; of another
+        guard with its name in place of grazing.
+    values : dict of str to float
+        Of the two parameters.
+    orbit : Orbit
+    """
+
+    kind: str
+    values: dict[str, float]
+    orbit: Orbit
+
+    def __repr__(self) -> str:
+        where = ", ".join(f"{name}={value:.9g}" for name, value in self.values.items())
+        return f"CodimensionTwo({self.kind} at {where})"
+
+    @property
+    def system(self) -> System:
+        """The orbit's."""
+        return self.orbit.system
+
+    def summary(self) -> dict[str, Any]:
+        """Return what happens, where, and to which orbit."""
+        return {"kind": self.kind, **self.values, **self.orbit.summary()}
+
+
+def grazing_type(special: SpecialPoint) -> GrazingType:
+    """Return how the attractor leaves a grazing, from the normal form of the first impact.
+
+    Parameters
+    ----------
+    special : SpecialPoint
+        The grazing of an orbit without impacts, met from either side.
+
+    Returns
+    -------
+    GrazingType
+        "continuous" (type II of the paper), "jump" (type I) or "died earlier" (type III); its
+        ``paper`` is the number.
+
+    Raises
+    ------
+    InvalidParameter
+        If `special` is another point, or the orbit has other impacts.
+    OrbitError
+        If a weak contact does not lead back to the mode it came from.
+
+    See Also
+    --------
+    GrazingType, SpecialPoint, operating_chart
+
+    Notes
+    -----
+    Nordmark (1991): the sign of the sequence grad h . M^k kick, k = 1, 2, …, with the monodromy
+    matrix M of the orbit without impact.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
+    >>> kind = mi.grazing_type(branch.special_points[1])
+    >>> kind == "jump", kind.paper
+    (True, 'I')
+    """
+    check_kind(special, "special", SpecialPoint, "a special point of a branch")
+    found = special.without_impact
+    if special.label != "G" or found.monitor.role != "approach":
+        raise InvalidParameter("special", special.kind, "a grazing of an orbit without impacts")
+    return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
+
+
+def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:
+    """Raise InvalidParameter unless `value` is of a kind."""
+    if not isinstance(value, kind):
+        raise InvalidParameter(field, value, allowed)

@@ -1,0 +1,172 @@
+"""Inputs of a command: a device, a system, or a study file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mems_impact.cli.options import (
+    KEY,
+    KICKED,
+    Initial,
+    actuator_from,
+    code_is_allowed,
+    drive_from,
+    option_of,
+    state_from,
+)
+
+if TYPE_CHECKING:
+    import mems_impact as mi
+
+# --- What the commands that run studies share: study files, how motions settle, what computes.
+
+# What may stand beside a study file; all other options say what the study is.
+BESIDE = (
+    *("device", "drive_allow_code", "store", "executor", "workers"),
+    *("progress", "output", "figure", "no_figure"),
+)
+
+
+def from_file(
+    ctx: click.Context, path: str, kind: str, beside: Collection[str] = ()
+) -> tuple[mi.System, dict[str, Any]]:
+    """Return system and arguments of a study file of a kind; `beside` may be said besides."""
+    import mems_impact as mi
+
+    allowed = {*BESIDE, *beside}
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
+            option = parameter.opts[0]
+            raise click.UsageError(f"{option}: {path} says what the study is; leave it out")
+    study = mi.load_study(path, allow_code=code_is_allowed())
+    if study.kind != kind:
+        raise click.UsageError(f"{path} holds a study of another kind: mems-impact {study.kind}")
+    return study.system, study.arguments
+
+
+def study_of(
+    ctx: click.Context,
+    options: Mapping[str, Any],
+    kind: str,
+    own: Callable[[], Mapping[str, Any]],
+    *,
+    varied: Mapping[str, float] | None = None,
+    beside: Collection[str] = (),
+) -> tuple[mi.System, dict[str, Any]]:
+    """Return system and arguments of the study that the options of a command tell.
+
+    Parameters
+    ----------
+    ctx : click.Context
+    options : mapping of str to object
+        `device_options`, `initial_option`, `settle_options`, `study_integrator_options` and
+        `study_options`, with their values.
+    kind : str
+        Of the study.
+    own : callable
+        Returns the arguments that are of this kind alone; not asked where there is a study file.
+    varied : mapping of str to float, optional
+        Parameters that are varied, and the values to begin with.
+    beside : collection of str, optional
+        Options of the command that may stand beside a study file.
+    """
+    from mems_impact.actuator.system_files import holds_study
+
+    device, varied = options["device"], varied or {}
+    if holds_study(device):
+        system, given = from_file(ctx, device, kind, beside)
+    else:
+        # The device may not have the term yet of which a parameter is varied.
+        terms = {name: value for name, value in varied.items() if "." in name}
+        actuator = actuator_from(device, {**terms, **options["changes"]})
+        given = {**own(), **_settling(options)}
+        system = actuator.under(drive_from(varied))
+        if options["initial"]:
+            given["initial"] = state_from(options["initial"], actuator)
+    add_running(given, options)
+    return system, given
+
+
+def _settling(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how motions are followed, of the options `settle_options` and of the integrator."""
+    import mems_impact as mi
+
+    settle = ("transient", "periods", "longest", "tolerance", "exponents", "lasting")
+    integrator = ("method", "rtol", "atol", "engine")
+    return {
+        "settle": mi.RecurrenceOptions(**{name: given[name] for name in settle}),
+        "options": mi.Options(**{name: given[name] for name in integrator}),
+    }
+
+
+def add_running(given: dict[str, Any], options: Mapping[str, Any]) -> None:
+    """Add to the arguments of a verb what `study_options` say."""
+    from mems_impact.studies.engine.config import executor_named
+
+    for name in ("store", "workers"):
+        if options[name] is not None:
+            given[name] = options[name]
+    if options["executor"] is not None:
+        given["executor"] = executor_named(options["executor"], given.get("workers"))
+
+
+def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
+    """Run a study; what is done of one that ends early is kept before that is said."""
+    import mems_impact as mi
+
+    try:
+        return run()
+    except (mi.StudyInterrupted, mi.WorkersLost) as error:
+        if error.done > 0:
+            keep(error.table)
+        raise
+
+
+# --- What a command is about: a device under a voltage, or a system of the user's own.
+
+
+def load_subject(
+    name: str, changes: Mapping[str, float], initial: Initial
+) -> tuple[mi.System, mi.State | None]:
+    """Return the system of a name or path, and where it starts; None for its own start.
+
+    Parameters
+    ----------
+    name : str
+        Of a device, or of a system as `mems_impact.load_system` takes it.
+    changes : mapping of str to float
+        What ``--set`` changes.
+    initial : mapping of str to float or "kicked"
+        What ``--initial`` says.
+    """
+    from pathlib import Path
+
+    from mems_impact.actuator.system_files import is_system_name, load_system
+
+    if not is_system_name(name) or Path(name).exists():
+        actuator = actuator_from(name, dict(changes))
+        return actuator.under(drive_from()), state_from(initial, actuator)
+    refuse_drive(name)
+    if initial == KICKED:
+        raise click.UsageError(f"--initial {KICKED}: of devices; {name} takes NAME=NUMBER")
+    assert isinstance(initial, dict)
+    system = load_system(name).changed(**changes) if changes else load_system(name)
+    if not initial:
+        return system, None
+    for component in initial:
+        known = (*system.states, "time")
+        if component not in known:
+            raise click.UsageError(f"--initial {component}: must be one of {', '.join(known)}")
+    start: mi.State = system.initial.replace(**initial)
+    return system, start
+
+
+def refuse_drive(name: str) -> None:
+    """Refuse options of a drive beside a system of that name."""
+    for option, value in click.get_current_context().meta.get(KEY, {}).items():
+        if value is not False:  # a flag that was not given
+            raise click.UsageError(f"{option_of(option)}: of devices; {name} has no voltage")

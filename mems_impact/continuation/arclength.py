@@ -1,0 +1,367 @@
+"""Pseudo-arclength continuation: step control, corrector, closure and termination."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Generic
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.orbits.shooting import ACCEPTED, NOTHING, Shooting, ShootingEvaluation
+
+# --- Pseudo-arclength steps: tangent, prediction, correction.
+
+ITERATIONS = 8
+STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
+EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
+NODES = 3  # corrections from which another one is guessed
+APART = 0.01  # least distance between them, as a part of the longest
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepControl:
+    """Control of the step length, in the space of unknowns and parameter.
+
+    Attributes
+    ----------
+    initial, smallest, largest : float
+    most : int
+        Points that a branch may have.
+
+    See Also
+    --------
+    continue_orbit, continue_curve
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.2, steps=mi.StepControl(most=3))
+    >>> branch.ended.split(";")[0]
+    'the budget of 3 points is used up'
+    """
+
+    initial: float = 1e-3
+    smallest: float = 1e-7
+    largest: float = 0.05
+    most: int = 2000
+
+    def within(
+        self, low: float, high: float, point: Linearised, along: Floats, length: float
+    ) -> float:
+        """Return a length, shorter if it went far beyond a bound, where the model may end."""
+        ahead = point.values[0] + length * along[-1]
+        bound = high if along[-1] > 0.0 else low
+        if low <= ahead <= high:
+            return length
+        return max(1.001 * (bound - point.values[0]) / along[-1], self.smallest)
+
+
+def tangent(point: Linearised, along: Floats | None = None) -> Floats:
+    """Return the unit tangent of the branch at `point`, shape (unknowns + 1,).
+
+    Parameters
+    ----------
+    point : Point or Balance
+        With one active parameter.
+    along : float array, optional
+        The direction in which to look; without it, the parameter grows.
+    """
+    # The vector to which all rows are orthogonal: the last right singular vector.
+    direction = np.linalg.svd(np.hstack([point.jacobian, point.by_parameter]))[2][-1]
+    forward = direction[-1] if along is None else direction @ along
+    return np.asarray(direction if forward >= 0.0 else -direction)
+
+
+def correct(
+    equations: Solvable[P], plane: Floats, direction: Floats, guess: Floats | None = None
+) -> Solution[P]:
+    """Return the solution in the plane through `plane` (unknowns and parameter) across `direction`.
+
+    Parameters
+    ----------
+    equations : Shooting or Balancing
+        With one active parameter.
+    plane, direction : float array, shape (unknowns + 1,)
+    guess : float array, optional
+        A point near the solution; `plane` itself by default.
+
+    Raises
+    ------
+    OrbitError
+        If the correction does not converge.
+    """
+
+    def extended(u: Floats) -> tuple[P, Floats, Floats]:
+        point = equations.evaluate(u[:-1], u[-1:])
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), direction])
+        return point, np.append(point.residual, direction @ (u - plane)), matrix
+
+    return newton(
+        extended,
+        plane if guess is None else guess,
+        reason="the correction of a step did not converge",
+        remedy="take a shorter step",
+        iterations=ITERATIONS,
+    )
+
+
+class PredictorStep(Generic[P]):
+    """The points of a branch or curve across one direction, each corrected once.
+
+    Parameters
+    ----------
+    correct : callable
+        ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` across
+        `along`.
+    point : Point or Balance
+        Where the step begins.
+    along : float array
+        The unit tangent there.
+    behind : sequence of float array, optional
+        Unknowns and parameters of the points before it.
+    """
+
+    def __init__(
+        self,
+        correct: Callable[[Floats, Floats, Floats], Solution[P]],
+        point: P,
+        along: Floats,
+        behind: Sequence[Floats] = (),
+    ) -> None:
+        self.start, self.along = np.concatenate([point.unknowns, point.values]), along
+        self._correct = correct
+        self._found = {0.0: Solution(self.start, point, 0)}
+        # How far the branch lies from the tangent over s^2, by s.
+        self._bends: dict[float, Floats] = {}
+        for earlier in behind:
+            s = float((earlier - self.start) @ along)
+            if s < 0.0:
+                self._learn(s, earlier)
+
+    def at(self, s: float) -> Solution[P]:
+        """Return the point at the distance `s` along the tangent.
+
+        Raises
+        ------
+        OrbitError
+            If the correction does not converge, or leads to what lies farther away than the step
+            is long: another branch, or another part of this one.
+        """
+        if s not in self._found:
+            plane = self.start + s * self.along
+            found = self._correct(plane, self.along, self.expected(s))
+            if np.linalg.norm(found.unknowns - plane) > abs(s) + ACCEPTED:
+                raise OrbitError("the correction of a step led elsewhere", "take a shorter step")
+            self._found[s] = found
+            self._learn(s, found.unknowns)
+        return self._found[s]
+
+    def expected(self, s: float) -> Floats:
+        """Return where the point at the distance `s` lies, by what is known of others."""
+        return np.asarray(self.start + s * self.along + s * s * self._bend_at(s))
+
+    def zero(self, test: Callable[[P], float], length: float, begin: float = 0.0) -> float:
+        """Return at which distance, from `begin` to `length`, a function of the points is zero.
+
+        Raises
+        ------
+        OrbitError
+            If a point within the step cannot be corrected.
+        ValueError
+            If the function has one sign at both ends.
+        """
+
+        def value(s: float) -> float:
+            return test(self.at(s).point)
+
+        return float(brentq(value, begin, length, xtol=1e-14, rtol=1e-14))
+
+    def _learn(self, s: float, unknowns: Floats) -> None:
+        """Take over how far the branch lies from the tangent."""
+        aside = unknowns - self.start - s * self.along
+        # Rounding is no curvature. In a component that the orbit can't determine, which no
+        # correction puts right, it would grow from step to step.
+        aside[np.abs(aside) < NOTHING] = 0.0
+        self._bends[s] = aside / (s * s)
+
+    def _bend_at(self, s: float) -> Floats:
+        """Return the polynomial through what is known nearby."""
+        bend = np.zeros_like(self.along)
+        if not self._bends:
+            return bend
+        least = APART * max(map(abs, self._bends))
+        nodes: list[float] = []
+        for node in sorted(self._bends, key=lambda node: abs(node - s)):
+            if all(abs(node - other) >= least for other in nodes) and len(nodes) < NODES:
+                nodes.append(node)
+        for node in nodes:
+            weight = 1.0
+            for other in nodes:
+                if other != node:
+                    weight *= (s - other) / (node - other)
+            bend += weight * self._bends[node]
+        return bend
+
+
+# --- Whether a branch, or a curve, has come back to the orbit where it began.
+
+CLOSED = "the branch closed upon itself"
+SAME = 1e-5  # difference between the states of one orbit, met twice
+PARTS = 64  # into which a segment of a cycle is cut to find where a state is nearest
+REFINEMENTS = 6  # of that place, by Newton's method
+
+
+class ClosureDetector:
+    """Where a branch or a curve begins, to be recognised when it comes back.
+
+    Parameters
+    ----------
+    shooting : Shooting
+    point : Point
+        The first orbit.
+    along : float array
+        The direction in which the branch sets out.
+    """
+
+    def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
+        self.mode, self.values = shooting.segments[0].mode, point.values
+        self.state, self.forward = shooting.unpack(point.unknowns)[0][0], along[-1] > 0.0
+
+    def within(
+        self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
+    ) -> float | None:
+        """Return where in a step the first orbit is met again in the same direction, or None.
+
+        It may begin with another of its forcing periods there, a cycle anywhere, and its events may
+        be cut in another way: an orbit is the same if the first state lies on it.
+
+        Raises
+        ------
+        OrbitError
+            If a point within the step cannot be corrected.
+        """
+
+        def beyond(point: ShootingEvaluation) -> float:
+            return float(point.values[-1] - self.values[-1])
+
+        first, last = (beyond(step.at(s).point) for s in (0.0, length))
+        if first == 0.0 or first * last > 0.0 or (last > first) != self.forward:
+            return None
+        place = step.zero(beyond, length)
+        return place if self._lies_on(shooting, step.at(place).point) else None
+
+    def _lies_on(self, shooting: Shooting, point: ShootingEvaluation) -> bool:
+        if np.abs(point.values - self.values).max() > SAME:
+            return False
+        states, _ = shooting.unpack(point.unknowns)
+        for i, segment in enumerate(shooting.segments):
+            if segment.mode != self.mode:
+                continue
+            if shooting.phase is not None:
+                apart = self._nearest(shooting, point, i, states[i])
+            elif i == 0 or shooting.segments[i - 1].cycle != segment.cycle:
+                apart = self._apart(shooting, states[i])
+            else:
+                continue
+            if apart < SAME:
+                return True
+        return False
+
+    def _apart(self, shooting: Shooting, y: Floats) -> float:
+        return float(np.abs(y - self.state)[shooting.free].max(initial=0.0))
+
+    def _nearest(self, shooting: Shooting, point: ShootingEvaluation, i: int, y: Floats) -> float:
+        """Return the least distance of a segment of a cycle from the first state."""
+        mode, free = shooting.segments[i].mode, shooting.free
+        variational = shooting.variational(point.setting)
+        times = np.linspace(point.starts[i], point.ends[i], PARTS + 1)
+        passed = [y]
+        for begin, end in pairwise(times.tolist()):
+            passed.append(variational.arc(mode, passed[-1], begin, end).end)
+        nearest = int(np.argmin([np.linalg.norm((each - self.state)[free]) for each in passed]))
+        time, here = float(times[nearest]), passed[nearest]
+        for _ in range(REFINEMENTS):
+            # The arc may go a little beyond its end, as trial steps do.
+            slope = variational.arc(mode, here, time, time).slope_end[free]
+            ahead = float(slope @ (self.state - here)[free] / max(slope @ slope, 1e-300))
+            limit = times[1] - times[0]
+            later = time + float(np.clip(ahead, -limit, limit))
+            here, time = variational.arc(mode, here, time, later).end, later
+        return self._apart(shooting, here)
+
+
+# --- Why a branch or a curve ends, in words that a user can act on.
+
+CONTINUATION_ERRORS = (
+    FunctionError,
+    InvalidParameter,
+    OrbitError,
+    RunError,
+    ArithmeticError,
+    ValueError,
+)
+"""What may keep a branch from going on: it ends there, and what there is of it is returned.
+
+Beside the package's own errors those that a function of the system raises out of its range.
+"""
+
+SHORT = 0.1  # part of the largest step below which a branch says what holds it back
+NEUTRAL = 1e-7  # distance from +1 of a multiplier that is there all along
+SIDE_BY_SIDE = (
+    "a multiplier is 1, as where something may be shifted, or is conserved: then orbits lie side "
+    "by side at one value, and none of them can be followed; a weak spring or damper holds it"
+)
+SHORTER = "take a shorter step"  # what a corrector says to a branch; to its user it is no help
+
+
+def reason_of(error: Exception, family: Family) -> str:
+    """Return what an error says in the units of the user, without advice to a step."""
+    if isinstance(error, RunError):
+        family.convert(error)
+    if isinstance(error, OrbitError) and error.remedy == SHORTER:
+        return str(error.reason)
+    return str(error)
+
+
+def no_step_message(
+    orbit: PeriodicOrbit, parameters: str | tuple[str, ...], error: Exception
+) -> str:
+    """Return why there is no step beyond `orbit`, however short."""
+    names = (parameters,) if isinstance(parameters, str) else parameters
+    family = orbit.family
+    where = " and ".join(f"{name} = {family.amount(name, family.value(name))}" for name in names)
+    told = f"no further step possible beyond {where}: {reason_of(error, family)}"
+    if np.abs(orbit.multipliers - 1.0).min() < NEUTRAL:
+        return f"{told}; {SIDE_BY_SIDE}"
+    return told
+
+
+def no_orbit_message(error: Exception, family: Family) -> str:
+    """Return why the orbits of another signature cannot be found where two signatures meet."""
+    point = error.partial if isinstance(error, OrbitError) else None
+    if isinstance(point, ShootingEvaluation):
+        sizes = np.linalg.svd(point.jacobian, compute_uv=False)
+        if not sizes[-1] > NEUTRAL * sizes[0]:
+            return f"{reason_of(error, family)}; {SIDE_BY_SIDE}"
+    return reason_of(error, family)
+
+
+def budget_message(
+    steps: StepControl, length: float, held: str, parameter: str, part: float
+) -> str:
+    """Return that the points are used up, and what has held the last steps back."""
+    told = f"the budget of {steps.most} points is used up"
+    if held and length < SHORT * steps.largest:
+        return f"{told}; steps are down to a length of {length:.2g}: {held}"
+    return f"{told}; a step of length {length:.2g} moves {parameter} by a part of {part:.1g}"

@@ -1,0 +1,124 @@
+"""Branch points by bordered systems."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Generic
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import PredictorStep
+from mems_impact.errors import OrbitError
+from mems_impact.orbits.newton import Linearised, P, Solvable, newton
+from mems_impact.orbits.shooting import ACCEPTED
+
+ALONG = 1e-4  # step of the differences of the equations' derivatives along their null vectors
+AT_ONE = 1e-5  # least distance on a branch of a fold from a branch point
+TORN = 5.0  # distance by which an error of one tears two branches apart
+NOT_LOCATED = "a branch point could not be located"
+
+
+def regularity(point: Linearised, direction: Floats) -> float:
+    """Return how far the equations, with the tangent below them, are from a branch point.
+
+    The smallest singular value with the sign of the determinant: zero where another branch crosses,
+    and not where this one turns round.
+    """
+    matrix = np.vstack([_derivatives(point), direction])
+    sizes = np.linalg.svd(matrix, compute_uv=False)
+    return float(np.linalg.slogdet(matrix)[0] * sizes[-1])
+
+
+class BranchPoints(Generic[P]):
+    """The branch points of a branch.
+
+    Where branches cross, the derivatives F_x of the equations by unknowns and parameter have no
+    full rank. Bordered by vectors, ``w F_x + g V = 0`` and ``w b = 1``, that is where g, two
+    numbers, is zero. With ``F + beta b = 0`` these are regular equations of x and beta, which is
+    zero at a branch point (Govaerts 2000, Numerical Methods for Bifurcations, chapter 6).
+
+    An error of the equations tears the branches apart, as wide as its cube root at a pitchfork. It
+    is beta, and the point that is found is the one without it.
+
+    Parameters
+    ----------
+    equations : Shooting or Balancing
+        With one active parameter.
+    """
+
+    def __init__(self, equations: Solvable[P]) -> None:
+        self._equations = equations
+        self._known: list[tuple[Floats, float]] = []  # with the radius of what an error tears apart
+
+    def locate(
+        self, step: PredictorStep[P], length: float, first: float, last: float
+    ) -> tuple[float, P]:
+        """Return the place of one in a step, and the point.
+
+        Parameters
+        ----------
+        step : Step
+        length : float
+        first, last : float
+            `regularity` at its ends, of opposite signs.
+
+        Raises
+        ------
+        OrbitError
+            If there is none.
+        """
+        guess = step.expected(length * first / (first - last))
+        near = self._equations.evaluate(guess[:-1], guess[-1:])
+        left, _, rows = np.linalg.svd(_derivatives(near))
+        found = newton(
+            partial(self._defining, left[:, -1], rows[-2:]),
+            np.append(guess, 0.0),
+            reason=NOT_LOCATED,
+            remedy="take a shorter step",
+        )
+        x, beta = found.unknowns[:-1], abs(float(found.unknowns[-1]))
+        place = float((x - step.start) @ step.along)
+        aside = float(np.linalg.norm(x - step.start - place * step.along))
+        torn = max(AT_ONE, TORN * beta ** (1.0 / 3.0))
+        if not -torn <= place <= length + torn or aside > abs(place) + torn or beta > ACCEPTED:
+            raise OrbitError(NOT_LOCATED, "take a shorter step", found.point)
+        self._known.append((x, torn))
+        return min(max(place, 0.0), length), found.point
+
+    def between(self, step: PredictorStep[P], length: float) -> list[tuple[float, float]]:
+        """Return the parts of a step that are clear of branch points."""
+        parts, begin = [], 0.0
+        around = [((x - step.start) @ step.along, torn) for x, torn in self._known]
+        for place, torn in sorted(around):
+            if -torn < place < length + torn:
+                parts.append((begin, place - torn))
+                begin = place + torn
+        return [(a, b) for a, b in [*parts, (begin, length)] if a < b]
+
+    def beside(self, point: P) -> bool:
+        """Return whether a point is one of them."""
+        here = np.concatenate([point.unknowns, point.values])
+        same = [(x, torn) for x, torn in self._known if x.size == here.size]
+        return any(float(np.linalg.norm(here - x)) < torn for x, torn in same)
+
+    def _defining(self, border: Floats, kernel: Floats, u: Floats) -> tuple[P, Floats, Floats]:
+        x, beta, size = u[:-1], u[-1], border.size
+        point = self._equations.evaluate(x[:-1], x[-1:])
+        bordered = np.zeros((size + 2, size + 2))
+        bordered[:size, :-1], bordered[:size, -1] = _derivatives(point), border
+        bordered[size:, :-1] = kernel
+        units = np.eye(size + 2)
+        solved = np.linalg.solve(bordered.T, units[-1])
+        w, g = solved[:size], solved[size:]
+        matrix = np.zeros((size + 2, size + 2))
+        matrix[:size] = bordered[:size]
+        for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
+            ends = [x + ALONG * v, x - ALONG * v]
+            up, down = (_derivatives(self._equations.evaluate(e[:-1], e[-1:])) for e in ends)
+            matrix[size + j, :-1] = -w @ (up - down) / (2.0 * ALONG)
+        return point, np.concatenate([point.residual + beta * border, g]), matrix
+
+
+def _derivatives(point: Linearised) -> Floats:
+    return np.hstack([point.jacobian, point.by_parameter])

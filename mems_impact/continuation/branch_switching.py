@@ -1,0 +1,182 @@
+"""Branch switching at period doublings, branch points and Hopf points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import correct
+from mems_impact.continuation.equilibrium_branch import frequency
+from mems_impact.continuation.test_functions import NEAR
+from mems_impact.errors import OrbitError, RunError
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.orbits.equilibrium import EquilibriumState
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Phase, Shooting
+from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
+
+# --- Onto the branch of doubled period.
+
+DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
+CLEAR = 1e-7  # relative change of the parameter by which the side is no matter of rounding
+
+
+def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
+    """Return an orbit traversed twice.
+
+    A cycle begins once all the same: its second pass goes on in the segment that ended the first.
+    """
+    segments, point = orbit.segments, orbit.point
+    states, _ = orbit.shooting.unpack(point.unknowns)
+    if orbit.shooting.phase is None:
+        later = tuple(replace(s, cycle=s.cycle + orbit.periods) for s in segments)
+        return OrbitGuess(segments + later, np.tile(states, (2, 1)), np.tile(point.ends, 2))
+    times = np.concatenate([point.ends[:-1], point.period + point.ends])
+    return OrbitGuess(segments[:-1] + segments, np.vstack([states, states[1:]]), times)
+
+
+def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[PeriodicOrbit, float]:
+    """Return an orbit of twice the period next to `orbit`, and on which side of it.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+        At a period doubling.
+    parameter : str
+
+    Returns
+    -------
+    orbit : PeriodicOrbit
+        The first one of the branch that leaves `orbit`.
+    side : float
+        1 where the parameter grows along that branch, else -1: the `direction` in which to follow.
+
+    Raises
+    ------
+    OrbitError
+        If the orbit does not double its period.
+    """
+    guess = double_cover(orbit)
+    shooting = orbit.equations((parameter,), guess.segments)
+    unknowns = shooting.pack(guess)
+    value = np.array([orbit.family.values[parameter]])
+    point = shooting.evaluate(unknowns, value)
+    vectors = np.linalg.svd(point.jacobian)[2]
+    if np.abs(orbit.multipliers + 1.0).min() > NEAR:
+        raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
+    # The null vector of the doubled equations: one way in the first pass, the other in the second.
+    away = np.append(vectors[-1], 0.0)
+    return first_orbit_on_branch(shooting, np.append(unknowns, value), away, DISTANCES)
+
+
+def first_orbit_on_branch(
+    shooting: Shooting, start: Floats, away: Floats, distances: Sequence[float]
+) -> tuple[PeriodicOrbit, float]:
+    """Return an orbit of the branch that leaves a point, and the side to which its parameter goes.
+
+    Parameters
+    ----------
+    shooting : Shooting
+        The equations of that branch, with one active parameter.
+    start, away : float array, shape (unknowns + 1,)
+        The point, and the direction in which the branch leaves it.
+    distances : sequence of float
+        At which it is looked for: the first one where the side is no matter of rounding.
+
+    Raises
+    ------
+    OrbitError
+        If there is none at the first distance.
+    """
+    value = float(start[-1])
+    found, change = None, 0.0
+    for distance in distances:
+        try:
+            first = correct(shooting, start + distance * away, away).point
+        except OrbitError:
+            if found is None:
+                raise
+            break
+        farther = make_orbit(shooting, first)
+        if found is not None and found.admissible and not farther.admissible:
+            break
+        found, change = farther, float(first.values[0] - value)
+        if abs(change) > CLEAR * abs(value):
+            break
+    assert found is not None
+    return found, math.copysign(1.0, change)
+
+
+# --- Onto the branch of cycles that leaves a Hopf point.
+
+AMPLITUDES = (1e-3, 3e-3, 1e-2, 3e-2)  # of the first cycle, in parts of the state or of one
+
+
+def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[PeriodicOrbit, float]:
+    """Return a small cycle next to a Hopf point, and on which side of it.
+
+    Parameters
+    ----------
+    equilibrium : StationaryState
+        At a Hopf point.
+    parameter : str
+
+    Returns
+    -------
+    orbit : PeriodicOrbit
+        The first one of the branch that leaves the point.
+    side : float
+        1 where the parameter grows along that branch, else -1: the `direction` in which to follow.
+
+    Raises
+    ------
+    OrbitError
+        If the point bears no cycle.
+    """
+    rate = frequency(equilibrium)
+    if rate is None:
+        raise OrbitError("no pair of eigenvalues is on the imaginary axis", "locate a Hopf point")
+    balance, value = equilibrium.balance, equilibrium.family.values[parameter]
+    values, vectors = np.linalg.eig(balance.jacobian)
+    along, across = _plane(vectors[:, np.argmin(np.abs(values - 1j * rate))])
+    center = balance.unknowns
+    period = 2.0 * math.pi / rate
+    phase = Phase(tuple(across.tolist()), float(across @ center), period)
+    segments = (Segment(equilibrium.mode, 0, BOUNDARY),)
+    size = max(1.0, float(np.abs(center).max()))
+    family = _suited(equilibrium, center + size * AMPLITUDES[-1] * along, period)
+    shooting = Shooting(family, segments, (parameter,), phase=phase)
+    # Around the equilibrium, once in the period of its rotation, and at its parameter: what changes
+    # first with the amplitude is the state alone.
+    middle = np.array([*center, period / phase.unit, value])
+    away = np.array([*along, 0.0, 0.0])
+    return first_orbit_on_branch(
+        shooting, middle, away, [size * amplitude for amplitude in AMPLITUDES]
+    )
+
+
+def _suited(equilibrium: EquilibriumState, beside: Floats, period: float) -> Family:
+    """Return the family, integrated by the method that suits one turn from beside the point."""
+    family, y = equilibrium.family, np.array(equilibrium.state)
+    problem = family.problem().counted_in(period)
+    y[list(free_components(problem.automaton))] = beside
+    try:
+        return family.suited(run(problem, HybridState(0, 0.0, equilibrium.mode, y), 1.0).stiff)
+    except RunError:
+        return family.suited(False)
+
+
+def _plane(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return two orthogonal unit vectors: where a rotation is at its widest, and where it goes."""
+    # The eigenvector turned so that its real and imaginary part are orthogonal, the longer first.
+    turn = 0.5 * np.angle(np.sum(vector * vector))
+    vector = vector * np.exp(-1j * turn)
+    wide, onward = vector.real, -vector.imag
+    return wide / np.linalg.norm(wide), onward / np.linalg.norm(onward)

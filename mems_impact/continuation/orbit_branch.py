@@ -1,0 +1,564 @@
+"""Branches of periodic orbits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import (
+    CLOSED,
+    CONTINUATION_ERRORS,
+    EASY,
+    HARD,
+    NODES,
+    SIDE_BY_SIDE,
+    STRAIGHT,
+    ClosureDetector,
+    PredictorStep,
+    StepControl,
+    budget_message,
+    correct,
+    no_orbit_message,
+    no_step_message,
+    reason_of,
+    tangent,
+)
+from mems_impact.continuation.grazing import (
+    NO_ORBIT_BEYOND,
+    change_signature,
+    changed_guard,
+    neighbour,
+)
+from mems_impact.continuation.homoclinic import SlowPassage, amplified, slow_passage
+from mems_impact.continuation.special_points import (
+    BranchEvent,
+    classify,
+    locate_choice,
+    locate_defect,
+    locate_zero,
+    priority,
+)
+from mems_impact.continuation.stability import CIRCLE, CROSSING, SHORT, Bifurcations
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    FOLD,
+    GRAZING,
+    LABELS,
+    NEIMARK_SACKER,
+    PERIOD_DOUBLING,
+    TestFunction,
+    kind_of,
+    monitors,
+)
+from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase
+from mems_impact.orbits.newton import solve
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit, reduced_monodromy
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+
+__all__ = ["BranchPoint", "OrbitBranch", "follow"]
+
+# --- Beginning a cycle elsewhere on the way along a branch or a curve.
+
+
+def anew(
+    shooting: Shooting, point: ShootingEvaluation, along: Floats
+) -> tuple[Shooting, ShootingEvaluation, Floats]:
+    """Return a cycle of a branch, begun clear of its events, with the direction of the branch.
+
+    Raises
+    ------
+    OrbitError
+        If it cannot be corrected there.
+    """
+    other, unknowns, _ = rebase_phase(shooting, point)
+    # Across the branch: in a fold the equations are singular at a fixed value of the parameter.
+    across = tangent(other.evaluate(unknowns, point.values))
+    there = correct(other, np.concatenate([unknowns, point.values]), across).point
+    return other, there, oriented(tangent(there), along)
+
+
+def oriented(onward: Floats, along: Floats, parameters: int = 1) -> Floats:
+    """Return a tangent in the direction of the one before the cycle was begun anew.
+
+    How period and parameters change does not depend on where it begins.
+    """
+    same = float(onward[-1 - parameters :] @ along[-1 - parameters :]) >= 0.0
+    return onward if same else -onward
+
+
+def renumbered(monitor: TestFunction, segments: int, first: int) -> TestFunction:
+    """Return the test function of a cycle of so many segments, begun in its piece `first`."""
+    if not 0 <= monitor.segment < segments - 1:
+        return monitor
+    return replace(monitor, segment=(monitor.segment - first) % (segments - 1))
+
+
+# --- A branch of periodic orbits in one parameter, by pseudo-arclength continuation.
+
+NOISE = 1e-6  # of the regularity of orbits that lie side by side
+COINCIDENT = 1e-7  # distance on the branch below which two losses are one
+ASIDE = 1e-5  # distance from a loss below which another one comes with it
+
+
+@dataclass(frozen=True)
+class BranchPoint:
+    """One orbit on a branch.
+
+    Attributes
+    ----------
+    orbit : PeriodicOrbit
+    value : float
+        Of the parameter.
+    direction : float array
+        Tangent.
+    piece : int
+        Number of the signature on the branch, counted from 0.
+    """
+
+    orbit: PeriodicOrbit
+    value: float
+    direction: Floats
+    piece: int
+
+
+@dataclass
+class OrbitBranch:
+    """A branch and what was found on it.
+
+    Attributes
+    ----------
+    parameter : str
+    points : list of BranchPoint
+    special_points : list of BranchEvent
+    ended : str
+        Why the branch ends.
+    passage : SlowPassage, optional
+        What its last cycle passes, if it ends since periods grow beyond bounds.
+    """
+
+    parameter: str
+    points: list[BranchPoint] = field(default_factory=list)
+    special_points: list[BranchEvent] = field(default_factory=list)
+    ended: str = ""
+    passage: SlowPassage | None = None
+
+
+def follow(
+    orbit: PeriodicOrbit,
+    parameter: str,
+    *,
+    low: float,
+    high: float,
+    direction: float = 1.0,
+    steps: StepControl | None = None,
+    reconnecting: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> OrbitBranch:
+    """Follow `orbit` in `parameter` until a bound, an end or the budget of points.
+
+    Parameters
+    ----------
+    orbit : PeriodicOrbit
+    parameter : str
+        A parameter of the orbit's family.
+    low, high : float
+        Bounds of the parameter.
+    direction : float
+        Sign of the first step in the parameter; the branch is followed this way only.
+    steps : Steps, optional
+    reconnecting : bool
+        Whether to go on with the changed signature where a guard is touched at zero speed. If
+        not, the branch goes on with the old one onto orbits that the automaton does not have.
+    progress : callable, optional
+        Called with every value of the parameter.
+
+    Returns
+    -------
+    OrbitBranch
+        Whatever ends it, what was found is in it, and `ended` says why it ends.
+    """
+    branch = OrbitBranch(parameter)
+    points = points_of(
+        branch, orbit, low=low, high=high, direction=direction, steps=steps,
+        reconnecting=reconnecting,
+    )  # fmt: skip
+    for found in points:
+        if progress is not None:
+            progress(found.value)
+    return branch
+
+
+def points_of(
+    branch: OrbitBranch,
+    orbit: PeriodicOrbit,
+    *,
+    low: float,
+    high: float,
+    direction: float = 1.0,
+    steps: StepControl | None = None,
+    reconnecting: bool = True,
+) -> Iterator[BranchPoint]:
+    """Follow `orbit` as `follow` does, as far as the caller asks for points.
+
+    `branch`, an empty one in the parameter that is varied, gets all that is found.
+    """
+    parameter, value = branch.parameter, orbit.family.value(branch.parameter)
+    if not low <= value <= high:
+        least, value_told, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
+        problem = f"is {value_told}, must be between the bounds {least} and {most}"
+        raise InvalidParameter(parameter, None, "", problem=problem)
+    shooting = orbit.equations((parameter,))
+    try:
+        point = solve(shooting, orbit.point.unknowns, np.array([value]))
+    except CONTINUATION_ERRORS as error:
+        branch.ended = f"the first orbit could not be corrected: {reason_of(error, orbit.family)}"
+        return
+    along = tangent(point)
+    if direction < 0.0:
+        along = -along
+    walker = _OrbitContinuation(branch, low, high, steps or StepControl(), reconnecting)
+    try:
+        yield from walker.walk(shooting, point, along)
+    except CONTINUATION_ERRORS as error:
+        branch.ended = reason_of(error, orbit.family)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What a step passed: special points in order, the last of them where the orbit is lost.
+
+    With it the last point before, where the test functions are looked at.
+    """
+
+    special_points: list[BranchEvent]
+    lost: BranchEvent | None
+    before: ShootingEvaluation
+
+
+class _OrbitContinuation:
+    """The iteration along a branch, from one signature to the next."""
+
+    def __init__(
+        self, branch: OrbitBranch, low: float, high: float, steps: StepControl, reconnecting: bool
+    ) -> None:
+        self.branch, self.low, self.high, self.steps = branch, low, high, steps
+        self.reconnecting = reconnecting
+        self.bifurcations: Bifurcations[ShootingEvaluation] | None = None  # of the last signature
+
+    def walk(
+        self, shooting: Shooting, point: ShootingEvaluation, along: Floats
+    ) -> Iterator[BranchPoint]:
+        """Yield the points of the branch."""
+        piece, parameter = 0, self.branch.parameter
+        held = ""  # why the last step that was shortened was
+        self.branch.points.append(
+            BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
+        )
+        yield self.branch.points[-1]
+        length = self.steps.initial
+        budget = self.steps.most  # of events that move into another period, or past another one
+        before = monitors(shooting, point, along)
+        beginning = ClosureDetector(shooting, point, along)
+        behind: list[Floats] = []
+        while len(self.branch.points) < self.steps.most:
+            try:
+                if budget == 0:
+                    raise OrbitError("events go to and fro", "take shorter steps")
+                length = self.steps.within(self.low, self.high, point, along, length)
+                step = PredictorStep(partial(correct, shooting), point, along, behind[-NODES:])
+                following, iterations = step.at(length).point, step.at(length).iterations
+                check_not_degenerate(shooting, point, following)
+                closing = beginning.within(shooting, step, length)
+                if closing is not None:  # what lies beyond has been passed before
+                    length, following = closing, step.at(closing).point
+                ahead = tangent(following, along)
+                after = monitors(shooting, following, ahead)
+                found = self._locate(shooting, step, length, before, after)
+                # Where an event meets a switch the branch has a corner, and ends.
+                at_corner = found.lost is not None and found.lost.monitor.role == "length"
+                if ahead @ along < STRAIGHT and not at_corner:
+                    raise OrbitError("the branch turns too sharply", "take a shorter step")
+                value = float(following.values[0])
+                at_bound = found.lost is None and not self.low <= value <= self.high
+                if at_bound:
+                    self._finish(shooting, point, following, piece)
+            except CONTINUATION_ERRORS as error:
+                length /= 2.0
+                held = reason_of(error, shooting.family)
+                if budget == 0 or length < self.steps.smallest:
+                    self._slow()
+                    self.branch.ended = no_step_message(
+                        self.branch.points[-1].orbit, parameter, error
+                    )
+                    return
+                continue
+            self.branch.special_points += found.special_points
+            passed = found.special_points[-1:]
+            if passed and passed[0].kind == PERIOD_DOUBLING and passed[0].monitor.kind == FOLD:
+                self._append(shooting, passed[0].orbit.point, passed[0].direction, piece)
+                yield self.branch.points[-1]
+                self.branch.ended = "the orbit of half the period, from which this one comes"
+                return
+            lost = found.lost
+            if at_bound:
+                yield self.branch.points[-1]
+                self.branch.ended = f"{self.branch.parameter} reached its bound"
+                return
+            if lost is not None and self.reconnecting:
+                joined, reason = self._other_side(lost)
+                # An event that moves into the next period, or past another one, changes nothing.
+                passing = False
+                if joined is not None and lost.monitor.role == "length":
+                    guard = changed_guard(lost.orbit.shooting, joined[0])
+                    passing = guard == NONE
+                    lost = self._named(lost, guard)
+                if not passing and not lost.orbit.defects:
+                    self.branch.points.append(
+                        BranchPoint(lost.orbit, lost.value, lost.direction, piece)
+                    )
+                    yield self.branch.points[-1]
+                if joined is None:
+                    self.branch.ended = f"{lost.kind}: {reason}"
+                    return
+                shooting, point, along = joined
+                behind = []
+                before = monitors(shooting, point, along)
+                if passing:
+                    self._rename(lost, found.before, shooting, point, along)
+                    length = max(length / 2.0, self.steps.initial)
+                    budget -= 1
+                    continue
+                piece += 1
+                length = self.steps.initial
+                self._append(shooting, point, along, piece)
+                yield self.branch.points[-1]
+                continue
+            behind.append(step.start)
+            point, along, before = following, ahead, after
+            self._append(shooting, point, along, piece)
+            yield self.branch.points[-1]
+            if closing is not None:
+                self.branch.ended = CLOSED
+                return
+            if amplified(point) and self._slow():
+                self.branch.ended = "the period grows beyond bounds"
+                return
+            if not phase_is_clear(shooting, point):
+                shooting, point, along = anew(shooting, point, along)
+                before, behind = monitors(shooting, point, along), []
+            if iterations <= EASY:
+                length = min(1.5 * length, self.steps.largest)
+            elif iterations >= HARD:
+                length /= 1.5
+                held = f"a correction takes {iterations} Newton steps"
+        self._slow()
+        moved, value = abs(float(along[-1])) * length, float(point.values[0])
+        self.branch.ended = budget_message(
+            self.steps, length, held, parameter, moved / max(abs(value), moved)
+        )
+
+    def _slow(self) -> bool:
+        """Note what the last cycle passes slowly, if periods grow beyond bounds."""
+        self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
+        return self.branch.passage is not None
+
+    def _other_side(
+        self, lost: BranchEvent
+    ) -> tuple[tuple[Shooting, ShootingEvaluation, Floats] | None, str]:
+        """Return the branch that continues at `lost`, or None and why none is found."""
+        parameter = self.branch.parameter
+        try:
+            if lost.monitor.role != "choice":
+                joined = change_signature(lost.orbit, lost.monitor, parameter)
+                if not defects(*joined[:2]):
+                    return joined, ""
+        except CONTINUATION_ERRORS as error:
+            reason = no_orbit_message(error, lost.orbit.family)
+        else:
+            reason = NO_ORBIT_BEYOND
+        try:
+            return neighbour(lost, parameter), ""
+        except CONTINUATION_ERRORS:
+            by_impact = lost.kind == GRAZING or SIDE_BY_SIDE in reason
+            return None, reason if by_impact else NO_ORBIT_BEYOND
+
+    def _named(self, met: BranchEvent, guard: int) -> BranchEvent:
+        """Call a point at which events meet after the guard that comes in or drops out there."""
+        if guard == NONE:
+            return met
+        kind = kind_of(met.orbit.shooting.automaton.guards[guard])
+        named = replace(met, kind=kind, label=LABELS.get(kind, kind))
+        self.branch.special_points[-1] = named
+        return named
+
+    def _rename(
+        self,
+        met: BranchEvent,
+        earlier: ShootingEvaluation,
+        shooting: Shooting,
+        point: ShootingEvaluation,
+        along: Floats,
+    ) -> None:
+        """Call a point at which two events met what happens there, or drop it if nothing does.
+
+        At a switch of the drive the branch has a corner, and may turn or lose its stability.
+        Elsewhere the orbit is only cut in another way, and its test functions go on.
+        """
+        before = CIRCLE.spectrum(reduced_monodromy(met.orbit.shooting, earlier))
+        passing = CIRCLE.crossed(before, CIRCLE.spectrum(reduced_monodromy(shooting, point)))
+        changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
+        if met.direction[-1] * along[-1] < 0.0:
+            changed.insert(0, FOLD)
+        i, segments = met.monitor.segment, met.orbit.segments
+        at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
+        # By what it is: points are compared by their arrays, which have no one truth.
+        self.branch.special_points[:] = [s for s in self.branch.special_points if s is not met]
+        if at_switch and changed:
+            self.branch.special_points.append(met)
+        elif changed:
+            here = TestFunction(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
+            special = classify(*here)
+            self.branch.special_points += [special] if special else []
+
+    def _append(
+        self, shooting: Shooting, point: ShootingEvaluation, along: Floats, piece: int
+    ) -> None:
+        found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
+        self.branch.points.append(found)
+
+    def _finish(
+        self, shooting: Shooting, point: ShootingEvaluation, beyond: ShootingEvaluation, piece: int
+    ) -> None:
+        """Put the last orbit at the bound, which lies between `point` and `beyond`."""
+        bound = self.low if beyond.values[0] < self.low else self.high
+        share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
+        unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
+        last = solve(shooting, unknowns, np.array([bound]))
+        onward = np.append(last.unknowns - point.unknowns, bound - point.values[0])
+        self._append(shooting, last, tangent(last, onward), piece)
+
+    def _locate(
+        self,
+        shooting: Shooting,
+        step: PredictorStep,
+        length: float,
+        before: dict[TestFunction, float],
+        after: dict[TestFunction, float],
+    ) -> _Found:
+        """Locate all sign changes of the last step, up to where the orbit is lost."""
+
+        def crossed(
+            after: dict[TestFunction, float], reach: float
+        ) -> list[tuple[float, BranchEvent]]:
+            found = [
+                locate_zero(shooting, step, reach, monitor)
+                for monitor, value in before.items()
+                if monitor in after and value * after[monitor] < 0.0
+            ]
+            inside = [item for item in found if item and self.low <= item[1].value <= self.high]
+            return sorted(inside, key=lambda item: item[0])
+
+        # Back to what the automaton has, nothing is lost.
+        lost = crossed(
+            {m: v for m, v in after.items() if m.role and before.get(m, 0.0) > 0.0}, length
+        )
+        first, reach, here = None, length, step.at(length).point
+        if lost:
+            first = min(
+                (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
+                key=lambda item: priority(item[1]),
+            )
+            if first[1].monitor.role == "approach" and first[1].kind != GRAZING:
+                first = locate_choice(shooting, step, first[0]) or first
+            # Beyond, the test functions may jump, and what they say is of no interest.
+            reach = max(lost[0][0] - COINCIDENT, 0.0)
+        if self._ceases(shooting, step, max(reach - ASIDE, 0.0) if lost else reach):
+            unseen = locate_defect(shooting, step, reach)
+            if self.low <= unseen[1].value <= self.high:
+                first, reach = unseen, max(unseen[0] - COINCIDENT, 0.0)
+        if reach < length:
+            here = step.at(reach).point
+            after = monitors(shooting, here, tangent(here, step.along))
+        special_points = self._bifurcations(shooting, step, reach, before, after)
+        if first is None:
+            return _Found(special_points, None, here)
+        lost_here = self._admissible(shooting, step, *first)
+        if lost_here.monitor.role == "length":  # where it has none, derivatives are of either side
+            lost_here = replace(lost_here, direction=tangent(here, step.along))
+        return _Found([*special_points, lost_here], lost_here, here)
+
+    def _admissible(
+        self,
+        shooting: Shooting,
+        step: PredictorStep[ShootingEvaluation],
+        position: float,
+        special: BranchEvent,
+    ) -> BranchEvent:
+        """Return a loss with the last orbit before it that is the automaton's.
+
+        In the loss itself a margin is zero, and its sign one of rounding.
+        """
+        back = COINCIDENT * 1e-2
+        while special.orbit.defects and back < min(ASIDE, position) and self._watches:
+            orbit = make_orbit(shooting, step.at(position - back).point)
+            if orbit.admissible:
+                return replace(special, orbit=orbit)
+            back *= 10.0
+        return special
+
+    @property
+    def _watches(self) -> bool:
+        """Whether the branch keeps to orbits that the automaton has."""
+        return self.reconnecting and self.branch.points[-1].orbit.admissible
+
+    def _ceases(
+        self, shooting: Shooting, step: PredictorStep[ShootingEvaluation], reach: float
+    ) -> bool:
+        """Return whether a step leads off the automaton's orbits at no zero of a test function."""
+        return self._watches and bool(defects(shooting, step.at(reach).point))
+
+    def _bifurcations(
+        self,
+        shooting: Shooting,
+        step: PredictorStep[ShootingEvaluation],
+        length: float,
+        before: dict[TestFunction, float],
+        after: dict[TestFunction, float],
+    ) -> list[BranchEvent]:
+        """Return where the branch turns, another crosses, or stability changes."""
+        if self.bifurcations is None or self.bifurcations.equations is not shooting:
+            short = SHORT * self.steps.largest
+            self.bifurcations = Bifurcations(
+                shooting, CIRCLE, partial(reduced_monodromy, shooting), short
+            )
+        first, last = (test[TestFunction(BRANCH_POINT)] for test in (before, after))
+        if max(abs(first), abs(last)) < NOISE:
+            first = last = 0.0
+        found, clear = [], True
+        for _, kind, here, value in self.bifurcations.within(step, length, first, last):
+            clear = clear and kind != BRANCH_POINT
+            monitor = TestFunction(_kind_of(value) if kind == CROSSING else kind)
+            special = classify(monitor, shooting, here, tangent(here, step.along))
+            if special is not None and self.low <= special.value <= self.high:
+                found.append(special)
+        if not clear:
+            beside = self.bifurcations.branch_points.beside
+            self.branch.special_points[:] = [
+                each
+                for each in self.branch.special_points
+                if each.kind != FOLD or not beside(each.orbit.point)
+            ]
+        return found
+
+
+def _kind_of(multiplier: complex) -> str:
+    """Return what happens where one is on the unit circle."""
+    if multiplier.imag != 0.0:
+        return NEIMARK_SACKER
+    return FOLD if multiplier.real > 0.0 else PERIOD_DOUBLING

@@ -1,0 +1,273 @@
+"""Location and classification of special points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.continuation.arclength import PredictorStep, tangent
+from mems_impact.continuation.test_functions import (
+    AT_ZERO,
+    BRANCH_POINT,
+    FOLD,
+    LABELS,
+    NEAR,
+    NEIMARK_SACKER,
+    PERIOD_DOUBLING,
+    TestFunction,
+    choice_margins,
+    closest_approach,
+    kind_of,
+    monitors,
+)
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.orbits.periodic_orbit import (
+    PeriodicOrbit,
+    defects,
+    make_orbit,
+    reduced_components,
+    reduced_monodromy,
+)
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
+
+SHORTEST = 1e-13  # part of a step within which an orbit ceases to be admissible
+ASTRIDE = 1e-6  # distance on the branch at which margins on both sides of a loss are compared
+IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
+SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
+
+
+@dataclass(frozen=True)
+class BranchEvent:
+    """A point of a branch at which something happens, located on it.
+
+    Attributes
+    ----------
+    kind : str
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "unexplained" (a
+        change of stability), or the name of the guard whose margin is touched.
+    label : str
+        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
+    value : float
+        Of the parameter.
+    orbit : PeriodicOrbit
+    direction : float array
+        Tangent of the branch.
+    monitor : Monitor
+        The test function that is zero.
+    """
+
+    kind: str
+    label: str
+    value: float
+    orbit: PeriodicOrbit = field(repr=False)
+    direction: Floats = field(repr=False)
+    monitor: TestFunction = field(repr=False)
+
+
+def locate_zero(
+    shooting: Shooting, step: PredictorStep, length: float, monitor: TestFunction
+) -> tuple[float, BranchEvent] | None:
+    """Locate the zero of `monitor` within the first `length` of a step.
+
+    Returns the position in the step with the point, or None if the sign change is no zero.
+
+    Raises
+    ------
+    OrbitError
+        If the step is too long for the zero to be found within it.
+    """
+
+    def test(here: ShootingEvaluation) -> float:
+        return monitors(shooting, here, tangent(here, step.along))[monitor]
+
+    try:
+        position = step.zero(test, length)
+        here = step.at(position).point
+    except (KeyError, ValueError) as error:
+        raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
+    special = classify(monitor, shooting, here, tangent(here, step.along))
+    return None if special is None else (position, special)
+
+
+def locate_defect(
+    shooting: Shooting, step: PredictorStep[ShootingEvaluation], length: float
+) -> tuple[float, BranchEvent]:
+    """Locate where orbits cease to be admissible within the first `length` of a step.
+
+    For what no test function tells: an event leads to another mode, or a closest approach comes
+    into being beyond the margin.
+
+    Raises
+    ------
+    OrbitError
+        If a point within the step cannot be corrected.
+    """
+    kept, lost = 0.0, length
+    while lost - kept > max(SHORTEST, 4.0 * np.spacing(lost)):
+        middle = 0.5 * (kept + lost)
+        if defects(shooting, step.at(middle).point):
+            lost = middle
+        else:
+            kept = middle
+    defect = defects(shooting, step.at(lost).point)[0]
+    i, guards = defect.segment, shooting.automaton.guards
+    if defect.kind in ("missed", "reversed"):
+        j = [guard.name for guard in guards].index(defect.guard)
+        role, within = ("approach", -1) if defect.kind == "missed" else ("rate", i)
+        monitor = TestFunction(kind_of(guards[j]), role, within, j)
+    elif defect.kind == "order":
+        monitor = TestFunction("simultaneous events", "length", i)
+    else:
+        guard = shooting.segments[i].guard(shooting.m)
+        monitor = TestFunction(
+            kind_of(guards[guard]) if guard != NONE else defect.guard, "choice", i
+        )
+    return locate_choice(shooting, step, kept) or _event_at(shooting, step, kept, monitor)
+
+
+def locate_choice(
+    shooting: Shooting, step: PredictorStep[ShootingEvaluation], position: float
+) -> tuple[float, BranchEvent] | None:
+    """Locate where an event of an orbit begins to lead to another mode, if it does so near by.
+
+    Raises
+    ------
+    OrbitError
+        If a point near by cannot be corrected.
+    """
+    sides = [step.at(position + s).point for s in (-ASTRIDE, ASTRIDE)]
+    for i, segment in enumerate(shooting.segments):
+        events = [side.events[i] for side in sides]
+        led = {int(event.mode) for event in events if event is not None}
+        guard = segment.guard(shooting.m)
+        if len(led) < 2 or guard == NONE:
+            continue
+        kind = kind_of(shooting.automaton.guards[guard])
+        for mode in sorted(led):
+            before, after = (choice_margins(shooting, side, i, mode) for side in sides)
+            # The margin of the guard that has fired is zero on both sides, but for rounding.
+            sure = np.minimum(np.abs(before), np.abs(after)) > AT_ZERO
+            turned = np.flatnonzero(sure & (before * after < 0.0))
+            if turned.size:
+                monitor = TestFunction(kind, "choice", i, int(turned[0]), mode)
+                return _turn(shooting, step, position, monitor)
+    return None
+
+
+def _turn(
+    shooting: Shooting,
+    step: PredictorStep[ShootingEvaluation],
+    position: float,
+    monitor: TestFunction,
+) -> tuple[float, BranchEvent]:
+    def margin(point: ShootingEvaluation) -> float:
+        return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
+
+    place = step.zero(margin, position + ASTRIDE, position - ASTRIDE)
+    return _event_at(shooting, step, place, monitor)
+
+
+def _event_at(
+    shooting: Shooting,
+    step: PredictorStep[ShootingEvaluation],
+    position: float,
+    monitor: TestFunction,
+) -> tuple[float, BranchEvent]:
+    here = step.at(position).point
+    orbit, direction = make_orbit(shooting, here), tangent(here, step.along)
+    label, value = LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
+    return position, BranchEvent(monitor.kind, label, value, orbit, direction, monitor)
+
+
+def classify(
+    monitor: TestFunction, shooting: Shooting, here: ShootingEvaluation, direction: Floats
+) -> BranchEvent | None:
+    """Return what `here` is called, where `monitor` changes its sign; None if it is no zero.
+
+    A test function may change its sign through infinity (an impact at zero speed), and the product
+    of two real multipliers may pass one.
+    """
+    orbit = make_orbit(shooting, here)
+    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
+        return None
+    if monitor.kind == BRANCH_POINT and np.abs(orbit.multipliers - 1.0).min() > NEAR:
+        return None
+    off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
+    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
+        return None
+    kind = monitor.kind
+    # The branch of a doubled orbit turns round where that of half the period crosses it.
+    if kind in (FOLD, BRANCH_POINT) and is_double_cover(orbit):
+        kind, monitor = PERIOD_DOUBLING, TestFunction(FOLD)
+    label, value = LABELS.get(kind, kind), float(here.values[0])
+    return BranchEvent(kind, label, value, orbit, direction, monitor)
+
+
+def priority(special: BranchEvent) -> tuple[int, bool, int]:
+    """Return which of several losses in one point to name and to act upon, the lowest first.
+
+    Where a guard is touched at zero speed, what would follow on the event loses its margin in the
+    same point, and what undoes the event is reached at zero speed as well: it ends a segment that
+    vanishes there. Where an event meets another one, its margin is zero at an end of a segment.
+    """
+    monitor, point = special.monitor, special.orbit.point
+    if monitor.role == "rate":
+        i = monitor.segment
+        return 0, bool(point.ends[i] - point.starts[i] < IN_NO_TIME), i
+    if monitor.role == "approach":
+        touch = closest_approach(special.orbit.shooting, point, monitor.guard)
+        return 1 if touch is not None and touch.inside else 3, False, monitor.guard
+    return 2, False, monitor.segment
+
+
+def is_double_cover(orbit: PeriodicOrbit) -> bool:
+    """Return whether an orbit is one of half the period, at its period doubling.
+
+    The second half repeats the first, and of the multipliers over half the period it is -1, not +1,
+    that is in play. There the branch of the doubled orbit turns back upon itself. With +1 it is a
+    fold, of an orbit that is traversed twice.
+    """
+    split = _half_cycle(orbit) if orbit.shooting.phase is not None else _half(orbit)
+    if split is None:
+        return False
+    apart, size, matrix = split
+    if apart >= SAME_HALVES * size:
+        return False
+    multipliers = np.linalg.eigvals(matrix)
+    return bool(np.abs(multipliers + 1.0).min() < np.abs(multipliers - 1.0).min())
+
+
+def _half(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
+    """Return by how much its halves differ, their size, and the reduced matrix over the first.
+
+    None if they do not even have the same events.
+    """
+    half, odd = divmod(len(orbit.segments), 2)
+    codes = [segment.code for segment in orbit.segments]
+    if odd or orbit.periods % 2 or codes[:half] != codes[half:]:
+        return None
+    states, _ = orbit.shooting.unpack(orbit.point.unknowns)
+    apart = float(np.abs(states[:half] - states[half:]).max())
+    return apart, float(np.abs(states).max()), reduced_monodromy(orbit.shooting, orbit.point, half)
+
+
+def _half_cycle(orbit: PeriodicOrbit) -> tuple[float, float, Floats] | None:
+    """Return the same of a cycle, whose second half begins within a segment."""
+    shooting, point = orbit.shooting, orbit.point
+    half, odd = divmod(len(orbit.segments) - 1, 2)
+    codes = [segment.code for segment in orbit.segments[:-1]]
+    middle, begin = 0.5 * point.period, float(point.starts[half])
+    if odd or codes[:half] != codes[half:] or not begin < middle:
+        return None
+    states, _ = shooting.unpack(point.unknowns)
+    mode = orbit.segments[half].mode
+    arc = shooting.variational(point.setting).arc(mode, states[half], begin, middle)
+    free, keep = shooting.free, reduced_components(shooting, point)
+    matrix = (arc.by_state[free] @ shooting.monodromy(point, half))[np.ix_(keep, keep)]
+    apart = float(np.abs(arc.end - states[0])[free].max())
+    if keep:
+        matrix = without_flow_direction(matrix, point.arcs[0].slope_start[free][keep])
+    return apart, float(np.abs(states).max()), matrix

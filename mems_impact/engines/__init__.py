@@ -1,1 +1,0 @@
-"""The engines: what integrates an arc, behind one small contract, each method in its own folder."""

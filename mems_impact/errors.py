@@ -1,0 +1,903 @@
+"""Exceptions, interruptions and warnings of the package.
+
+Every exception survives pickling with all its attributes, because sweeps report failures from
+other processes. Every message is one line, because the command line prints it as it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import islice
+from os import PathLike, fspath
+from typing import Any
+
+from mems_impact._util.formatting import label, shown
+
+__all__ = [
+    "ChartInterrupted",
+    "DiscontinuityWarning",
+    "EngineFallbackWarning",
+    "EngineUnavailable",
+    "FileNotWritten",
+    "FitWarning",
+    "FunctionError",
+    "FunctionsMissing",
+    "Interrupted",
+    "InvalidFile",
+    "InvalidParameter",
+    "MemsImpactError",
+    "OptimizationInterrupted",
+    "OrbitError",
+    "Picklable",
+    "PluginWarning",
+    "RunError",
+    "RunInterrupted",
+    "ScaleWarning",
+    "StartWarning",
+    "StiffnessWarning",
+    "StudyInterrupted",
+    "SweepInterrupted",
+    "UnitsWarning",
+    "ValidityWarning",
+    "WorkersLost",
+]
+
+# --- The base of every exception, which survives pickling with all its attributes.
+
+
+class Picklable(BaseException):
+    """An exception that is pickled with all that it holds."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # The inherited method calls the class with `args`, which fails for keyword-only arguments.
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+class MemsImpactError(Picklable, Exception):
+    """Base of every exception that the package raises on purpose.
+
+    See Also
+    --------
+    InvalidParameter, RunError, OrbitError, Interrupted
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> try:
+    ...     mi.load_actuator("zhao2004").replace(delta=2)
+    ... except mi.MemsImpactError as error:
+    ...     print(error)
+    delta = 2: must be between 0 and d = 1 (exclusive)
+    """
+
+
+def _restore(
+    kind: type[BaseException], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> BaseException:
+    """Rebuild a pickled exception without calling its constructor."""
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
+
+
+# --- What is wrong with what was given: a value, a file, a function.
+
+
+class InvalidParameter(MemsImpactError, ValueError):
+    """A parameter has a value that the model does not allow, is missing, or is unknown.
+
+    Parameters
+    ----------
+    field : str
+        Name of the parameter.
+    value : object
+        The value that was given; None if the parameter is missing.
+    allowed : str
+        What is allowed, worded to follow "must be": ``"between 0 and d = 1 (exclusive)"``.
+    source : str or os.PathLike, optional
+        The file that the value came from.
+    problem : str, optional
+        What is wrong, where "must be `allowed`" does not say it (a missing or unknown parameter).
+        `allowed` is then not shown.
+
+    Attributes
+    ----------
+    field, value, allowed, source, problem
+        As given; `source` is a str or None.
+
+    See Also
+    --------
+    MemsImpactError, InvalidFile
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> try:
+    ...     mi.load_actuator("zhao2004").replace(e=-1)
+    ... except mi.InvalidParameter as error:
+    ...     error.field, error.value
+    ('e', -1)
+    """
+
+    def __init__(
+        self,
+        field: str,
+        value: object,
+        allowed: str,
+        source: str | PathLike[str] | None = None,
+        *,
+        problem: str | None = None,
+    ) -> None:
+        self.field = field
+        self.value = value
+        self.allowed = allowed
+        self.source = None if source is None else fspath(source)
+        self.problem = problem
+        subject = label(field)
+        if value is not None or problem is None:
+            subject += f" = {shown(value)}"
+        message = f"{subject}: {problem or f'must be {allowed}'}"
+        if self.source is not None:
+            message += f" [in {label(self.source)}]"
+        super().__init__(message)
+
+    def located(self, source: str | PathLike[str] = "", *, owner: str = "") -> InvalidParameter:
+        """Return the same error, of a parameter of `owner`, of a value from the file `source`."""
+        field = f"{owner}.{self.field}" if owner else self.field
+        place = source or self.source
+        return InvalidParameter(field, self.value, self.allowed, place, problem=self.problem)
+
+
+class InvalidFile(MemsImpactError, ValueError):
+    """A file cannot be read, is not what it should be, or cannot stand where it is wanted.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file, as the user named it.
+    reason : str
+        What is wrong with it.
+    remedy : str
+        What to do about it.
+
+    Attributes
+    ----------
+    path, reason, remedy : str
+        As given.
+
+    See Also
+    --------
+    InvalidParameter, load_actuator, load
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import mems_impact as mi
+    >>> _ = Path("mine.toml").write_text("m1 = ")
+    >>> try:
+    ...     mi.load_actuator("mine.toml")
+    ... except mi.InvalidFile as error:
+    ...     str(error)[:25]
+    'mine.toml: not valid TOML'
+    """
+
+    def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
+        self.path = fspath(path)
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{label(self.path)}: {reason}; {remedy}")
+
+
+class FunctionError(MemsImpactError, TypeError):
+    """A function of a system does not do what the package asks of it.
+
+    Parameters
+    ----------
+    role : str
+        What the function is of the system, and its name: ``"flow 'fall'"``.
+    problem : str
+        What it does, worded to follow `role`.
+    remedy : str
+        What to do about it.
+    file : str, optional
+        Where the function, or the line that fails, stands.
+    line : int, optional
+
+    Attributes
+    ----------
+    trajectory : object
+        The run after which it was found out, None where there was none.
+
+    See Also
+    --------
+    System, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def flow(mode, t, y, p):
+    ...     return (y.v,)
+    >>> try:
+    ...     mi.System(states=("x", "v"), flow=flow)
+    ... except mi.FunctionError as error:
+    ...     error.role, error.problem
+    ("flow 'flow'", 'returns 1 numbers for 2 states in mode free')
+    """
+
+    def __init__(self, role: str, problem: str, remedy: str, file: str = "", line: int = 0) -> None:
+        self.role, self.problem, self.remedy = role, problem, remedy
+        self.file, self.line = file, line
+        self.trajectory: object = None
+        super().__init__(f"{self.reason}; {remedy}")
+
+    @property
+    def reason(self) -> str:
+        """The sentence without its remedy."""
+        name = self.file.replace("\\", "/").rpartition("/")[2]
+        place = f" ({label(name)}, line {self.line})" if name else ""
+        return " ".join(f"{self.role}{place} {self.problem}".split())
+
+
+class FunctionsMissing(MemsImpactError, RuntimeError):
+    """What is asked for needs the functions of a system, and a result was loaded without them.
+
+    Parameters
+    ----------
+    reason : str
+        Which file does not hold which functions.
+
+    Attributes
+    ----------
+    reason : str
+        As given.
+
+    See Also
+    --------
+    load, System
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> error = mi.FunctionsMissing("ball.zip holds no functions")
+    >>> str(error).partition("; ")[2]
+    'give the system: mems_impact.load(path, system=…)'
+    """
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(f"{reason}; give the system: mems_impact.load(path, system=…)")
+
+
+class FileNotWritten(MemsImpactError):
+    """A file could not be written, though its place is a good one: the disk is full, for example.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        The file. What stood there before stands there still.
+    reason : str
+        What happened.
+    remedy : str
+        What to do about it.
+
+    See Also
+    --------
+    Run, load
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, 10)
+    >>> try:
+    ...     run.save("run.zip")
+    ... except mi.FileNotWritten as error:
+    ...     print(error.remedy)
+    """
+
+    def __init__(self, path: str | PathLike[str], reason: str, remedy: str) -> None:
+        self.path = fspath(path)
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{label(self.path)}: cannot be written ({reason}); {remedy}")
+
+
+# --- What goes wrong on the way: a run, an engine, workers, an orbit.
+
+_MOST_STATES = 8
+
+
+class RunError(MemsImpactError, RuntimeError):
+    """A run cannot go on.
+
+    Parameters
+    ----------
+    reason : str
+        What happened.
+    remedy : str
+        What to do about it.
+    cycle : int
+        Number of forcing periods completed before this one.
+    phase_time : float
+        Time since the beginning of the current forcing period, in the unit of the run.
+    mode : str
+        Mode of the automaton.
+    state : mapping of str to float
+        The state, by name.
+    trajectory : object, optional
+        What was computed up to here.
+
+    Attributes
+    ----------
+    reason, remedy, cycle, phase_time, mode, state, trajectory
+        As given; `state` is a dict.
+
+    See Also
+    --------
+    simulate, Options, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     mi.simulate(actuator, drive, options=mi.Options(max_steps=10))
+    ... except mi.RunError as error:
+    ...     error.cycle, len(error.trajectory.events), error.remedy
+    (0, 0, "raise max_steps, loosen rtol, or use method 'auto' if the system is stiff")
+    """
+
+    def __init__(
+        self,
+        *,
+        reason: str,
+        remedy: str,
+        cycle: int,
+        phase_time: float,
+        mode: str,
+        state: Mapping[str, float],
+        trajectory: object = None,
+    ) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        self.cycle = cycle
+        self.phase_time = phase_time
+        self.mode = mode
+        self.state = dict(state)
+        self.trajectory = trajectory
+        self._units: Mapping[str, str] | None = None
+        super().__init__(self._message())
+
+    def convert(self, out: Callable[[str, float], float], units: Mapping[str, str]) -> None:
+        """Tell all in the units of the user; once, whoever asks again.
+
+        `out` converts what stands under a heading, `units` has its unit.
+        """
+        if self._units is None:
+            self.phase_time = float(out("time", self.phase_time))
+            self.state = {name: float(out(name, value)) for name, value in self.state.items()}
+            self._units = units
+            self.args = (self._message(),)
+
+    def _message(self) -> str:
+        def amount(name: str, value: float) -> str:
+            return f"{value:.9g} {(self._units or {}).get(name, '')}".rstrip()
+
+        where = [f"cycle {self.cycle}", f"phase time {amount('time', self.phase_time)}"]
+        where += [f"mode {self.mode}"]
+        first = islice(self.state.items(), _MOST_STATES)
+        where += [f"{name} = {amount(name, number)}" for name, number in first]
+        where += ["…"] if len(self.state) > _MOST_STATES else []
+        return f"{self.reason} ({', '.join(where)}); {self.remedy}"
+
+
+class EngineUnavailable(MemsImpactError, ImportError):
+    """An engine cannot be used on this machine.
+
+    Parameters
+    ----------
+    reason : str
+        What is missing or does not fit.
+    remedy : str
+        What to do about it.
+
+    See Also
+    --------
+    Options, EngineFallbackWarning
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     run = mi.simulate(actuator, drive, 10, options=mi.Options(engine="compiled"))
+    ... except mi.EngineUnavailable as error:
+    ...     print(error.remedy)
+    """
+
+    def __init__(self, reason: str, remedy: str) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(f"{reason}; {remedy}")
+
+
+class WorkersLost(MemsImpactError, RuntimeError):
+    """The workers of a study died, and no others can be had; what was done is kept.
+
+    Parameters
+    ----------
+    reason : str
+        What happened.
+    table : object
+        The table of the chunks that were done.
+    done, total : int
+        Number of points that were done, and of all.
+
+    See Also
+    --------
+    StudyInterrupted, operating_map
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
+    ... except mi.WorkersLost as error:
+    ...     table = error.table  # the chunks that were done
+    >>> len(table) > 0
+    True
+    """
+
+    def __init__(self, reason: str, table: object, done: int, total: int) -> None:
+        self.reason = " ".join(reason.split()).rstrip(".")
+        self.table = table
+        self.done = done
+        self.total = total
+        super().__init__(
+            f"the workers are lost after {done} of {total} points, which are in .table "
+            f"({self.reason}); give as executor a function that makes one, and can make it anew"
+        )
+
+
+class OrbitError(MemsImpactError, RuntimeError):
+    """No periodic orbit could be found or followed.
+
+    Parameters
+    ----------
+    reason : str
+        What went wrong.
+    remedy : str
+        What to do about it.
+    partial : object, optional
+        What had been computed.
+
+    See Also
+    --------
+    find_orbit, Orbit, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> try:
+    ...     mi.find_orbit(actuator, mi.Sine(amplitude=0.2357, omega=0.45))
+    ... except mi.OrbitError as error:
+    ...     error.remedy.partition(", ")[0]
+    'let transients die out (transient=300)'
+    """
+
+    def __init__(self, reason: str, remedy: str, partial: object = None) -> None:
+        self.reason = reason
+        self.remedy = remedy
+        self.partial = partial
+        super().__init__(f"{reason}; {remedy}")
+
+
+# --- What Ctrl-C raises: each kind of long work says how far it came, and holds what was done.
+
+
+class Interrupted(Picklable, KeyboardInterrupt):
+    """Work was interrupted (Ctrl-C); what was done is kept.
+
+    Attributes
+    ----------
+    after : str
+        How far it had come, worded to follow "after".
+
+    See Also
+    --------
+    RunInterrupted, StudyInterrupted, MemsImpactError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     run = mi.simulate(actuator, drive, periods=300)
+    ... except mi.Interrupted as stopped:
+    ...     print(f"stopped after {stopped.after}")
+    >>> issubclass(mi.Interrupted, KeyboardInterrupt)
+    True
+    """
+
+    after: str
+
+
+class RunInterrupted(Interrupted):
+    """A run was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    trajectory : object
+        What was computed up to the interruption.
+    periods : float
+        Periods that were done.
+
+    See Also
+    --------
+    Interrupted, simulate, RunError
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     trajectory = mi.simulate(actuator, drive, periods=300).trajectory
+    ... except mi.RunInterrupted as stopped:
+    ...     trajectory = stopped.trajectory
+    >>> len(trajectory.events) > 0
+    True
+    """
+
+    def __init__(self, trajectory: object, periods: float) -> None:
+        self.trajectory = trajectory
+        self.periods = periods
+        self.after = f"{periods:g} periods"
+        super().__init__(f"run interrupted after {self.after}; they are in .trajectory")
+
+
+class SweepInterrupted(Interrupted):
+    """A sweep was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    table : object
+        The table of the values that were done.
+    done, total : int
+        Number of values that were done, and of all.
+
+    See Also
+    --------
+    Interrupted, sweep, StudyInterrupted
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=50, periods=5)
+    ... except mi.SweepInterrupted as stopped:
+    ...     table = stopped.table
+    >>> len(table) > 0
+    True
+    """
+
+    def __init__(self, table: object, done: int, total: int) -> None:
+        self.table = table
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total} values"
+        super().__init__(f"sweep interrupted after {self.after}; they are in .table")
+
+
+class StudyInterrupted(Interrupted):
+    """A study was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    table : object
+        The table of the chunks that were done.
+    done, total : int
+        Number of points that were done, and of all.
+
+    See Also
+    --------
+    Interrupted, operating_map, read_study
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     found = mi.operating_map(actuator, drive, x=("amplitude", [0.2]), y=("omega", [0.5]))
+    ...     table = found.table
+    ... except mi.StudyInterrupted as stopped:
+    ...     table = stopped.table
+    >>> len(table)
+    1
+    """
+
+    def __init__(self, table: object, done: int, total: int) -> None:
+        self.table = table
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total} points"
+        super().__init__(f"study interrupted after {self.after}; they are in .table")
+
+
+class ChartInterrupted(Interrupted):
+    """A chart was interrupted (Ctrl-C); what was done is kept.
+
+    Parameters
+    ----------
+    chart : object
+        The chart with the boundaries that were done, and what there is of the next one.
+    done, total : int
+        Number of boundaries that were done, and of all; the latter is 0 as long as the types of
+        the range, and so their number, were not known.
+
+    See Also
+    --------
+    Interrupted, operating_chart, Chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> try:
+    ...     chart = mi.operating_chart(actuator, drive, omega=(0.478, 0.495), crises=0)
+    ... except mi.ChartInterrupted as stopped:
+    ...     chart = stopped.chart
+    >>> len(chart.table) > 0
+    True
+    """
+
+    def __init__(self, chart: object, done: int, total: int) -> None:
+        self.chart = chart
+        self.done = done
+        self.total = total
+        self.after = f"{done} of {total or 'all'} boundaries"
+        super().__init__(f"chart interrupted after {self.after}; they are in .chart")
+
+
+class OptimizationInterrupted(Interrupted):
+    """A search was interrupted (Ctrl-C); what was found is kept.
+
+    Parameters
+    ----------
+    optimum : object
+        The best point so far, and all before it.
+    points : int
+        Number of points that it took.
+
+    See Also
+    --------
+    Interrupted, optimize, Optimum
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> try:
+    ...     best = mi.optimize(orbit, maximize="mean speed", over={"amplitude": (0.23, 0.25)})
+    ... except mi.OptimizationInterrupted as stopped:
+    ...     best = stopped.optimum
+    >>> best.quantity
+    'mean speed'
+    """
+
+    def __init__(self, optimum: object, points: int) -> None:
+        self.optimum = optimum
+        self.points = points
+        self.after = f"{points} points"
+        super().__init__(f"search interrupted after {self.after}; they are in .optimum")
+
+
+# --- The warnings of the package: what is computed all the same, and may not be what was wanted.
+
+
+class DiscontinuityWarning(UserWarning):
+    """The flow of a system jumps where nothing declares it: no step across the jump is accurate.
+
+    See Also
+    --------
+    System, Guard, Friction, Relay, Surface
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def flow(mode, t, y, p):
+    ...     return y.v, -y.x + (1.0 if t % 3.0 < 1.0 else -1.0)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     system = mi.System(states=("x", "v"), flow=flow, period=3.0)
+    >>> "at t = 1, where no step is accurate" in str(caught[0].message)
+    True
+    """
+
+
+class EngineFallbackWarning(UserWarning):
+    """The engine that was asked for is unavailable, and a slower one does its work.
+
+    See Also
+    --------
+    EngineUnavailable, Options
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", mi.EngineFallbackWarning)  # rather fail than be slow
+    ...     run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 10)
+    """
+
+
+class FitWarning(UserWarning):
+    """A fit does not reach what was measured, or the data do not determine what was fitted.
+
+    See Also
+    --------
+    fit, Fit
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> mita = mi.load_actuator("mita2003")
+    >>> pull_in = mi.Target(quantity="pull-in voltage", value=35)
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     found = mi.fit(mita, [pull_in], free=["k", "alpha"])  # one number, two parameters
+    >>> found.verdict, [warning.category.__name__ for warning in caught]
+    ('undetermined', ['FitWarning'])
+    """
+
+
+class PluginWarning(UserWarning):
+    """What another package adds cannot be had, and is left out.
+
+    See Also
+    --------
+    load_system, load_drive
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("error", mi.PluginWarning)  # rather fail than go without it
+    ...     actuator = mi.load_actuator("zhao2004")
+    """
+
+
+class UnitsWarning(UserWarning):
+    """Numbers of a device, a drive or a target look like ones in other units.
+
+    A device file that looks like SI and does not say so; or a number of a device in SI, of a term,
+    a drive or a target that is far from what such devices have. Of a frequency below a 300th of the
+    resonance it is asked whether kilohertz were meant, where the voltage does not pull the block
+    in.
+
+    See Also
+    --------
+    load_actuator, Actuator
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> from pathlib import Path
+    >>> mita = mi.load_actuator("mita2003")
+    >>> names = ("m1", "m2", "k", "c", "d", "delta", "e", "mu_s", "mu_d", "alpha", "g")
+    >>> values = {name: getattr(mita, name) for name in names}
+    >>> lines = ["[parameters]", *(f"{name} = {value}" for name, value in values.items())]
+    >>> _ = Path("mine.toml").write_text(chr(10).join(lines))
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     device = mi.load_actuator("mine.toml")
+    >>> [warning.category.__name__ for warning in caught]
+    ['UnitsWarning']
+    """
+
+
+class ScaleWarning(UserWarning):
+    """Numbers lie far from order one, and nothing was said of what is typical.
+
+    See Also
+    --------
+    System
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def spring(mode, t, y, p):
+    ...     return y.v, -1e12 * y.x
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     small = mi.System(states=("x", "v"), flow=spring, initial={"x": 1e-6})
+    ...     run = mi.simulate(small, duration=1e-5)
+    >>> [warning.category.__name__ for warning in caught]
+    ['ScaleWarning']
+    """
+
+
+class StartWarning(UserWarning):
+    """A motion starts where a guard that moves the state has a negative margin.
+
+    See Also
+    --------
+    Guard, Impact, simulate
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -1.0
+    >>> def below(mode, t, y, p):  # of a ball above the floor this is negative
+    ...     return -y.x
+    >>> def rebound(mode, t, y, p):
+    ...     return mode, (0.0, -0.5 * y.v)
+    >>> floor = mi.Guard("floor", below, rebound)
+    >>> ball = mi.System(states=("x", "v"), flow=fall, initial={"x": 1.0}, guards=[floor])
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     run = mi.simulate(ball, duration=0.5)
+    >>> [warning.category.__name__ for warning in caught]
+    ['StartWarning']
+    """
+
+
+class ValidityWarning(UserWarning):
+    """A run went where a term of the model does not hold.
+
+    See Also
+    --------
+    Term, SqueezeFilm, Run
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> film = mi.SqueezeFilm(length=1, width=0.5, pressure=2, viscosity=1, free_path_pressure=0.1)
+    >>> actuator = mi.load_actuator("zhao2004").adding(film)
+    >>> drive = mi.Sine(amplitude=0.6, omega=0.5)
+    >>> options = mi.Options(engine="interpreted")  # nothing to compile for so short a run
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     run = mi.simulate(actuator, drive, 0.2, initial=mi.State(v2=1.0), options=options)
+    >>> [warning.category.__name__ for warning in caught]
+    ['ValidityWarning']
+    """
+
+
+class StiffnessWarning(UserWarning):
+    """The steps of an explicit method are limited by stability; an implicit one may be faster.
+
+    See Also
+    --------
+    Options, EngineFallbackWarning
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import mems_impact as mi
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", mi.StiffnessWarning)
+    ...     run = mi.simulate(mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5), 10)
+    """

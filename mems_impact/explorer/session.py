@@ -1,0 +1,536 @@
+"""The session of a page: its system, sliders and address."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from mems_impact._util.formatting import label
+from mems_impact._util.units import PREFIXED, PREFIXES
+from mems_impact.actuator.drives.base import Drive
+from mems_impact.actuator.drives.sine import Sine
+from mems_impact.actuator.parameters import Actuator, load_actuator
+from mems_impact.actuator.system import ActuatorSystem, kicked_state
+from mems_impact.actuator.system_files import load_system
+from mems_impact.analysis.simulate import simulate
+from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
+from mems_impact.integrators.options import Options
+from mems_impact.systems.state import State
+from mems_impact.systems.system import System
+
+__all__ = [
+    "LONGEST",
+    "PageSetting",
+    "SliderSpec",
+    "Subject",
+    "address_of",
+    "allowed_range",
+    "best_si_prefix",
+    "first_setting",
+    "of_code",
+    "of_device",
+    "setting_at",
+    "slider_specs",
+    "usual_sine",
+]
+
+# --- Numbers in the SI prefix that fits them: micrometres for 5e-6 m.
+
+
+def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
+    """Return the unit in which numbers of that size are told, and what it is called.
+
+    Parameters
+    ----------
+    unit : str
+        SI, such as "N s/m"; the first of its factors takes the prefix, if it can.
+    size : float
+        The largest of the numbers, in `unit`.
+
+    Returns
+    -------
+    tuple of float and str
+        What a number in `unit` is to be divided by, and the name of the unit then.
+
+    Examples
+    --------
+    >>> told_in("m", 5e-6), told_in("kg", 2e-6), told_in("rad/s", 750.0)
+    ((1e-06, 'µm'), (1e-06, 'mg'), (1.0, 'rad/s'))
+    """
+    first, rest = unit, ""
+    for place, letter in enumerate(unit):
+        if letter in " /":
+            first, rest = unit[:place], unit[place:]
+            break
+    gram = first == "kg"
+    known = gram or first in PREFIXED
+    if not known or not (abs(size) > 0.0 and math.isfinite(size)):
+        return 1.0, unit
+    power = math.log10(abs(size))
+    if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz are read as they stand
+        return 1.0, unit
+    thousands = 3 * math.floor((power + (3 if gram else 0)) / 3.0 + 1e-9)
+    thousands = min(max(thousands, min(PREFIXES)), max(PREFIXES))
+    factor = 10.0 ** (thousands - (3 if gram else 0))
+    return factor, f"{PREFIXES[thousands]}{'g' if gram else first}{rest}"
+
+
+# --- What is explored: a system at the numbers it starts with, and how Python makes it.
+
+OPTIONS = Options(method="auto")
+TRIED = 60  # forcing periods
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What is explored.
+
+    Attributes
+    ----------
+    system : System
+        At the numbers with which the page opens.
+    title : str
+    making : callable
+        ``making(system)`` returns the lines of Python that make `system`, this one at other
+        numbers, under the name ``system``.
+    starts : mapping of str to callable
+        Where runs may start, by name: ``start(system)`` is the state, None for the system's own.
+    groups : mapping of str to tuple of str
+        The parameters, by the heading under which their sliders stand.
+    sizes : mapping of str to float
+        How far the slider of a parameter goes that is 0, where 1 in the units of the numerics is
+        not a good guess.
+    options : Options
+        How runs are integrated.
+    """
+
+    system: System
+    title: str
+    making: Callable[[System], str] = field(repr=False)
+    starts: Mapping[str, Callable[[System], State | None]] = field(repr=False)
+    groups: Mapping[str, tuple[str, ...]]
+    sizes: Mapping[str, float] = field(default_factory=dict)
+    options: Options = OPTIONS
+
+
+def usual_sine(actuator: Actuator) -> dict[str, float]:
+    """Return amplitude and omega of a sine under which a device strikes, in its units.
+
+    The paper's working point, f = 0.24 and omega = 0.5 where m2 = k = d = alpha = 1, to two digits;
+    twice or four times the voltage where that is not enough.
+    """
+    scales = actuator.scales
+    omega = float(f"{scales.out(0.5, 'rad/s'):.2g}")
+    found = {}
+    for amplitude in (0.24, 0.48, 0.96):
+        found = {"amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"), "omega": omega}
+        system = actuator.under(Sine(**found))
+        try:
+            run = simulate(system, TRIED, initial=kicked_state(actuator), options=OPTIONS)
+        except RunError:
+            continue
+        if run.statistics["impacts"] > 0:
+            break
+    return found
+
+
+def of_device(
+    name: str,
+    actuator: Actuator,
+    drive: Drive,
+    *,
+    drive_source: str = "",
+    options: Options = OPTIONS,
+) -> Subject:
+    """Return an actuator under a drive, to be explored.
+
+    Parameters
+    ----------
+    name : str
+        Preset or path, from which `actuator` was loaded and then changed or not.
+    actuator : Actuator
+    drive : Drive
+    drive_source : str, optional
+        Python that makes the drive but for its numbers, ``mi.load_drive("wave.toml")``; the
+        waveform's class by default.
+    options : Options, optional
+        How runs are integrated.
+    """
+    loaded = load_actuator(name)
+
+    def making(system: System) -> str:
+        assert isinstance(system, ActuatorSystem)
+        lines = [
+            *_imports(system.drive, drive_source),
+            f"actuator = mi.load_actuator({name!r}){_setting(loaded, system.actuator)}",
+            f"drive = {_drive_source(system.drive, drive_source)}",
+            "system = actuator.under(drive)",
+        ]
+        return "\n".join(lines)
+
+    def kick(system: System) -> State:
+        assert isinstance(system, ActuatorSystem)
+        return kicked_state(system.actuator)
+
+    system = actuator.under(drive)
+    groups = {"drive": drive.names}
+    for each in system.parameters:
+        if each not in drive.names:
+            owner = each.partition(".")[0] if "." in each else "device"
+            groups[owner] = (*groups.get(owner, ()), each)
+    volts = [abs(drive.number(each)) for each in drive.names if drive.unit(each) == "V"]
+    amplitude = max(volts, default=0.0)
+    return Subject(
+        system=system,
+        title=Path(name).stem,
+        groups=groups,
+        making=making,
+        starts={"rest": lambda system: None, "kicked": kick},
+        sizes={
+            each: math.pi if each.endswith("phase") else amplitude
+            for each in drive.names
+            if each.endswith("phase") or drive.unit(each) == "V"
+        },
+        options=options,
+    )
+
+
+def of_code(
+    name: str, changes: Mapping[str, float] | None = None, options: Options = OPTIONS
+) -> Subject:
+    """Return a system that Python code defines, to be explored.
+
+    Parameters
+    ----------
+    name : str
+        As `mems_impact.load_system` takes it: "FILE.py:NAME", for example. The code is run.
+    changes : mapping of str to float, optional
+        Other values of some parameters.
+    options : Options, optional
+        How runs are integrated.
+    """
+    begin = load_system(name)
+
+    def making(system: System) -> str:
+        changed = _differing(system.parameters, begin.parameters)
+        changing = f".changed(**{changed!r})" if changed else ""
+        return f"system = mi.load_system({name!r}){changing}"
+
+    return Subject(
+        system=begin.changed(**changes) if changes else begin,
+        title=begin.name or name.rpartition(":")[2],
+        making=making,
+        starts={"given": lambda system: None},
+        groups={"parameters": tuple(begin.parameters)},
+        options=options,
+    )
+
+
+def _setting(loaded: Actuator, actuator: Actuator) -> str:
+    """Return what Python calls to change the numbers of a loaded device to those of another."""
+    changed = _differing(_numbers(actuator), _numbers(loaded))
+    return f".setting({changed!r})" if changed else ""
+
+
+def _numbers(actuator: Actuator) -> dict[str, float]:
+    own = {name: value for name, value in dict(actuator).items() if isinstance(value, float)}
+    of_terms = {
+        f"{term.name()}.{name}": getattr(term, name)
+        for term in actuator.terms
+        for name in term.names
+    }
+    return {**own, **of_terms}
+
+
+def _drive_source(drive: Drive, source: str) -> str:
+    values = {name: drive.number(name) for name in drive.names}
+    if source:
+        return f"{source}.varied({values!r})"
+    given = ", ".join(f"{name}={value!r}" for name, value in values.items())
+    owner = "" if _imports(drive, source) else "mi."
+    return f"{owner}{type(drive).__name__}({given})"
+
+
+def _imports(drive: Drive, source: str) -> list[str]:
+    """Return what is to be imported of a waveform that another package adds."""
+    kind = type(drive)
+    if source or kind.__module__.partition(".")[0] == "mems_impact":
+        return []
+    return [f"from {kind.__module__} import {kind.__name__}"]
+
+
+def _differing(here: Mapping[str, float], there: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in here.items() if there.get(name) != value}
+
+
+# --- The sliders of a system: how far each goes, in which steps, in which unit it is told.
+
+PARTS = 100  # of the way from a value to an end; where the end is not allowed, one of them is
+STEPS = 500  # of a slider, at least
+
+
+@dataclass(frozen=True, kw_only=True)
+class SliderSpec:
+    """The slider of one parameter.
+
+    Attributes
+    ----------
+    name : str
+    unit : str
+        In which it is told, empty for a pure number.
+    factor : float
+        That unit in the system's own: what stands at the slider times `factor` is the parameter.
+    low, high, step : float
+        In the system's own unit.
+    """
+
+    name: str
+    unit: str
+    factor: float
+    low: float
+    high: float
+    step: float
+
+    @property
+    def label(self) -> str:
+        """The name with the unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
+    """Return a slider for each parameter: from 0 to twice its value, as far as that is allowed.
+
+    One that is 0 goes as far to either side.
+    """
+    return tuple(_dial(subject, name, value) for name, value in subject.system.parameters.items())
+
+
+def allowed_range(system: System, name: str, low: float, high: float) -> tuple[float, float]:
+    """Return the part of a range around a parameter's value that the system allows.
+
+    What is allowed is asked of the system itself, which may compare the parameter with others.
+    """
+    value = system.value(name)
+    return _farthest(system, name, value, low), _farthest(system, name, value, high)
+
+
+def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
+    system = subject.system
+    size = subject.sizes.get(name) or abs(float(system.out(name, 1.0)))
+    low, high = (min(0.0, 2.0 * value), max(0.0, 2.0 * value)) if value else (-size, size)
+    low, high = (float(f"{end:.6g}") for end in allowed_range(system, name, low, high))
+    factor, unit = best_si_prefix(system.unit(name), abs(value) or size)
+    return SliderSpec(
+        name=name, unit=unit, factor=factor, low=low, high=high, step=_round_step(high - low)
+    )
+
+
+def _farthest(system: System, name: str, value: float, end: float) -> float:
+    """Return how far a parameter may go from its value towards an end."""
+
+    def place(part: int) -> float:
+        return value + (end - value) * part / PARTS if part < PARTS else end
+
+    if _allows(system, name, end):
+        return end
+    inside, outside = 0, PARTS
+    while outside - inside > 1:
+        middle = (inside + outside) // 2
+        if _allows(system, name, place(middle)):
+            inside = middle
+        else:
+            outside = middle
+    return place(inside)
+
+
+def _allows(system: System, name: str, value: float) -> bool:
+    try:
+        system.changed(**{name: value}).numbers()
+    except (MemsImpactError, ArithmeticError, ValueError):
+        return False
+    return True
+
+
+def _round_step(length: float) -> float:
+    """Return a step of 1, 2 or 5 times a power of ten."""
+    if not length > 0.0:
+        return 1.0
+    rough = length / STEPS
+    power = 10.0 ** math.floor(math.log10(rough))
+    return power * max(each for each in (1.0, 2.0, 5.0) if each * power <= rough * (1.0 + 1e-9))
+
+
+# --- The state of a page, and its address: what a link has to say so that it shows the same.
+
+SHORTEST, LONGEST = 1.0, 1000.0  # of a run, in forcing periods or units of time
+USUAL = 100.0
+PREFIX = "show."  # of the page's own words, lest a parameter has the same name
+TIME = "t"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageSetting:
+    """What a page shows.
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        All parameters of the system.
+    length : float
+        Of the run, in forcing periods, or in the system's `unit_of_time` where nothing forces it.
+    start : str
+        Where it starts: a name among those of the subject.
+    parameter : str
+        Over which the bifurcation diagram is drawn.
+    x, y : str
+        States that span the phase plane, or "t".
+    """
+
+    values: Mapping[str, float]
+    length: float
+    start: str
+    parameter: str
+    x: str
+    y: str
+
+    def with_value(self, name: str, value: float) -> PageSetting:
+        """Return the setting with another value of a parameter."""
+        return replace(self, values={**self.values, name: value})
+
+    def system(self, subject: Subject) -> System:
+        """Return the system at these values; InvalidParameter if it does not allow them."""
+        return subject.system.changed(**self.values)
+
+    def initial(self, subject: Subject, system: System) -> State | None:
+        """Return where the run starts."""
+        return subject.starts[self.start](system)
+
+
+def unit_of_time(system: System) -> float:
+    """Return what the length of a run counts in: the forcing period, or a typical time."""
+    period = system.forcing_period
+    return period if period is not None else float(system.out("time", system.numbers().period))
+
+
+def first_setting(subject: Subject) -> PageSetting:
+    """Return what a page shows whose address says nothing."""
+    system = subject.system
+    x, y = _plane(system)
+    names = tuple(system.parameters)
+    return PageSetting(
+        values=system.parameters,
+        length=USUAL,
+        # Of a device that rests there is nothing to see.
+        start=tuple(subject.starts)[-1],
+        parameter=names[0] if names else "",
+        x=x,
+        y=y,
+    )
+
+
+def address_of(subject: Subject, setting: PageSetting) -> str:
+    """Return the query of a page's address: every number to the last digit."""
+    words = {f"{PREFIX}{name}": text for name, text in _words(subject, setting).items()}
+    return urlencode({**{name: repr(value) for name, value in setting.values.items()}, **words})
+
+
+def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSetting:
+    """Return the setting that the query of an address tells; what it leaves out is as at first.
+
+    Raises
+    ------
+    InvalidParameter
+        If it names what there is not, or the system does not allow a value.
+    """
+    first = first_setting(subject)
+    values = dict(first.values)
+    changes: dict[str, Any] = {}
+    choices = _choices(subject)
+    for name, given in query.items():
+        text = _one(name, tuple(given))
+        word = name.removeprefix(PREFIX)
+        if name in values:
+            values[name] = _number(name, text)
+        elif name.startswith(PREFIX) and word in choices:
+            field, known = choices[word]
+            changes[field] = _chosen(name, text, known) if known else _length(name, text)
+        else:
+            known = (*values, *(f"{PREFIX}{each}" for each in choices))
+            raise InvalidParameter(label(name), None, "", problem=f"none of {', '.join(known)}")
+    found = replace(first, values=values, **changes)
+    found.system(subject)
+    return found
+
+
+def length_word(system: System) -> str:
+    """Return what the length of a run is called."""
+    return "periods" if system.forced else "duration"
+
+
+def planes(system: System) -> tuple[str, ...]:
+    """Return what a phase plane may be spanned by."""
+    return (*system.states, TIME)
+
+
+def _words(subject: Subject, setting: PageSetting) -> dict[str, str]:
+    """Return the page's own words and what they are set to."""
+    return {
+        word: str(getattr(setting, field)).removesuffix(".0")
+        for word, (field, _) in _choices(subject).items()
+    }
+
+
+def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return by word the field of a setting, and what it may be; nothing for the length."""
+    system = subject.system
+    found = {
+        length_word(system): ("length", ()),
+        "start": ("start", tuple(subject.starts)),
+        "x": ("x", planes(system)),
+        "y": ("y", planes(system)),
+    }
+    names = tuple(system.parameters)
+    return {**found, "parameter": ("parameter", names)} if names else found
+
+
+def _plane(system: System) -> tuple[str, str]:
+    """Return the two states by which a motion is shown at first."""
+    shown = system.shown[0] if system.shown else system.states[0]
+    if system.section is not None and system.states[system.section[0]] != shown:
+        return system.states[system.section[0]], shown
+    cyclic = {system.states[i] for i in system.automaton.cyclic}
+    free = [name for name in system.states if name not in cyclic] or list(system.states)
+    return (free[0], free[1]) if len(free) > 1 else (TIME, free[0])
+
+
+def _one(name: str, given: tuple[str, ...]) -> str:
+    if len(given) != 1:
+        raise InvalidParameter(label(name), None, "", problem=f"given {len(given)} times, not once")
+    return given[0]
+
+
+def _number(name: str, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InvalidParameter(name, text, "a finite number")
+    return value
+
+
+def _length(name: str, text: str) -> float:
+    value = _number(name, text)
+    if not SHORTEST <= value <= LONGEST:
+        raise InvalidParameter(name, value, f"between {SHORTEST:g} and {LONGEST:g}")
+    return value
+
+
+def _chosen(name: str, text: Any, known: tuple[str, ...]) -> str:
+    if text not in known:
+        raise InvalidParameter(name, text, f"one of {', '.join(known)}")
+    return str(text)

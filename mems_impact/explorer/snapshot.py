@@ -1,0 +1,501 @@
+"""Arrays that a page shows.
+
+What `mems_impact.plotting.trajectories` makes of tables for figures, without tables: those took two
+thirds of the time from a slider to its picture.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+import mems_impact as mi
+from mems_impact._util.arrays import Floats
+from mems_impact.actuator.automaton import slips
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.analysis.run import Run
+from mems_impact.explorer.background import Watch, capture_warnings
+from mems_impact.explorer.session import (
+    TIME,
+    PageSetting,
+    SliderSpec,
+    Subject,
+    allowed_range,
+    unit_of_time,
+)
+from mems_impact.hybrid.simulation import Events
+from mems_impact.plotting.trajectories import SMALL, interleaved
+from mems_impact.systems.system import System
+from mems_impact.tables import is_shown
+
+__all__ = [
+    "COARSE",
+    "FINE",
+    "Asked",
+    "BifurcationDiagram",
+    "Floquet",
+    "RunSnapshot",
+    "diagram_of",
+    "floquet_of",
+    "sweep_arguments",
+    "take_snapshot",
+]
+
+# --- The bifurcation diagram around an operating point: coarse at first, then fine.
+
+COARSE, FINE = 41, 161  # values of the parameter
+TRANSIENT, PERIODS = 60, 16  # forcing periods at each, or units of time
+MOST_ROWS = 40_000  # that are drawn
+
+
+@dataclass(frozen=True, kw_only=True)
+class BifurcationDiagram:
+    """A parameter varied slowly, up and down.
+
+    Attributes
+    ----------
+    asked : Asked
+    table : DataFrame
+        As `mems_impact.sweep` returns it.
+    state : str
+        The column that is shown.
+    failed : str
+        Why some values have none; empty if all have.
+    """
+
+    asked: Asked
+    table: pd.DataFrame
+    state: str
+    failed: str
+
+    def dots(self, direction: str) -> tuple[Any, Any]:
+        """Return parameter and state of the crossings of one chain."""
+        rows = self.table[self.table["direction"] == direction]
+        rows = rows.iloc[:: max(1, len(rows) // MOST_ROWS)]
+        return rows[self.asked.setting.parameter].to_numpy(), rows[self.state].to_numpy()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """A diagram that is wanted.
+
+    Attributes
+    ----------
+    setting : PageSetting
+    points : int
+        Number of values of the parameter.
+    """
+
+    setting: PageSetting
+    points: int
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What the diagram depends on, beside the number of values."""
+        setting = self.setting
+        others = {**setting.values, setting.parameter: 0.0}
+        return setting.parameter, tuple(others.items())
+
+    def finer(self) -> Asked:
+        """Return the same with more values."""
+        return replace(self, points=FINE)
+
+
+def sweep_arguments(
+    system: System, setting: PageSetting, dial: SliderSpec, points: int
+) -> dict[str, Any]:
+    """Return what `mems_impact.sweep` is called with, beside the system."""
+    low, high = allowed_range(system, setting.parameter, dial.low, dial.high)
+    value = system.value(setting.parameter)
+    low, high = min(low, value), max(high, value)
+    spans: Mapping[str, Any] = {"transient": TRANSIENT, "periods": PERIODS}
+    if not system.forced:
+        unit = unit_of_time(system)
+        spans = {"transient": TRANSIENT * unit, "duration": PERIODS * unit}
+    values = np.linspace(low, high, points)
+    return {"parameter": setting.parameter, "values": values, "direction": "both", **spans}
+
+
+def diagram_of(
+    subject: Subject, asked: Asked, dial: SliderSpec, watch: Watch | None = None
+) -> BifurcationDiagram:
+    """Sweep the parameter of a setting over its slider.
+
+    Parameters
+    ----------
+    subject : Subject
+    asked : Asked
+    dial : Dial
+        Of the parameter.
+    watch : callable, optional
+        Called while the sweep goes on; what it raises ends it.
+    """
+    system = asked.setting.system(subject)
+    given = sweep_arguments(system, asked.setting, dial, asked.points)
+    table = mi.sweep(system, **given, options=subject.options, progress=watch or False)
+    reasons = table.loc[table["status"] != "ok", "status"]
+    failed = f"{len(reasons)} values failed: {reasons.iloc[0]}" if len(reasons) else ""
+    states = [name for name in table.attrs.get("states", system.states) if name in table.columns]
+    return BifurcationDiagram(asked=asked, table=table, state=states[0], failed=failed)
+
+
+# --- The last part of a run as arrays: exact at transitions, broken where it jumps.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A stretch of a run, in the units of the system.
+
+    Attributes
+    ----------
+    curve : mapping of str to ndarray
+        ``t`` and states: samples and transitions, with NaN between the two sides of a jump.
+    frames : mapping of str to ndarray
+        ``t`` and states at equal times.
+    hits : mapping of str to ndarray
+        The impacts: ``t``, and each state ``before`` and ``after``.
+    stretches : tuple of tuple
+        Mode, start and end of each stretch of time in one mode.
+    """
+
+    curve: Mapping[str, Floats] = field(repr=False)
+    frames: Mapping[str, Floats] = field(repr=False)
+    hits: Mapping[str, Floats] = field(repr=False)
+    stretches: tuple[tuple[str, float, float], ...] = field(repr=False)
+
+
+def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> Motion:
+    """Return the motion of some states to the end of a run.
+
+    Parameters
+    ----------
+    run : Run
+    names : sequence of str
+        The states.
+    per_period : int
+        Samples in a period of the numerics.
+    first : float
+        Where it begins, in such periods.
+    """
+    system, trajectory = run.system, run.trajectory
+    places = [system.states.index(name) for name in names]
+    units = np.array([system.out(name, 1.0) for name in names])
+    grid = trajectory.samples(per_period, first)
+    time = times_of(run, grid.cycle, grid.time)
+    y = grid.y[:, places] * units
+    log = trajectory.events
+    log = log[is_shown(log)]
+    instants = times_of(run, log.cycle, log.time)
+    inside = (instants >= time[0]) & (instants <= time[-1])
+    log, instants = log[inside], instants[inside]
+    before, after = log.before[:, places] * units, log.after[:, places] * units
+    jumps = (np.abs(after - before) > SMALL * np.abs(y).max(axis=0)).any(axis=1)
+    hits = log.impacts(system.automaton)
+    curve_t, curve = _joined(time, y, instants, before, after, jumps)
+    sides = {"before": before, "after": after}
+    return Motion(
+        curve=_named(names, curve_t, curve),
+        frames=_named(names, time, y),
+        hits={
+            "t": instants[hits],
+            **{
+                f"{name} {side}": values[hits, place]
+                for side, values in sides.items()
+                for place, name in enumerate(names)
+            },
+        },
+        stretches=_stretches(run, log, instants, time, int(grid.mode[0])),
+    )
+
+
+def times_of(run: Run, cycle: np.ndarray, time: Floats) -> Floats:
+    """Return instants of the numerics as times since the run began to count, in its own unit."""
+    found: Floats = run.system.out("time", cycle * run.trajectory.period + time)
+    return found
+
+
+def counts_of(run: Run, periods: int) -> tuple[Floats, str]:
+    """Return how many impacts there were in each of the first periods, and the word for them.
+
+    Where nothing strikes, events.
+    """
+    log = run.trajectory.events
+    strikes = any(guard.impact for guard in run.system.automaton.guards)
+    rows = log[log.impacts(run.system.automaton) if strikes else is_shown(log)]
+    cycle = rows.cycle[rows.cycle < periods]
+    counts = np.bincount(cycle, minlength=periods).astype(float)
+    return counts, "impacts" if strikes else "events"
+
+
+def _joined(
+    time: Floats, y: Floats, instants: Floats, before: Floats, after: Floats, jumps: np.ndarray
+) -> tuple[Floats, Floats]:
+    """Return samples and transitions as one line, in the order of time."""
+    kept, order = interleaved(time, instants, jumps)
+    gaps = np.full((int(jumps.sum()), y.shape[1]), np.nan)
+    t = np.concatenate([time[kept], instants, instants[jumps], instants])
+    return t[order], np.concatenate([y[kept], before, gaps, after])[order]
+
+
+def _named(names: Sequence[str], t: Floats, values: Floats) -> dict[str, Floats]:
+    return {"t": t, **{name: values[:, place] for place, name in enumerate(names)}}
+
+
+def _stretches(
+    run: Run, log: Events, instants: Floats, time: Floats, first: int
+) -> tuple[tuple[str, float, float], ...]:
+    modes = run.system.modes
+    changes = log.mode_before != log.mode_after
+    begin = int(log.mode_before[changes][0]) if changes.any() else first
+    numbers = [begin, *log.mode_after[changes].tolist()]
+    borders = [float(time[0]), *instants[changes].tolist(), float(time[-1])]
+    found = zip(numbers, borders[:-1], borders[1:], strict=True)
+    return tuple((modes[mode], start, end) for mode, start, end in found if end > start)
+
+
+# --- What a page shows of one run: arrays, ready to be drawn.
+
+SHOWN = 6.0  # forcing periods of the motion over time
+PER_PERIOD = 200
+UNFORCED = 5.0  # units of time that are shown like a forcing period, where nothing forces
+PER_UNIT = round(PER_PERIOD / UNFORCED)
+SETTLED = 0.5  # part of a run after which its crossings of the section are shown
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cycles:
+    """What comes cycle by cycle: of an actuator, how far the frame gets in each forcing period.
+
+    Attributes
+    ----------
+    number : ndarray
+        Of the forcing periods or of the crossings of the section, shape (n,).
+    value : ndarray
+        Shape (n,).
+    what : str
+        The name of the values.
+    name : str
+        The state or column whose unit they have.
+    speed : float
+        What a value is to be divided by for the speed; 0 where that has no meaning.
+    events : ndarray
+        Impacts, or events where nothing strikes, in each forcing period; empty without forcing.
+    counted : str
+        What `events` are.
+    """
+
+    number: Floats
+    value: Floats
+    what: str
+    name: str
+    speed: float
+    events: Floats
+    counted: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSnapshot:
+    """What a page shows of a run.
+
+    Attributes
+    ----------
+    setting : PageSetting
+    run : Run
+    motion : Motion
+        The last part of the run.
+    voltages : tuple of ndarray
+        Of an actuator, at the frames of the motion: to the right, and to the left if there is one.
+    section : mapping of str to ndarray
+        ``t`` and the states at crossings of the Poincaré section, or where forcing periods begin,
+        in the settled part of the run.
+    cycles : Cycles
+    unit : float
+        What the axis of time counts in.
+    seconds : float
+        How long it took to compute.
+    warnings : tuple of str
+        What the run warned of.
+    """
+
+    setting: PageSetting
+    run: Run = field(repr=False)
+    motion: Motion = field(repr=False)
+    voltages: tuple[Floats, ...] = field(repr=False)
+    section: Mapping[str, Floats] = field(repr=False)
+    cycles: Cycles = field(repr=False)
+    unit: float
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def system(self) -> System:
+        """The system that was run."""
+        return self.run.system
+
+    @property
+    def slips(self) -> tuple[tuple[float, float], ...]:
+        """Start and end of each stretch in which the frame of an actuator slips."""
+        if not isinstance(self.system, ActuatorSystem):
+            return ()
+        stretches = self.motion.stretches
+        return tuple((t0, t1) for mode, t0, t1 in stretches if slips(mode))
+
+
+def take_snapshot(
+    subject: Subject, setting: PageSetting, watch: Watch | None = None
+) -> RunSnapshot:
+    """Run the system of a setting and gather what is shown of it.
+
+    Parameters
+    ----------
+    subject : Subject
+    setting : PageSetting
+    watch : callable, optional
+        Called while the run goes on; what it raises ends it.
+
+    Raises
+    ------
+    InvalidParameter
+        If the system does not allow the values.
+    RunError
+        If the run fails.
+    """
+    begin = time.perf_counter()
+    system = setting.system(subject)
+    unit = unit_of_time(system)
+    with capture_warnings() as warned:
+        run = mi.simulate(
+            system,
+            **run_length(system, setting, unit),
+            initial=setting.initial(subject, system),
+            options=subject.options,
+            progress=watch or False,
+        )
+    begin_of, end_of = run.extent
+    shown, samples = (SHOWN, PER_PERIOD) if system.forced else (SHOWN * UNFORCED, PER_UNIT)
+    motion = motion_of(run, states_shown(system, setting), samples, max(begin_of, end_of - shown))
+    return RunSnapshot(
+        setting=setting,
+        run=run,
+        motion=motion,
+        voltages=_voltages(system, motion),
+        section=_section(run),
+        cycles=_cycles(run, unit),
+        unit=unit if system.forced else 1.0,
+        seconds=time.perf_counter() - begin,
+        warnings=tuple(dict.fromkeys(warned)),
+    )
+
+
+def run_length(system: System, setting: PageSetting, unit: float) -> dict[str, Any]:
+    """Return the length of the run as `simulate` takes it."""
+    if system.forced:
+        return {"periods": setting.length}
+    return {"duration": setting.length * unit}
+
+
+def states_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
+    """Return the states that any part of the page shows, those over time first."""
+    over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
+    names = (*over_time, setting.x, setting.y, *system.shown[:1])
+    return tuple(name for name in dict.fromkeys(names) if name != TIME)
+
+
+def series_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
+    """Return the states that are shown over time."""
+    return states_shown(system, setting)[:2]
+
+
+def _section(run: Run) -> dict[str, Floats]:
+    """Return the states on the section in the settled part of a run."""
+    system, log = run.system, run.trajectory.events
+    begin, end = run.extent
+    if system.section is None and system.forced:
+        rows = run.trajectory.samples(1, begin + SETTLED * (end - begin))
+        cycle, time, y = rows.cycle, rows.time, rows.y
+    else:
+        crossings = log.crossings(1)
+        cycle, time, y = crossings.cycle, crossings.time, crossings.after
+    found = {"t": times_of(run, cycle, time)}
+    found |= {name: system.out(name, y[:, place]) for place, name in enumerate(system.states)}
+    settled = cycle + time / run.trajectory.period >= begin + SETTLED * (end - begin)
+    return {name: values[settled] for name, values in found.items()}
+
+
+def _voltages(system: System, motion: Motion) -> tuple[Floats, ...]:
+    if not isinstance(system, ActuatorSystem):
+        return ()
+    phase = np.remainder(motion.frames["t"], system.forcing_period)
+    sides = (False, True) if system.drive.left_voltage is not None else (False,)
+    return tuple(system.drive.value(phase, left=left) for left in sides)
+
+
+def _cycles(run: Run, unit: float) -> Cycles:
+    system = run.system
+    state = system.shown[0] if system.shown else system.states[0]
+    place = system.states.index(state)
+    if not system.forced:
+        y = run.trajectory.events.crossings(1).after
+        return Cycles(
+            number=np.arange(float(len(y))), value=system.out(state, y[:, place]),
+            what=f"{state} on the section", name=state, speed=0.0,
+            events=np.empty(0), counted="",
+        )  # fmt: skip
+    starts = run.trajectory.samples(1).y
+    steps = isinstance(system, ActuatorSystem)
+    if steps:
+        value = np.diff(system.out("x1", starts[:, system.states.index("x1")]))
+    else:
+        value = system.out(state, starts[:-1, place])
+    events, counted = counts_of(run, len(value))
+    return Cycles(
+        number=np.arange(float(len(value))),
+        value=value,
+        what="step of the frame" if steps else f"{state} where the period begins",
+        name="x1" if steps else state,
+        speed=unit if steps else 0.0,
+        events=events,
+        counted=counted,
+    )
+
+
+# --- The multipliers of the orbit that a run has come to.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Floquet:
+    """The orbit that a motion has come to.
+
+    Attributes
+    ----------
+    multipliers : ndarray
+        Complex; empty where there is no orbit.
+    told : str
+        What kind of orbit it is, or why there is none.
+    """
+
+    multipliers: NDArray[np.complex128]
+    told: str
+
+
+def floquet_of(picture: RunSnapshot, watch: Watch | None = None) -> Floquet:
+    """Find the orbit near the end of a run; what is none is told, not raised."""
+    try:
+        orbit = mi.find_orbit(picture.run)
+    except (mi.OrbitError, mi.RunError, mi.InvalidParameter) as error:
+        reason = getattr(error, "reason", str(error))
+        return Floquet(multipliers=np.empty(0, dtype=complex), told=reason)
+    hits, periods = len(orbit.impacts), orbit.periods
+    if picture.system.forced:
+        length = f"{periods} forcing period{'s' if periods > 1 else ''}"
+    else:
+        length = f"{picture.system.label('period')} {orbit.period:.6g}"
+    kind = "stable" if orbit.stable else "unstable"
+    told = f"{kind}, {length}, {hits or 'no'} impact{'' if hits == 1 else 's'}"
+    return Floquet(multipliers=orbit.multipliers, told=told)

@@ -1,0 +1,473 @@
+"""Panels of the page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol, cast
+
+import numpy as np
+from bokeh.layouts import column
+from bokeh.models import BasicTickFormatter, ColumnDataSource, LinearAxis, Range1d, Span, VStrip
+from bokeh.plotting import figure
+
+from mems_impact.actuator.system import ActuatorSystem
+from mems_impact.explorer.session import TIME, best_si_prefix
+from mems_impact.explorer.snapshot import (
+    PER_PERIOD,
+    BifurcationDiagram,
+    Floquet,
+    RunSnapshot,
+    series_shown,
+)
+from mems_impact.plotting.style import color, wearing
+from mems_impact.systems.system import System
+
+__all__ = ["Bifurcation", "CyclesPanel", "Device", "Multipliers", "Portrait", "Series", "frames_of"]
+
+# --- What the panels of the page share: a figure, colours, units.
+
+with wearing():  # what the colours of figures mean, they mean here
+    MOTION, IMPACT, FRAME, UP, DOWN, UNSTABLE, VOLTAGE, GUIDE = map(
+        color, ("motion", "impact", "frame", "up", "down", "unstable", "voltage", "guide")
+    )
+LEFT = 62  # room for numbers of any length, lest the page is laid out anew for each picture
+TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
+
+
+class Panel(Protocol):
+    """A part of the page that shows a picture."""
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show another picture."""
+
+
+def new_figure(height: int, **given: Any) -> Any:
+    """Return an empty figure as wide as its place on the page."""
+    made = figure(
+        height=height, sizing_mode="stretch_width", tools=TOOLS, toolbar_location="above",
+        min_border_left=LEFT, min_border_right=12, **given,
+    )  # fmt: skip
+    made.toolbar.logo = None
+    made.toolbar.autohide = made.toolbar_inner = True
+    made.xgrid.grid_line_color = made.ygrid.grid_line_color = "#ececec"
+    made.outline_line_color = None
+    for axis in (*made.xaxis, *made.yaxis):
+        axis.axis_label_text_font_style = "normal"
+        axis.minor_tick_line_color = None
+        axis.formatter = plain_numbers()
+    return made
+
+
+def plain_numbers() -> BasicTickFormatter:
+    """Return what writes 0.0004 rather than 4.000e-4."""
+    return BasicTickFormatter(power_limit_low=-6)
+
+
+def source(*columns: str) -> ColumnDataSource:
+    """Return a source of those columns, empty as yet."""
+    return ColumnDataSource({name: [] for name in columns})
+
+
+def unit_for(system: System, name: str, values: Any) -> tuple[float, str]:
+    """Return the unit in which values are best told, and in brackets what it is called.
+
+    Parameters
+    ----------
+    system : System
+    name : str
+        The state or parameter whose unit they have.
+    values : array_like
+
+    Returns
+    -------
+    tuple of float and str
+        What they are to be divided by; " [µm]", or nothing for pure numbers.
+    """
+    numbers = np.asarray(values, dtype=float)
+    finite = numbers[np.isfinite(numbers)]
+    size = float(np.abs(finite).max()) if finite.size else 0.0
+    factor, unit = best_si_prefix(system.unit(name), size)
+    return factor, f" [{unit}]" if unit else ""
+
+
+# --- The bifurcation diagram, and where the run stands in it.
+
+
+class Bifurcation:
+    """Crossings of the section over a parameter, varied up and down; the run's own in black."""
+
+    def __init__(self) -> None:
+        made = self.layout = new_figure(330, title=" ")
+        self.up, self.down = source("x", "y"), source("x", "y")
+        self.here = source("x", "y")
+        look = {"size": 5, "alpha": 0.7, "fill_color": None}
+        made.scatter("x", "y", source=self.up, color=UP, legend_label="up", **look)
+        made.scatter(
+            "x", "y", source=self.down, marker="x", color=DOWN, legend_label="down", size=5,
+            alpha=0.7,
+        )  # fmt: skip
+        made.scatter("x", "y", source=self.here, marker="diamond", color="black", size=9)
+        self.place = Span(dimension="height", line_color="black", line_width=1)
+        made.renderers.append(self.place)
+        made.legend.orientation = "horizontal"
+        made.legend.location = "top_left"
+        made.legend.background_fill_alpha = 0.6
+        made.title.text_font_style = "normal"
+        self.diagram: BifurcationDiagram | None = None
+        self.units = 1.0, 1.0
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show where another run stands."""
+        system, name = picture.system, picture.setting.parameter
+        if self.diagram is None or self.diagram.asked.setting.parameter != name:
+            return  # the axes are those of the diagram
+        value = system.value(name)
+        column = picture.section.get(self.diagram.state, np.empty(0))
+        at, size = self.units
+        self.here.data = {"x": np.full(len(column), value / at), "y": column / size}
+        self.place.location = value / at
+
+    def show_diagram(self, diagram: BifurcationDiagram, picture: RunSnapshot) -> None:
+        """Show another diagram, and where the run stands in it."""
+        self.diagram = diagram
+        system, name = picture.system, diagram.asked.setting.parameter
+        column = diagram.table[diagram.state].to_numpy()
+        size, told = unit_for(system, diagram.state, column)
+        at, unit = best_si_prefix(system.unit(name), float(diagram.table[name].abs().max()))
+        self.units = at, size
+        for direction, data in (("up", self.up), ("down", self.down)):
+            x, y = diagram.dots(direction)
+            data.data = {"x": x / at, "y": y / size}
+        self.layout.xaxis.axis_label = f"{name} [{unit}]" if unit else name
+        section = system.section
+        where = "where periods begin" if system.forced else "maxima"
+        if section is not None:
+            crossed = system.states[section[0]]
+            where = f"at {crossed} = {system.out(crossed, section[1]):g}"
+        self.layout.yaxis.axis_label = f"{diagram.state}{told} {where}"
+        self.say(diagram.failed)
+        self.show(picture)
+
+    def say(self, text: str) -> None:
+        """Say above the diagram what it is at, or why it is none."""
+        self.layout.title.text = text or " "
+
+
+# --- Cycle by cycle: step and speed of the frame, or the section; and the impacts.
+
+BEGINNING = 0.05  # part of the run that does not count for the range of the axis
+SMALL = 1e-4  # range of an axis, as a part of the values: rounding is no news
+MARGIN = 0.08  # beyond the values, as a part of their range
+
+
+class CyclesPanel:
+    """Two figures, one below the other; the speed has an axis of its own to the right."""
+
+    def __init__(self) -> None:
+        values, events = new_figure(200), new_figure(130)
+        self.values, self.events = values, events
+        values.xaxis.visible = False
+        events.toolbar_location = None
+        events.x_range = values.x_range
+        values.y_range = Range1d(0.0, 1.0)
+        values.extra_y_ranges = {"speed": Range1d(0.0, 1.0)}
+        self.speed = LinearAxis(y_range_name="speed", visible=False, formatter=plain_numbers())
+        self.speed.axis_label_text_font_style = "normal"
+        self.speed.minor_tick_line_color = None
+        values.add_layout(self.speed, "right")
+        self.data, self.counts = source("number", "value"), source("number", "count")
+        values.line("number", "value", source=self.data, color=MOTION, alpha=0.4)
+        values.scatter("number", "value", source=self.data, color=MOTION, size=4)
+        events.vbar(x="number", top="count", source=self.counts, width=0.8, color=IMPACT)
+        events.y_range.start = 0
+        self.layout = column(values, events, sizing_mode="stretch_width")
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show another run."""
+        system, cycles = picture.system, picture.cycles
+        factor, told = unit_for(system, cycles.name, cycles.value)
+        values = cycles.value / factor
+        self.data.data = {"number": cycles.number, "value": values}
+        self.values.yaxis[0].axis_label = cycles.what + told
+        # A kick at the beginning shall not dwarf what comes after it.
+        later = values[int(BEGINNING * values.size) :]
+        low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)
+        low, high = (min(low, 0.0), max(high, 0.0)) if cycles.speed else (low, high)
+        size = max(abs(low), abs(high)) or 1.0
+        room = max(MARGIN * (high - low), SMALL * size)
+        low, high = low - room, high + room
+        self.values.y_range.update(start=low, end=high)
+        self.speed.visible = cycles.speed > 0.0
+        if cycles.speed > 0.0:
+            speeds = [end * factor / cycles.speed for end in (low, high)]
+            unit, called = unit_for(system, "mean speed", speeds)
+            other = self.values.extra_y_ranges["speed"]
+            other.update(start=speeds[0] / unit, end=speeds[1] / unit)
+            self.speed.axis_label = "speed" + called
+        counted = len(cycles.events) > 0
+        self.events.visible = counted
+        self.values.xaxis.visible = not counted
+        self.counts.data = {"number": cycles.number if counted else [], "count": cycles.events}
+        self.events.yaxis.axis_label = cycles.counted
+        words = "forcing period" if system.forced else "crossing of the section"
+        self.values.xaxis.axis_label = self.events.xaxis.axis_label = words
+
+
+# --- The device in motion: block, spring, stoppers and electrodes, and the ground it walks over.
+
+BLOCK = 0.6  # half its width, in gaps
+WALL = 0.22  # thickness of the frame
+TEETH = 7  # of the spring
+TICKS = 24  # of the ground
+APART = 0.5
+EVERY = 2  # sample that is played
+WALKED = 0.4  # gaps that the frame seems to walk in a period
+
+
+class Device:
+    """A drawing in gaps d, which the browser moves; the eye goes with the frame.
+
+    The frame's steps are too small to be seen, so that the ground is drawn to pass by as many times
+    faster as the caption says.
+    """
+
+    def __init__(self) -> None:
+        end = BLOCK + 1.0 + WALL + 0.15
+        made = self.layout = figure(
+            height=140, sizing_mode="stretch_width", tools="", toolbar_location=None,
+            x_range=Range1d(-1.5 * end, 1.5 * end), y_range=Range1d(-0.45, 1.55),
+        )  # fmt: skip
+        made.axis.visible = made.grid.visible = False
+        made.outline_line_color = None
+        self.walls = source("left", "right", "bottom", "top", "color")
+        self.plates = ColumnDataSource({"x": [0.0, 0.0], "charge": [0.0, 0.0]})
+        self.block = ColumnDataSource({"x": [0.0]})
+        self.spring = ColumnDataSource(
+            {"x": [0.0] * (TEETH + 2), "y": [0.5 + 0.14 * _tooth(i) for i in range(TEETH + 2)]}
+        )
+        self.end = end
+        ticks = [-1.6 * end + APART * i for i in range(TICKS)]
+        self.ground = ColumnDataSource({"x0": ticks, "x1": [each - 0.12 for each in ticks]})
+        made.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
+        made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
+        made.quad("left", "right", "top", "bottom", source=self.walls, fill_color="color",
+                  line_color=None)  # fmt: skip
+        made.rect("x", 0.5, 0.08, 0.62, source=self.plates, line_color=VOLTAGE, fill_color=VOLTAGE,
+                  fill_alpha="charge")  # fmt: skip
+        self.caption = ColumnDataSource({"text": [" "]})
+        made.text(-1.45 * end, 1.32, "text", source=self.caption, text_font_size="13px",
+                  text_baseline="middle")  # fmt: skip
+        made.line("x", "y", source=self.spring, color="black", line_width=1.2)
+        made.rect("x", 0.5, 2.0 * BLOCK, 0.62, source=self.block, fill_color=MOTION,
+                  line_color=None, fill_alpha=0.85)  # fmt: skip
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show another device."""
+        system = picture.system
+        assert isinstance(system, ActuatorSystem)
+        stop = BLOCK + system.actuator.delta / system.actuator.d
+        inner, outer = BLOCK + 1.0, BLOCK + 1.0 + WALL
+        quads = [
+            (-outer, -inner, 0.0, 1.0, "#b5b5b5"),
+            (inner, outer, 0.0, 1.0, "#b5b5b5"),
+            (-outer, outer, 0.0, 0.09, "#b5b5b5"),
+            (-inner, -stop, 0.09, 0.17, FRAME),
+            (stop, inner, 0.09, 0.17, FRAME),
+            (-inner, -stop, 0.83, 0.91, FRAME),
+            (stop, inner, 0.83, 0.91, FRAME),
+        ]
+        columns = zip(*quads, strict=True)
+        names = ("left", "right", "bottom", "top", "color")
+        self.walls.data = dict(zip(names, map(list, columns), strict=True))
+        two = system.drive.left_voltage is not None
+        self.plates.data = {"x": [inner - 0.04, 0.04 - inner if two else 9.0], "charge": [0.0] * 2}
+
+    def about(self, picture: RunSnapshot) -> dict[str, list[Any]]:
+        """Return what the browser has to know to move the drawing."""
+        factor, unit = unit_for(picture.system, "x1", picture.motion.frames["x1"])
+        return {
+            "inner": [BLOCK + 1.0],
+            "half": [BLOCK],
+            "apart": [APART],
+            "first": [-1.6 * self.end],
+            "magnified": [magnified(picture)],
+            "factor": [factor],
+            "unit": [f" {told}" if (told := unit.strip(" []")) else ""],
+        }
+
+
+def frames_of(picture: RunSnapshot) -> dict[str, np.ndarray]:
+    """Return what the browser plays of the device: block, walk of the ground, charge, x1."""
+    system, frames = picture.system, picture.motion.frames
+    assert isinstance(system, ActuatorSystem)
+    gap, x1 = system.actuator.d, frames["x1"][::EVERY]
+    largest = max(float(np.abs(each).max()) for each in picture.voltages) or 1.0
+    charges = [(each[::EVERY] / largest) ** 2 for each in picture.voltages]
+    return {
+        "block": frames["x2"][::EVERY] / gap,
+        "walk": (x1 - x1[0]) / gap,
+        "x1": x1,
+        "right": charges[0],
+        "left": charges[-1] if len(charges) > 1 else np.zeros(len(x1)),
+    }
+
+
+def magnified(picture: RunSnapshot) -> float:
+    """Return how many times faster the ground is to pass by: 1, 2 or 5 times a power of ten."""
+    system, x1 = picture.system, picture.motion.frames["x1"]
+    assert isinstance(system, ActuatorSystem)
+    periods = max(1.0, len(x1) / PER_PERIOD)
+    walked = abs(x1[-1] - x1[0]) / system.actuator.d / periods
+    if not walked > 1e-12:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(WALKED / walked))
+    return max(1.0, power * max(m for m in (1.0, 2.0, 5.0) if m * power <= WALKED / walked))
+
+
+def _tooth(place: int) -> float:
+    return 0.0 if place in (0, TEETH + 1) else (-1.0) ** place
+
+
+# --- The Floquet multipliers of the orbit, and the unit circle.
+
+LEAST, MOST = 1.3, 50.0  # how far the axes go
+WIDTH = 64  # of a line of the title, in characters
+
+
+class Multipliers:
+    """Multipliers in the complex plane: inside the circle the orbit is stable."""
+
+    def __init__(self) -> None:
+        made = self.layout = new_figure(330, match_aspect=True, title="looking for the orbit …")
+        made.x_range, made.y_range = Range1d(-LEAST, LEAST), Range1d(-LEAST, LEAST)
+        angle = np.linspace(0.0, 2.0 * np.pi, 181)
+        made.line(np.cos(angle), np.sin(angle), color=GUIDE, line_dash="dashed")
+        self.dots = source("re", "im", "color")
+        made.scatter("re", "im", source=self.dots, size=9, color="color", line_color="white")
+        made.xaxis.axis_label, made.yaxis.axis_label = "real part", "imaginary part"
+        made.title.text_font_style = "normal"
+
+    def show(self, floquet: Floquet) -> None:
+        """Show the multipliers of another orbit, or why there is none."""
+        values = floquet.multipliers
+        colors = np.where(np.abs(values) < 1.0, MOTION, UNSTABLE)
+        self.dots.data = {"re": values.real, "im": values.imag, "color": colors.tolist()}
+        largest = float(np.abs(values).max()) if values.size else 0.0
+        end = min(MOST, max(LEAST, 1.15 * largest))
+        for axis in (self.layout.x_range, self.layout.y_range):
+            axis.update(start=-end, end=end)
+        told = floquet.told
+        self.layout.title.text = told if len(told) <= WIDTH else told[: WIDTH - 1] + "…"
+
+
+# --- The phase portrait, the Poincaré section, and the point that moves.
+
+
+class Portrait:
+    """One state over another, in the last part of a run; crossings of the section as diamonds."""
+
+    def __init__(self) -> None:
+        made = self.layout = new_figure(330)
+        self.line, self.dots, self.jumps = source("x", "y"), source("x", "y"), source("x", "y")
+        made.line("x", "y", source=self.line, color=MOTION, line_width=1.4)
+        made.multi_line("x", "y", source=self.jumps, color=IMPACT, line_dash="dotted")
+        made.scatter(
+            "x", "y", source=self.dots, marker="diamond", size=9, color="white", line_color="black"
+        )
+        self.factors: dict[str, float] = {}
+        self.cut = Span(line_color=GUIDE, line_dash="dotted", visible=False)
+        made.renderers.append(self.cut)
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show another run."""
+        system, curve, setting = picture.system, picture.motion.curve, picture.setting
+        axes = (setting.x, setting.y)
+        words: dict[str, str] = {}
+        factors = self.factors = {}
+        for name in axes:
+            if name == TIME:
+                factors[name] = picture.unit
+                words[name] = "time / forcing period" if system.forced else system.label("time")
+            else:
+                factors[name], told = unit_for(system, name, curve[name])
+                words[name] = name + told
+        x, y = axes
+        self.line.data = {"x": curve[x] / factors[x], "y": curve[y] / factors[y]}
+        hits = picture.motion.hits
+
+        def jump(name: str) -> list[list[float]]:
+            sides = ["t", "t"] if name == TIME else [f"{name} before", f"{name} after"]
+            ends = np.stack([hits[side] for side in sides], axis=-1) / factors[name]
+            return cast("list[list[float]]", ends.tolist())
+
+        self.jumps.data = {"x": jump(x), "y": jump(y)}
+        rows = picture.section
+        # Over time, those beyond what is shown are left out.
+        kept = rows["t"] >= (curve["t"][0] if TIME in axes else -np.inf)
+        self.dots.data = {"x": rows[x][kept] / factors[x], "y": rows[y][kept] / factors[y]}
+        self.layout.xaxis.axis_label, self.layout.yaxis.axis_label = words[x], words[y]
+        section = system.section
+        name = system.states[section[0]] if section is not None else ""
+        self.cut.visible = name in axes
+        if section is not None and name in axes:
+            self.cut.dimension = "height" if name == x else "width"
+            self.cut.location = float(system.out(name, section[1])) / factors[name]
+
+
+# --- The motion over time, impacts marked; of an actuator the block above, the frame below.
+
+CAPTIONS = {"x2": "x2, block in frame", "x1": "x1, frame"}
+HEIGHTS = (190, 140)
+
+
+class Series:
+    """One or two states over the last forcing periods of a run.
+
+    Parameters
+    ----------
+    count : int
+        How many states.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.figures = [new_figure(HEIGHTS[0] if count > 1 else sum(HEIGHTS))]
+        first = self.figures[0]
+        if count > 1:
+            first.xaxis.visible = False
+            self.figures.append(new_figure(HEIGHTS[1], x_range=first.x_range))
+            self.figures[1].toolbar_location = None
+        self.factors: dict[str, float] = {}
+        self.lines = [source("t", "value") for _ in self.figures]
+        self.hits = source("t", "value")
+        self.strips = source("start", "end")
+        look = {"fill_color": FRAME, "fill_alpha": 0.3, "line_color": FRAME, "line_alpha": 0.3}
+        for made, data in zip(self.figures, self.lines, strict=True):
+            made.add_glyph(self.strips, VStrip(x0="start", x1="end", **look))
+            made.line("t", "value", source=data, color=MOTION, line_width=1.6)
+        first.scatter("t", "value", source=self.hits, size=7, color=IMPACT, line_color="white")
+        self.walls = [
+            Span(dimension="width", line_color=GUIDE, line_dash="dashed", visible=False)
+            for _ in range(2)
+        ]
+        first.renderers.extend(self.walls)
+        self.layout = column(*self.figures, sizing_mode="stretch_width")
+
+    def show(self, picture: RunSnapshot) -> None:
+        """Show another run."""
+        system, curve, unit = picture.system, picture.motion.curve, picture.unit
+        names = series_shown(system, picture.setting)
+        for made, data, name in zip(self.figures, self.lines, names, strict=False):
+            factor, told = unit_for(system, name, curve[name])
+            self.factors[name] = factor
+            data.data = {"t": curve["t"] / unit, "value": curve[name] / factor}
+            made.yaxis.axis_label = CAPTIONS.get(name, name) + told
+        factor = self.factors[names[0]]
+        hits = picture.motion.hits
+        self.hits.data = {"t": hits["t"] / unit, "value": hits[f"{names[0]} after"] / factor}
+        words = "time / forcing period" if system.forced else system.label("time")
+        self.figures[-1].xaxis.axis_label = words
+        slips = np.array(picture.slips).reshape(-1, 2) / unit
+        self.strips.data = {"start": slips[:, 0], "end": slips[:, 1]}
+        for wall, sign in zip(self.walls, (-1.0, 1.0), strict=True):
+            if isinstance(system, ActuatorSystem):
+                wall.location, wall.visible = sign * system.actuator.delta / factor, True

@@ -1,0 +1,1 @@
+"""Attractors of many initial conditions."""

@@ -1,0 +1,384 @@
+"""Mapping of initial conditions to attractors, in compiled batches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import FunctionError
+from mems_impact.hybrid.attractors import recurrence
+from mems_impact.hybrid.attractors.recurrence import (
+    END_CYCLE,
+    END_MODE,
+    END_TIME,
+    MEASURED,
+    NUMBERS,
+    OUTCOME,
+    REPEATS,
+    RESULTS,
+    RETURNS,
+    STILL,
+)
+from mems_impact.hybrid.definition import GENERATED, Typical, function, indented, named_tuple
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import (
+    STEPS_PER_PERIOD,
+    LoopMemory,
+    Problem,
+    ProblemParameters,
+    create_engine,
+)
+from mems_impact.hybrid.state import HybridState
+
+__all__ = [
+    "AttractorMapper",
+    "CompiledObservables",
+    "RecurrenceResult",
+    "RecurrenceSettings",
+    "observed",
+]
+
+# --- Observables of a system as one function over arrays, for compiled code and interpreted.
+
+
+@dataclass(frozen=True)
+class CompiledObservables:
+    """The observables that are gathered of a motion, and what gives them.
+
+    Attributes
+    ----------
+    function : callable
+        ``function(mode, code, t, states, p, out)`` writes the observables: with `code` -1 those of
+        the state, the first `gains` of `out`; with the number of a guard those that its events
+        have, behind them. `states` are the state before and after an event, one behind the other.
+    gains, marks : tuple of str
+        Names of the observables of the state, and at events.
+    """
+
+    function: Callable[..., Any]
+    gains: tuple[str, ...]
+    marks: tuple[str, ...]
+
+
+@cache
+def observed(
+    given: tuple[tuple[str, Callable[..., Any], tuple[int, ...]], ...],
+    states: tuple[str, ...],
+    parameters: tuple[str, ...] | None,
+    by_array: bool = False,
+    typical: Typical | None = None,
+) -> CompiledObservables:
+    """Return observables as one function; the same one for the same functions.
+
+    Parameters
+    ----------
+    given : tuple of (str, callable, tuple of int)
+        Name, function, and the guards at whose events it is taken; none for one of the state.
+    states : tuple of str
+    parameters : tuple of str or None
+        By which functions read ``p``; None for those that take it as an array.
+    by_array : bool
+        Whether functions take the state as an array.
+    typical : Typical, optional
+        The units of the numerics, if they are not those of the functions.
+    """
+    gains = [each for each in given if not each[2]]
+    marks = [each for each in given if each[2]]
+    n, count = len(states), 0 if parameters is None else len(parameters)
+    space: dict[str, Any] = {"__name__": __name__, "nan": math.nan}
+    unit = [1.0] * n if typical is None else list(typical.states)
+    inner = [1.0] * count if typical is None else list(typical.parameters)
+    time = 1.0 if typical is None else typical.time
+
+    def state(first: int) -> str:
+        if by_array:
+            return f"y[{first}:{first + n}]"
+        return "State(" + ", ".join(_times(f"y[{first + i}]", unit[i]) for i in range(n)) + ")"
+
+    lines: list[str] = []
+    if by_array and typical is not None:
+        space["SIZE"] = typical.states * 2
+        lines += [f"for k in range({2 * n}):", "    y[k] *= SIZE[k]"]
+    if not by_array:
+        space["State"] = named_tuple("State", states)
+    if parameters is None:
+        lines.append("q = p")
+    else:
+        space["Parameters"] = named_tuple("Parameters", parameters)
+        values = (_times(f"p[{i}]", inner[i]) for i in range(count))
+        lines.append("q = Parameters(" + ", ".join(values) + ")")
+    lines += [f"before = {state(0)}", f"after = {state(n)}", f"time = {_times('t', time)}"]
+    of_state, at_events = [], []
+    for i, (_, gives, _guards) in enumerate(gains):
+        space[f"gain_{i}"] = gives
+        of_state.append(f"out[{i}] = gain_{i}(before, q)")
+    for i, (_, gives, guards) in enumerate(marks):
+        space[f"mark_{i}"] = gives
+        test = " or ".join(f"code == {guard}" for guard in guards)
+        at_events.append(f"if {test}:")
+        at_events += indented([f"out[{len(gains) + i}] = mark_{i}(mode, time, before, after, q)"])
+    lines += ["if code < 0:", *indented(of_state or ["pass"])]
+    lines += ["else:", *indented(at_events or ["pass"])]
+    text = function("observe(mode, code, t, y, p, out)", lines)
+    exec(compile(text, GENERATED, "exec"), space)
+    names = (tuple(each[0] for each in some) for some in (gains, marks))
+    return CompiledObservables(space["observe"], *names)
+
+
+def _times(name: str, unit: float) -> str:
+    return name if unit == 1.0 else f"{name} * {unit!r}"
+
+
+# --- Many points of one automaton, each followed to where it comes to: what drives `settling`.
+
+SAMPLES = 128  # forcing periods whose beginnings fit between two looks
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecurrenceSettings:
+    """How points are followed.
+
+    Attributes
+    ----------
+    transient, length : float
+        Periods of the problem that a motion is given to repeat itself, and over which it is then
+        measured if it has not.
+    longest : int
+        Returns after which a motion may repeat itself.
+    tolerance : float
+        To which it has to, relative to the size of each component.
+    returned : int
+        What a return is: AT_PERIODS, AT_SECTION or AT_GUARD of `settling`.
+    at : int
+        The direction of the section, or the guard.
+    """
+
+    transient: float
+    length: float
+    longest: int = 16
+    tolerance: float = 1e-6
+    returned: int = recurrence.STROBOSCOPIC
+    at: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecurrenceResult:
+    """What has become of a point, in the units of the numerics.
+
+    Attributes
+    ----------
+    outcome : int
+        PERIODIC, WANDERS, REST or FAILED of `settling`.
+    repeats : int
+        Returns after which the motion repeats itself; 0 if it does not.
+    returns : int
+        Returns that it was followed for.
+    measured : int
+        Returns over which was gathered what follows: once round a periodic motion.
+    still : bool
+        Whether nothing moves but cyclic components.
+    final : Instant
+        Where it was left: at the last return of a periodic motion.
+    duration : float
+        Time over which was gathered.
+    endings : int
+        Sequences of impacts that came to their end.
+    counts : float array, shape (m,)
+        Transitions by guard.
+    closest : float array, shape (m,)
+        Smallest margins at closest approaches; inf without any.
+    lasted : float array, shape (modes,)
+        Time in each mode.
+    gains, deviations : dict of str to float
+        What each observable of the state gained in all, and the standard deviation of its gains
+        from return to return.
+    marks : dict of str to float array, shape (4,)
+        Of each observable at events: number, sum, smallest, largest.
+    states : float array, shape (k, n)
+        The state at the last returns, the latest first: once round, or as many as are known.
+    """
+
+    outcome: int
+    repeats: int
+    returns: int
+    measured: int
+    still: bool
+    final: HybridState
+    duration: float
+    endings: int
+    counts: Floats
+    closest: Floats
+    lasted: Floats
+    gains: dict[str, float]
+    deviations: dict[str, float]
+    marks: dict[str, Floats]
+    states: Floats
+
+
+class AttractorMapper:
+    """An engine with the memory to follow points of one automaton, one after the other.
+
+    Parameters
+    ----------
+    problem : Problem
+        Its parameters are replaced by those of each point; their number, and that of the switching
+        times, is that of all points.
+    recipe : Recipe
+    observed : Observed, optional
+        What is gathered beside counts and times.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        recipe: RecurrenceSettings,
+        observed: CompiledObservables | None = None,
+    ) -> None:
+        automaton = problem.automaton
+        n, m = len(automaton.states), len(automaton.guards)
+        self._observed = observed or NOTHING
+        gains, marks = len(self._observed.gains), len(self._observed.marks)
+        self._problem = problem
+        self._bound = bound = create_engine(problem)
+        self._sizes = n, m, len(automaton.modes), gains, marks
+        forced = recipe.returned == recurrence.STROBOSCOPIC
+        self._loop = LoopMemory(problem, bound, SAMPLES, per_period=int(forced))
+        clock = self._loop.clock
+        observe = self._observed.function if gains + marks else None
+        places, self._kept = bound.links(clock, observe, n, gains + marks)
+        self._work = bound.record(
+            recurrence.WORK,
+            {},
+            {
+                **places,
+                "returned": recipe.returned,
+                "at": recipe.at,
+                "longest": recipe.longest,
+                "tolerance": recipe.tolerance,
+                "noise": problem.options.rtol,
+                "smallest": problem.options.atol / problem.options.rtol,
+                "transient": recipe.transient,
+                "length": recipe.length,
+                "gains": gains,
+                "marks": marks,
+            },
+        )
+        self._clock, self._longest = clock, recipe.longest
+        lengths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
+        lengths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
+        lengths = {"y": n, **lengths, "states": recipe.longest * n}
+        ends = np.cumsum([RESULTS, *lengths.values()]).tolist()
+        self._places = {
+            name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
+        }
+        self._memory = np.zeros(recurrence.memory_shape(n, m, len(automaton.modes), self._work))
+        self._put("memory", "memory_width", self._memory)
+
+    def follow(
+        self,
+        points: Sequence[tuple[ProblemParameters, HybridState]],
+        watch: Callable[[float], None] | None = None,
+        falls: Callable[[int, HybridState, float], None] | None = None,
+    ) -> list[RecurrenceResult]:
+        """Follow points to where they come to.
+
+        Parameters
+        ----------
+        points : sequence of (Numbers, Instant)
+            The problem's numbers at each, and where the motion starts.
+        watch : callable, optional
+            Called several times a second with the points done; it may raise.
+        falls : callable, optional
+            As that of a problem, with the number of the point before the other arguments.
+
+        Returns
+        -------
+        list of Settled
+            One that has failed says so; an ordinary run of it says why.
+        """
+        inputs = np.array([_row(*point) for point in points])
+        n, m, modes, _, _ = self._sizes
+        width = recurrence.result_width(n, m, modes, self._work)
+        results = np.zeros((len(points), width))
+        work = self._work
+        self._put("inputs", "input_width", inputs)
+        self._put("results", "result_width", results)
+        work["points"], work["point"], work["begun"] = len(points), 0, 0
+        status = workspace.PAUSED
+        while status != workspace.DONE:
+            try:
+                status = self._bound.call(
+                    recurrence.map_points,
+                    self._clock,
+                    work,
+                    self._bound.quota,
+                )
+            except FunctionError:  # told by who runs the point again
+                status = workspace.PAUSED
+            fall = self._loop.take_fall()
+            if fall is not None and falls is not None:
+                falls(int(work["point"]), *fall)
+            if watch is not None:
+                watch(float(work["point"]))
+        return [self._settled(result) for result in results]
+
+    def _put(self, name: str, width: str, rows: Floats) -> None:
+        """Let the work lead to rows of numbers: an array, in compiled code its address."""
+        self._work[name] = self._bound.place(rows)
+        self._work[width] = rows.shape[1]
+
+    def is_stiff(self) -> bool:
+        """Return whether stability has limited the steps of the last point."""
+        return self._bound.engine.is_stiff()
+
+    def close(self) -> None:
+        """Free the engine's memory."""
+        self._bound.engine.close()
+
+    def _settled(self, result: Floats) -> RecurrenceResult:
+        n, at = self._sizes[0], self._places
+        measured, repeats = int(result[MEASURED]), int(result[REPEATS])
+        known = result[at["states"]].reshape(self._longest, n)[: repeats or self._longest]
+        squares = result[at["squares"]] / measured if measured else result[at["squares"]] + math.nan
+        marks = result[at["marks"]].reshape(-1, recurrence.PARTS)
+        gains, names = self._observed.gains, self._observed.marks
+        duration, endings = result[at["head"]].tolist()
+        cycle, mode = int(result[END_CYCLE]), int(result[END_MODE])
+        return RecurrenceResult(
+            outcome=int(result[OUTCOME]),
+            repeats=repeats,
+            returns=int(result[RETURNS]),
+            measured=measured,
+            still=bool(result[STILL]),
+            final=HybridState(cycle, float(result[END_TIME]), mode, result[at["y"]]),
+            duration=duration,
+            endings=int(endings),
+            counts=result[at["counts"]],
+            closest=result[at["closest"]],
+            lasted=result[at["lasted"]],
+            gains=dict(zip(gains, result[at["gains"]].tolist(), strict=True)),
+            deviations=dict(zip(gains, np.sqrt(squares).tolist(), strict=True)),
+            marks=dict(zip(names, marks, strict=True)),
+            states=known[~np.isnan(known).any(axis=1)],
+        )
+
+
+NOTHING = CompiledObservables(lambda mode, code, t, states, p, out: None, (), ())
+
+
+def _row(numbers: ProblemParameters, start: HybridState) -> NDArray[np.float64]:
+    """Return a row of the inputs of `settling`."""
+    scale = numbers.time_scale or numbers.period
+    head = np.zeros(NUMBERS)
+    head[recurrence.PERIOD], head[recurrence.SCALE] = numbers.period, scale
+    head[recurrence.LONGEST_STEP] = scale / STEPS_PER_PERIOD
+    head[recurrence.PHASE], head[recurrence.MODE] = start.time, start.mode
+    return np.concatenate([head, numbers.switches, start.y, numbers.parameters])

@@ -1,0 +1,72 @@
+"""Projections onto the constraints of a mode, as source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from mems_impact.hybrid.variational.flow import weight_of
+
+__all__ = ["STEPS", "elimination", "projection_source"]
+
+STEPS = 3  # of Newton's method onto a surface that is not flat
+APART = 1e-3  # of differences that give the slopes of a constraint
+SUPERFLUOUS = "1e-11"  # of its size, what is left of an equation that others imply
+
+
+def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: int) -> list[str]:
+    """Return the lines that put a state, a tuple ``s``, onto what holds in its mode.
+
+    They call the constraints, each of a mode, as ``holds_0``, ``holds_1`` and so on, and make
+    states by ``State``.
+    """
+    lines = []
+    for i, (mode, _) in enumerate(constraints):
+        lines += [
+            f"on{i} = mode == {mode}",
+            f"r{i} = -holds_{i}(mode, t, s, q) if on{i} else 0.0",
+        ]
+        lines += [f"a{i}_{j} = {slope(i, j, n)} if on{i} else 0.0" for j in range(n)]
+        for k in range(i + 1):
+            gain = " + ".join(f"a{k}_{j} * a{i}_{j}" for j in range(n))
+            lines.append(f"g{k}_{i} = {gain}")
+    lines += elimination(len(constraints))
+    moved = (
+        " + ".join([f"s[{j}]", *(f"a{i}_{j} * f{i}" for i in range(len(constraints)))])
+        for j in range(n)
+    )
+    lines.append(f"s = State({', '.join(moved)})")
+    return [f"for _ in range({STEPS}):", *(f"    {line}" for line in lines), "return mode, s"]
+
+
+def slope(i: int, j: int, n: int) -> str:
+    """Return the derivative of a constraint by a component of the state, as an expression."""
+
+    def at(step: float) -> str:
+        y = ", ".join(f"s[{k}] + {step!r}" if k == j else f"s[{k}]" for k in range(n))
+        return f"holds_{i}(mode, t, State({y}), q)"
+
+    terms = (
+        f"{weight_of(place) / APART!r} * ({at(place * APART)} - {at(-place * APART)})"
+        for place in (1, 2, 3)
+    )
+    return f"({' + '.join(terms)})"
+
+
+def elimination(k: int) -> list[str]:
+    """Return the lines that solve the symmetric system ``g`` with the right sides ``r`` for ``f``.
+
+    What others make superfluous is zero.
+    """
+    lines = [f"size{i} = g{i}_{i}" for i in range(k)]
+    for i in range(k):
+        lines.append(f"alone{i} = g{i}_{i} > {SUPERFLUOUS} * size{i}")
+        lines.append(f"inverse{i} = 1.0 / g{i}_{i} if alone{i} else 0.0")
+        for j in range(i + 1, k):
+            lines.append(f"share = g{i}_{j} * inverse{i}")
+            lines += [f"g{j}_{n} -= share * g{i}_{n}" for n in range(j, k)]
+            lines.append(f"r{j} -= share * r{i}")
+    for i in reversed(range(k)):
+        known = "".join(f" - g{i}_{j} * f{j}" for j in range(i + 1, k))
+        lines.append(f"f{i} = (r{i}{known}) * inverse{i}")
+    return lines

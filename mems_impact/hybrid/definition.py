@@ -1,0 +1,521 @@
+"""An automaton from a user's equations, and its nondimensionalization.
+
+Users write one function for the flow, and for each guard one for its margin and one for its
+transition. They read states and parameters by name and return what is new::
+
+    def flow(mode, t, y, p):
+        return y.v, p.A * math.cos(p.omega * t) - 2 * p.zeta * y.v - y.x
+
+The event loop wants three functions over arrays (see `mems_impact.hybrid.automaton.Automaton`).
+Their text is put together here, once for each set of functions, so that the compiler sees plain
+calls: named tuples cost nothing at run time.
+
+Where there are many states, the flow takes one more argument, an array to write into. Then all of
+the functions get the state as an array, and transitions too have one more argument, in which they
+find the state and leave the new one::
+
+    def flow(mode, t, y, p, dy):
+        for i in range(1, 49):
+            dy[i] = p.k * (y[i - 1] - 2 * y[i] + y[i + 1])
+
+Rates of margins
+----------------
+A margin without a rate is differentiated along the flow: its change on the straight line through
+(t, y) in the direction (1, flow), by central differences of sixth order with a step of 1e-3 of the
+period (or of ``time_scale``). The line touches the trajectory, so that for a margin linear in state
+and time this is its rate to rounding; otherwise the error is that of a sixth-order difference.
+
+The numerics count every state, parameter and margin, and the time, in units of their own, all
+powers of two. So a user's function is called with numbers that differ from those of the numerics by
+exact factors: nothing is rounded on the way there or back.
+"""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import math
+import re
+from collections import namedtuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid import constraints as held
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.event_loop.workspace import ENDS, NO_REST
+from mems_impact.hybrid.pickling import portable
+from mems_impact.hybrid.variational.flow import weight_of
+
+__all__ = [
+    "GENERATED",
+    "RATE_STEP",
+    "Definition",
+    "Typical",
+    "automaton_of",
+    "ending",
+    "function",
+    "hidden_parameters",
+    "named_tuple",
+    "power_of_two",
+    "scaled",
+]
+
+# --- An automaton from functions that read like equations.
+
+GENERATED = "<automaton>"  # the file of all text that is written here, lest it be blamed
+RATE_STEP = 1e-3  # of the differences that give a rate, in periods
+NO_GUARD = "never"  # the guard of a system that has none
+NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Definition:
+    """What a user writes of an automaton.
+
+    Attributes
+    ----------
+    states, modes, parameters : tuple of str
+        Names.
+    flow : callable
+        ``flow(mode, t, y, p)`` returns the time derivatives of the states.
+    guards : tuple of Guard
+        Each with its margin.
+    settle : callable or None
+        ``settle(mode, t, y, p)`` returns mode and state after a switching time.
+    jacobian : callable or None
+        ``jacobian(mode, t, y, p, J)``, as of an `Automaton`.
+    cyclic : tuple of int
+    constrained : tuple of int
+        Modes whose states lie on a manifold.
+    projection : callable or None
+        ``projection(mode, t, y, p)`` returns the mode, and the state put onto the manifold.
+    sizes : tuple of float
+        Units of the user, in which messages tell the states and, last, the time; if not 1.
+    constraints : tuple of (int, callable)
+        A mode, and ``constraint(mode, t, y, p)``, which is zero for as long as it lasts: such modes
+        are constrained, and the projection follows.
+    """
+
+    states: tuple[str, ...]
+    modes: tuple[str, ...]
+    parameters: tuple[str, ...]
+    flow: Callable[..., Any]
+    guards: tuple[Guard, ...] = ()
+    settle: Callable[..., Any] | None = None
+    jacobian: Callable[..., Any] | None = None
+    cyclic: tuple[int, ...] = ()
+    constrained: tuple[int, ...] = ()
+    projection: Callable[..., Any] | None = None
+    sizes: tuple[float, ...] = ()
+    constraints: tuple[tuple[int, Callable[..., Any]], ...] = ()
+
+    def __reduce__(self) -> Any:
+        """Pickle functions by their names where they can be imported, and else with their code."""
+        return _definition, (portable(vars(self)),)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Definition:
+        """Return itself: it does not change, and its automaton is made once."""
+        return self
+
+
+def _definition(values: dict[str, Any]) -> Definition:
+    return Definition(**values)
+
+
+@cache
+def automaton_of(definition: Definition) -> Automaton:
+    """Return the automaton of a definition; the same one for the same functions."""
+    guards = resolve_order(definition.guards)
+    return Automaton(
+        states=definition.states,
+        modes=definition.modes,
+        guards=guards or (Guard(NO_GUARD, order=0),),
+        cyclic=definition.cyclic,
+        constrained=tuple(
+            sorted({*definition.constrained, *(mode for mode, _ in definition.constraints)})
+        ),
+        recipe=(automaton_of, (definition,)),
+        **_CodeWriter(definition, guards).functions(),
+    )
+
+
+def end_run(mode, t, y, p):  # type: ignore[no-untyped-def]
+    """Be the transition that ends a run."""
+    return ENDS, y
+
+
+def end_run_of_array(mode, t, y, p, new):  # type: ignore[no-untyped-def]
+    """Be the transition that ends a run, where states are arrays."""
+    return ENDS
+
+
+def ending(definition: Definition, until: Callable[..., Any]) -> Definition:
+    """Return a definition whose runs end where `until` falls through zero."""
+    end = end_run_of_array if writes_into_arrays(definition.flow) else end_run
+    last = 1 + max((guard.order or 0 for guard in definition.guards), default=0)
+    guard = Guard("until", until, end, order=last + len(definition.guards))
+    return replace(definition, guards=(*definition.guards, guard))
+
+
+def resolve_order(guards: Sequence[Guard]) -> tuple[Guard, ...]:
+    """Return the guards with an order each: impacts first, then as they are listed."""
+    taken = {guard.order for guard in guards}
+    free = (order for order in itertools.count() if order not in taken)
+    ranked = sorted(range(len(guards)), key=lambda i: (not guards[i].impact, i))
+    given = {i: next(free) for i in ranked if guards[i].order is None}
+    return tuple(replace(guard, order=given.get(i, guard.order)) for i, guard in enumerate(guards))
+
+
+def hidden_parameters(definition: Definition) -> int:
+    """Return how many numbers stand behind the parameters: the step of rates, and scratch."""
+    return 1 + (2 * len(definition.states) if writes_into_arrays(definition.flow) else 0)
+
+
+def writes_into_arrays(flow: Callable[..., Any]) -> bool:
+    """Return whether a flow has an argument to write into.
+
+    Raises
+    ------
+    InvalidParameter
+        If it takes another number of arguments.
+    """
+    count = len(inspect.signature(flow).parameters)
+    if count not in (NAMED_FORM, ARRAY_FORM):
+        allowed = "a function flow(mode, t, y, p) that returns, or flow(mode, t, y, p, dy)"
+        raise InvalidParameter("flow", getattr(flow, "__name__", flow), allowed)
+    return count == ARRAY_FORM
+
+
+class _CodeWriter:
+    """The source of the three functions over arrays, and the names that it uses."""
+
+    def __init__(self, definition: Definition, guards: tuple[Guard, ...]) -> None:
+        self.definition, self.guards = definition, guards
+        self.n, self.m, self.count = (
+            len(definition.states),
+            max(1, len(guards)),
+            len(definition.parameters),
+        )
+        self.by_array = writes_into_arrays(definition.flow)
+        self.space: dict[str, Any] = {
+            "__name__": __name__,
+            "nan": math.nan,
+            "flow_of": definition.flow,
+            "Parameters": named_tuple("Parameters", definition.parameters),
+        }
+        if not self.by_array:
+            self.space["State"] = named_tuple("State", definition.states)
+
+    def functions(self) -> dict[str, Any]:
+        """Return flow, margins, transition and jacobian of the automaton."""
+        names = ["flow", "margins", "transition"]
+        text = [self.flow(), self.margins(), self.transition()]
+        if self.definition.jacobian is not None:
+            names.append("jacobian")
+            text.append(self.jacobian())
+        exec(compile("\n\n".join(text), GENERATED, "exec"), self.space)
+        return {name: self.space[name] for name in names}
+
+    def flow(self) -> str:
+        lines = self.head()
+        if self.by_array:
+            lines += self.blank("dy")
+            lines.append("flow_of(mode, t, y, q, dy)")
+        else:
+            lines.append(f"{self.each('dy')} = flow_of(mode, t, s, q)")
+        return function("flow(mode, t, y, p, dy)", lines)
+
+    def jacobian(self) -> str:
+        self.space["jacobian_of"] = self.definition.jacobian
+        state = "y" if self.by_array else "s"
+        return function(
+            "jacobian(mode, t, y, p, entries)",
+            [*self.head(), f"jacobian_of(mode, t, {state}, q, entries)"],
+        )
+
+    def margins(self) -> str:
+        lines = self.head()
+        state = "y" if self.by_array else "s"
+        if any(guard.rate is None for guard in self.guards):
+            lines.append(f"h = p[{self.count}]")
+            lines += self.slope()
+        for i, guard in enumerate(self.guards):
+            self.space[f"margin_{i}"] = guard.margin
+            own = [f"g[{i}] = margin_{i}(mode, t, {state}, q)"]
+            if guard.rate is None:
+                own += self.difference(i)
+            else:
+                self.space[f"rate_{i}"] = guard.rate
+                own.append(f"r[{i}] = rate_{i}(mode, t, {state}, q)")
+            lines += in_modes(guard.modes, own)
+        return function("margins(mode, t, y, p, g, r)", lines or ["pass"])
+
+    def slope(self) -> list[str]:
+        """Return the lines that put the flow into `d`, and set up `x`, a state to be moved."""
+        if not self.by_array:
+            return ["d = flow_of(mode, t, s, q)"]
+        first = self.count + 1
+        return [
+            f"d = p[{first}:{first + self.n}]",
+            f"x = p[{first + self.n}:{first + 2 * self.n}]",
+            *self.blank("d"),
+            "flow_of(mode, t, y, q, d)",
+        ]
+
+    def blank(self, name: str) -> list[str]:
+        """Return the lines that fill an array with what is no number: what is not written shows."""
+        return [f"for k in range({self.n}):", f"    {name}[k] = nan"]
+
+    def each(self, name: str) -> str:
+        """Return the elements of an array, to be written from so many numbers, no more, no less."""
+        return "".join(f"{name}[{i}], " for i in range(self.n))
+
+    def difference(self, i: int) -> list[str]:
+        """Return the lines that put the rate of margin `i` into place."""
+        # A loop, so that the margin is compiled once and not six times.
+        if self.by_array:
+            move = [f"for k in range({self.n}):", "    x[k] = y[k] + moved * d[k]"]
+            state = "x"
+        else:
+            move = []
+            state = f"State({', '.join(f'y[{k}] + moved * d[{k}]' for k in range(self.n))})"
+        first, second, third = (weight_of(place) for place in (1, 2, 3))
+        point = [
+            "size = 1 + point // 2",
+            "sign = 1.0 - 2.0 * (point % 2)",
+            "moved = sign * size * h",
+            *move,
+            f"weight = {first!r} if size == 1 else ({second!r} if size == 2 else {third!r})",
+            f"r[{i}] += sign * weight * margin_{i}(mode, t + moved, {state}, q)",
+        ]
+        return [f"r[{i}] = 0.0", "for point in range(6):", *indented(point), f"r[{i}] /= h"]
+
+    def transition(self) -> str:
+        lines = self.head()
+        for i, guard in enumerate(self.guards):
+            lines += self.case(i, f"transition_{i}", guard.transition)
+            if guard.impact:
+                if guard.rest is None:
+                    lines += [f"if code == {self.m + i}:", f"    return {NO_REST}"]
+                else:
+                    lines += self.case(self.m + i, f"rest_{i}", guard.rest)
+        lines += self.case(2 * self.m, "settle", self.definition.settle)
+        lines += self.case(2 * self.m + 1, "projection", self.projection())
+        return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
+
+    def projection(self) -> Callable[..., Any] | None:
+        """Return what puts a state onto what holds in its mode."""
+        constraints = self.definition.constraints
+        if not constraints:
+            return self.definition.projection
+        self.space |= {f"holds_{i}": each for i, (_, each) in enumerate(constraints)}
+        text = function("onto(mode, t, s, q)", held.projection_source(constraints, self.n))
+        exec(compile(text, GENERATED, "exec"), self.space)
+        made: Callable[..., Any] = self.space["onto"]
+        return made
+
+    def case(self, code: int, name: str, change: Callable[..., Any] | None) -> list[str]:
+        if change is None:
+            return []
+        self.space[name] = change
+        if self.by_array:
+            # It reads the old state while it writes the new one.
+            first = self.count + 1
+            copy = [f"for k in range({self.n}):", "    x[k] = y[k]"]
+            lines = [f"x = p[{first}:{first + self.n}]", *copy]
+            lines.append(f"return int({name}(mode, t, x, q, y))")
+        else:
+            lines = [f"new_mode, new = {name}(mode, t, s, q)"]
+            lines += [f"{self.each('y')} = new", "return int(new_mode)"]
+        return [f"if code == {code}:", *indented(lines)]
+
+    def head(self) -> list[str]:
+        """Return the lines that name parameters and states."""
+        lines = ["q = Parameters(" + ", ".join(f"p[{i}]" for i in range(self.count)) + ")"]
+        if not self.by_array:
+            lines.append("s = State(" + ", ".join(f"y[{i}]" for i in range(self.n)) + ")")
+        return lines
+
+
+@cache
+def named_tuple(kind: str, names: tuple[str, ...]) -> Any:
+    """Return a named tuple; InvalidParameter for names that Python does not take."""
+    field = kind.lower()
+    for name in names:
+        if not re.fullmatch(r"[A-Za-z]\w*", name):
+            raise InvalidParameter(field, name, "a Python name that begins with a letter")
+    if len(set(names)) != len(names):
+        raise InvalidParameter(field, list(names), "names that differ")
+    try:
+        return namedtuple(kind, names)
+    except ValueError as error:
+        raise InvalidParameter(field, list(names), f"names that Python takes ({error})") from None
+
+
+def in_modes(modes: tuple[int, ...] | None, lines: list[str]) -> list[str]:
+    """Return lines that are carried out in some modes only."""
+    if modes is None:
+        return lines
+    test = " or ".join(f"mode == {int(mode)}" for mode in modes)
+    return [f"if {test}:", *indented(lines)]
+
+
+def indented(lines: Sequence[str]) -> list[str]:
+    """Return lines one level deeper."""
+    return [f"    {line}" for line in lines]
+
+
+def function(signature: str, lines: Sequence[str]) -> str:
+    """Return the text of a function."""
+    return "\n".join([f"def {signature}:", *indented(lines)])
+
+
+# --- A definition in other units: what the numerics integrate where a system is far from order
+# one.
+
+
+@dataclass(frozen=True, kw_only=True)
+class Typical:
+    """The units of the numerics, in those of the user.
+
+    Attributes
+    ----------
+    states, parameters : tuple of float
+    time : float
+    margins : tuple of (str, float)
+        By the names of guards; 1 for those that are not there.
+    """
+
+    states: tuple[float, ...]
+    parameters: tuple[float, ...]
+    time: float
+    margins: tuple[tuple[str, float], ...] = ()
+
+
+def power_of_two(value: float) -> float:
+    """Return the power of two that is nearest to a size; 1 where there is none."""
+    size = abs(value)
+    return 2.0 ** round(math.log2(size)) if 0.0 < size < math.inf else 1.0
+
+
+@cache
+def scaled(definition: Definition, typical: Typical) -> Definition:
+    """Return a definition whose functions count in other units; the same one for the same two."""
+    return _ScalingWriter(definition, typical).scaled()
+
+
+class _ScalingWriter:
+    """The source of functions around those of the user."""
+
+    def __init__(self, definition: Definition, typical: Typical) -> None:
+        self.definition, self.typical = definition, typical
+        self.n = len(definition.states)
+        self.by_array = writes_into_arrays(definition.flow)
+        self.space: dict[str, Any] = {
+            "__name__": __name__,
+            "SIZE": typical.states,
+            "Parameters": named_tuple("Parameters", definition.parameters),
+        }
+        if not self.by_array:
+            self.space["State"] = named_tuple("State", definition.states)
+
+    def scaled(self) -> Definition:
+        """Return the definition of the functions."""
+        definition, margins = self.definition, dict(self.typical.margins)
+        guards = []
+        for i, guard in enumerate(definition.guards):
+            size = margins.get(guard.name, 1.0)
+            new: dict[str, Any] = {
+                "margin": self.number(f"margin_{i}", guard.margin, 1.0 / size),
+                "rate": self.number(f"rate_{i}", guard.rate, self.typical.time / size),
+                "transition": self.change(f"transition_{i}", guard.transition),
+                "rest": self.change(f"rest_{i}", guard.rest),
+            }
+            made: Guard = replace(guard, **new)
+            guards.append(made)
+        return replace(
+            definition,
+            guards=tuple(guards),
+            flow=self.flow(),
+            settle=self.change("settle", definition.settle),
+            projection=self.change("projection", definition.projection),
+            jacobian=self.jacobian(),
+            sizes=(*self.typical.states, self.typical.time),
+            constraints=tuple(
+                (mode, self.value(f"constraint_{i}", each, 1.0))
+                for i, (mode, each) in enumerate(definition.constraints)
+            ),
+        )
+
+    def make(self, name: str, arguments: str, lines: Sequence[str]) -> Callable[..., Any]:
+        """Return a function of these lines."""
+        exec(compile(function(f"{name}({arguments})", lines), GENERATED, "exec"), self.space)
+        made: Callable[..., Any] = self.space[name]
+        return made
+
+    def call(self, name: str, given: Callable[..., Any], rest: str = "") -> str:
+        """Return the call of a user's function, in the units of the user."""
+        self.space[f"{name}_of"] = given
+        time = f"t * {self.typical.time!r}"
+        p = ", ".join(f"p[{i}] * {size!r}" for i, size in enumerate(self.typical.parameters))
+        y = ", ".join(f"y[{i}] * {size!r}" for i, size in enumerate(self.typical.states))
+        state = "y" if self.by_array else f"State({y})"
+        return f"{name}_of(mode, {time}, {state}, Parameters({p}){rest})"
+
+    def around(self, lines: Sequence[str], *arrays: str) -> list[str]:
+        """Return lines for which arrays are in the units of the user, and then as they were."""
+        if not self.by_array:
+            return list(lines)
+        there = [f"    {array}[k] *= SIZE[k]" for array in arrays]
+        back = [f"    {array}[k] /= SIZE[k]" for array in arrays]
+        loop = f"for k in range({self.n}):"
+        return [loop, *there, *lines, loop, *back]
+
+    def flow(self) -> Callable[..., Any]:
+        """Return the flow: derivatives by the time of the numerics."""
+        time = self.typical.time
+        if self.by_array:
+            call = self.call("flow", self.definition.flow, ", dy")
+            slopes = [f"for k in range({self.n}):", f"    dy[k] *= {time!r} / SIZE[k]"]
+            return self.make("flow", "mode, t, y, p, dy", [*self.around([call], "y"), *slopes])
+        rates = ", ".join(f"d[{i}] * {time / size!r}" for i, size in enumerate(self.typical.states))
+        lines = [f"d = {self.call('flow', self.definition.flow)}", f"return ({rates},)"]
+        return self.make("flow", "mode, t, y, p", lines)
+
+    def number(
+        self, name: str, given: Callable[..., Any] | None, unit: float
+    ) -> Callable[..., Any] | None:
+        """Return a margin or a rate."""
+        return None if given is None else self.value(name, given, unit)
+
+    def value(self, name: str, given: Callable[..., Any], unit: float) -> Callable[..., Any]:
+        """Return what gives one number."""
+        lines = self.around([f"value = {self.call(name, given)}"], "y")
+        return self.make(name, "mode, t, y, p", [*lines, f"return value * {unit!r}"])
+
+    def change(self, name: str, given: Callable[..., Any] | None) -> Callable[..., Any] | None:
+        """Return a transition."""
+        if given is None:
+            return None
+        if self.by_array:
+            lines = self.around([f"after = {self.call(name, given, ', new')}"], "y", "new")
+            return self.make(name, "mode, t, y, p, new", [*lines, "return after"])
+        new = ", ".join(f"new[{i}] * {1.0 / size!r}" for i, size in enumerate(self.typical.states))
+        lines = [f"after, new = {self.call(name, given)}", f"return after, ({new},)"]
+        return self.make(name, "mode, t, y, p", lines)
+
+    def jacobian(self) -> Callable[..., Any] | None:
+        """Return the derivatives of the flow by the states."""
+        given = self.definition.jacobian
+        if given is None:
+            return None
+        units = [
+            f"for i in range({self.n}):",
+            *indented([f"for j in range({self.n}):"]),
+            f"        entries[i, j] *= {self.typical.time!r} * SIZE[j] / SIZE[i]",
+        ]
+        lines = [*self.around([self.call("jacobian", given, ", entries")], "y"), *units]
+        return self.make("jacobian", "mode, t, y, p, entries", lines)

@@ -1,0 +1,1 @@
+"""Diagnosis of failures in user functions."""

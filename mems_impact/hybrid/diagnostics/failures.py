@@ -1,0 +1,274 @@
+"""Diagnosis of failures: which function failed, where, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+from mems_impact.errors import FunctionError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.definition import Definition, automaton_of, named_tuple, writes_into_arrays
+from mems_impact.hybrid.diagnostics.user_functions import (
+    CheckedFunctions,
+    CheckedVector,
+    DomainError,
+    EvaluationPoint,
+    GuardedMatrix,
+    UserFunction,
+    place_of,
+)
+from mems_impact.integrators.python_functions import FLOW, JACOBIAN, MARGINS, TRANSITION, Fault
+
+__all__ = [
+    "AT_TIMES",
+    "definition_of",
+    "depends_on_time_only",
+    "explain_compile_error",
+    "explain_fault",
+    "find_invalid_value",
+]
+
+# --- Guards whose margin depends on time alone: no transition ends its fall.
+
+AT_TIMES = (
+    "the margin depends on time alone, which no transition changes: give the times as switches= "
+    "of the System, and what happens there as settle="
+)
+
+
+def depends_on_time_only(margin: Callable[[Sequence[float]], float], y: Sequence[float]) -> bool:
+    """Return whether a margin is the same about a state, whichever component is moved."""
+    try:
+        here = margin(y)
+        for c, value in enumerate(y):
+            for far in (-1.0 - abs(value), 1.0 + abs(value)):
+                if margin([*y[:c], value + far, *y[c + 1 :]]) != here:
+                    return False
+    except (FunctionError, ArithmeticError, ValueError):
+        return False
+    return True
+
+
+# --- What is told of a function that failed while a run was going on.
+
+
+def definition_of(automaton: Automaton) -> Definition | None:
+    """Return what a user wrote of an automaton, where that is how it was made."""
+    if automaton.recipe is None or automaton.recipe[0] is not automaton_of:
+        return None
+    definition: Definition = automaton.recipe[1][0]
+    return definition
+
+
+def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Fault) -> FunctionError:
+    """Return the sentence about a call that failed, by making it once more, interpreted."""
+    definition = definition_of(automaton)
+    if definition is None:
+        found = _by_array(automaton, parameters, fault)
+    else:
+        found = _by_name(automaton, definition, parameters, fault)
+    if found is not None:
+        return found
+    time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
+    problem = f"fails compiled at t = {time:.6g}, and does not where it is interpreted"
+    remedy = 'let it run with Options(engine="interpreted")'
+    function = _function(automaton, fault.role)
+    if definition is None:
+        return function.error(problem, remedy)
+    return FunctionError(f"a {function.kind} of the system", problem, remedy)
+
+
+def find_invalid_value(
+    automaton: Automaton, parameters: Sequence[float], point: EvaluationPoint
+) -> FunctionError | None:
+    """Return the sentence about flow or margins that are no numbers at a point, if they are not."""
+    definition = definition_of(automaton)
+    if definition is None:
+        return None
+    tried = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    return _first(
+        lambda: tried.flow(point),
+        *(_margin(tried, i, point) for i in range(len(definition.guards))),
+    )
+
+
+def _margin(tried: CheckedFunctions, i: int, point: EvaluationPoint) -> Callable[[], Any]:
+    guard = tried.definition.guards[i]
+
+    def call() -> None:
+        if guard.modes is None or point.mode in guard.modes:
+            tried.margin(i, point)
+            if guard.rate is not None:
+                tried.rate(i, point)
+
+    return call
+
+
+def _by_name(
+    automaton: Automaton, definition: Definition, parameters: Sequence[float], fault: Fault
+) -> FunctionError | None:
+    tried = CheckedFunctions(definition, parameters[: len(definition.parameters)])
+    point = EvaluationPoint(fault.mode, fault.time, fault.y.tolist())
+    if fault.role == JACOBIAN:
+        return _first(lambda: tried.jacobian(point))
+    if fault.role != TRANSITION:
+        return find_invalid_value(automaton, parameters, point)
+    m = len(automaton.guards)
+    if fault.code == 2 * m:
+        return _first(lambda: tried.transition("settle", None, point))
+    kind = "transition" if fault.code < m else "rest"
+    return _first(lambda: tried.transition(kind, fault.code % m, point))
+
+
+def _by_array(
+    automaton: Automaton, parameters: Sequence[float], fault: Fault
+) -> FunctionError | None:
+    n, m = len(automaton.states), len(automaton.guards)
+    mode, code, t, values = fault.mode, fault.code, fault.time, fault.y.tolist()
+    y, p = (
+        CheckedVector("y", values, fixed=fault.role != TRANSITION),
+        CheckedVector("p", parameters),
+    )
+    arguments: dict[int, tuple[Any, ...]] = {
+        FLOW: (mode, t, y, p, CheckedVector("dy", [None] * n)),
+        MARGINS: (mode, t, y, p, CheckedVector("g", [1.0] * m), CheckedVector("r", [1.0] * m)),
+        TRANSITION: (mode, code, t, y, p),
+        JACOBIAN: (mode, t, y, p, GuardedMatrix("J", n)),
+    }
+    function = _function(automaton, fault.role)
+    try:
+        function.call(*arguments[fault.role])
+    except Exception as error:
+        return function.blamed(error)[0]
+    return None
+
+
+def _function(automaton: Automaton, role: int) -> UserFunction:
+    kind = {FLOW: "flow", MARGINS: "margins", TRANSITION: "transition", JACOBIAN: "jacobian"}[role]
+    return UserFunction(kind, getattr(automaton, kind))
+
+
+def _first(*calls: Callable[[], Any]) -> FunctionError | None:
+    """Return the first sentence that a call comes to."""
+    for call in calls:
+        try:
+            call()
+        except FunctionError as error:
+            return error
+        except DomainError as found:
+            return found.error
+    return None
+
+
+# --- Which of a user's functions numba cannot compile, and why.
+
+PLAIN = "write it over numbers, tuples and math, or take Options(engine='interpreted')"
+
+
+class _Case(NamedTuple):
+    """A function, the types that it is called with, and how many numbers it shall return."""
+
+    function: UserFunction
+    arguments: tuple[Any, ...]
+    numbers: int | None = None  # None for any
+    after_mode: bool = False
+
+
+def explain_compile_error(automaton: Automaton, error: BaseException) -> FunctionError | None:
+    """Return the sentence about functions that could not be compiled together.
+
+    Each of them is compiled by itself, to find the one. None if `error` is about something else.
+    """
+    from numba.core.errors import NumbaError
+
+    from mems_impact.integrators.jit.closures import compiling, summarize_numba_error
+
+    definition = definition_of(automaton)
+    for case in _of_arrays(automaton) if definition is None else _of_names(definition):
+        call = getattr(case.function.call, "py_func", case.function.call)
+        found = compiling(call, case.arguments)
+        if found.problem:
+            file, line = place_of(call)
+            problem = f"cannot be compiled by numba: {found.problem}"
+            return FunctionError(case.function.role, problem, PLAIN, file, found.line or line)
+        problem = _unlike(found.returned, case)
+        if problem:
+            remedy = "return the same kind of thing on every path"
+            return case.function.error(f"returns {problem}", remedy)
+    if not isinstance(error, NumbaError):
+        return None
+    problem = f"cannot be compiled by numba: {summarize_numba_error(str(error))}"
+    return FunctionError("a function of the system", problem, PLAIN)
+
+
+def _of_names(definition: Definition) -> Iterator[_Case]:
+    """Yield all functions of a definition with the types of their arguments."""
+    from numba import typeof, types
+
+    n, vector = len(definition.states), types.Array(types.float64, 1, "C")
+    p = typeof(
+        named_tuple("Parameters", definition.parameters)(*[0.0] * len(definition.parameters))
+    )
+    by_array = writes_into_arrays(definition.flow)
+    y = vector if by_array else typeof(named_tuple("State", definition.states)(*[0.0] * n))
+    plain = (types.int64, types.float64, y, p)
+    out, size = ((*plain, vector), None) if by_array else (plain, n)
+    yield _Case(UserFunction("flow", definition.flow), out, size)
+    for guard in definition.guards:
+        for kind in ("margin", "rate"):
+            if getattr(guard, kind) is not None:
+                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), plain, 1)
+        for kind in ("transition", "rest"):
+            if getattr(guard, kind) is not None:
+                yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), out, size, True)
+    if definition.settle is not None:
+        yield _Case(UserFunction("settle", definition.settle), out, size, True)
+    if definition.jacobian is not None:
+        matrix = types.Array(types.float64, 2, "F")
+        yield _Case(UserFunction("jacobian", definition.jacobian), (*plain, matrix))
+
+
+def _of_arrays(automaton: Automaton) -> Iterator[_Case]:
+    """Yield the functions of an automaton that was written over arrays."""
+    from numba import types
+
+    vector, matrix = types.Array(types.float64, 1, "C"), types.Array(types.float64, 2, "F")
+    head, mode = (types.float64, vector, vector), types.int64
+    yield _Case(UserFunction("flow", automaton.flow), (mode, *head, vector))
+    yield _Case(UserFunction("margins", automaton.margins), (mode, *head, vector, vector))
+    yield _Case(UserFunction("transition", automaton.transition), (mode, mode, *head), None, True)
+    if automaton.jacobian is not None:
+        yield _Case(UserFunction("jacobian", automaton.jacobian), (mode, *head, matrix))
+
+
+def _unlike(returned: Any, case: _Case) -> str:
+    """Return what a function returns where it should return something else."""
+    from numba import types
+
+    def is_number(kind: Any) -> bool:
+        return isinstance(kind, types.Integer | types.Float | types.Boolean)
+
+    def numbers(kind: Any, count: int | None) -> str:
+        if count is None or (count == 1 and is_number(kind)):
+            return ""
+        if not (isinstance(kind, types.BaseTuple) and len(kind) == count):
+            return f"{_name(kind)}, not {count} number{'s' * (count > 1)}"
+        return "" if all(map(is_number, kind)) else _name(kind)
+
+    if isinstance(returned, types.Optional):
+        return "nothing on some path"
+    if case.after_mode and case.numbers is not None:
+        if not (isinstance(returned, types.BaseTuple) and len(returned) == 2):
+            return f"{_name(returned)}, not a mode and a state"
+        mode, state = returned
+        one = isinstance(state, types.BaseTuple) or case.numbers > 1
+        return ("" if is_number(mode) else f"{_name(mode)} for the mode") or (
+            numbers(state, case.numbers) if one else f"{_name(state)} for the state"
+        )
+    if case.after_mode:
+        return "" if is_number(returned) else f"{_name(returned)}, not the mode"
+    return numbers(returned, case.numbers)
+
+
+def _name(kind: Any) -> str:
+    return "nothing" if str(kind) == "none" else f"what numba calls {kind}"

@@ -1,0 +1,419 @@
+"""Checked calls of user functions, and explanations of their exceptions.
+
+What a function must return or write, `Tried` asks of every call. What is wrong comes back as one
+sentence, a `FunctionError` with the function, the line and the remedy; as `Undefined` where only
+these values may be to blame: a logarithm of a negative number, a table that ends.
+"""
+
+from __future__ import annotations
+
+import math
+import sysconfig
+from collections.abc import Callable, Iterable, Sequence
+from difflib import get_close_matches
+from numbers import Integral, Real
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from mems_impact._util.formatting import shown
+from mems_impact.errors import FunctionError
+from mems_impact.hybrid.definition import GENERATED, Definition, named_tuple, writes_into_arrays
+from mems_impact.hybrid.event_loop.workspace import ENDS, NO_FIT
+
+__all__ = [
+    "CheckedFunctions",
+    "CheckedVector",
+    "DomainError",
+    "EvaluationPoint",
+    "GuardedMatrix",
+    "UserFunction",
+    "describe_value",
+    "innermost_user_line",
+    "place_of",
+]
+
+# --- Arrays that watch over those who read and write them.
+
+
+class ArrayMisuse(Exception):
+    """What was done to an array, and the remedy."""
+
+    def __init__(self, problem: str, remedy: str) -> None:
+        super().__init__(f"{problem}; {remedy}")
+        self.problem, self.remedy = problem, remedy
+
+
+class CheckedVector(list[Any]):
+    """A list that says what is done wrong to it, None being what was never written."""
+
+    def __init__(self, name: str, values: Iterable[Any], *, fixed: bool = False) -> None:
+        super().__init__(values)
+        self._name, self._fixed = name, fixed
+
+    def __getitem__(self, i: Any) -> Any:
+        self._check(i, "reads")
+        value = super().__getitem__(i)
+        if value is None:
+            raise ArrayMisuse(f"reads {self._name}[{i}] before it is written", "write it first")
+        return value
+
+    def __setitem__(self, i: Any, value: Any) -> None:
+        if self._fixed:
+            problem = f"writes {self._name}[{i}]"
+            raise ArrayMisuse(problem, "leave it as it is, and write into the last argument")
+        self._check(i, "writes")
+        super().__setitem__(i, value)
+
+    def _check(self, i: Any, verb: str) -> None:
+        if isinstance(i, int) and not -len(self) <= i < len(self):
+            problem = f"{verb} {self._name}[{i}], but it has {len(self)} components"
+            raise ArrayMisuse(problem, f"go from 0 to {len(self) - 1}")
+
+
+class GuardedMatrix:
+    """A square matrix, filled with zeros, that says what is done wrong to it."""
+
+    def __init__(self, name: str, size: int) -> None:
+        self._name, self._size = name, size
+        self._entries: dict[Any, Any] = {}
+
+    def __getitem__(self, place: Any) -> Any:
+        return self._entries.get(self._checked(place, "reads"), 0.0)
+
+    def __setitem__(self, place: Any, value: Any) -> None:
+        self._entries[self._checked(place, "writes")] = value
+
+    def __iter__(self) -> Any:
+        return iter(sorted(self._entries.items()))
+
+    def _checked(self, place: Any, verb: str) -> tuple[int, int]:
+        n, name = self._size, self._name
+        if not (isinstance(place, tuple) and len(place) == 2):
+            raise ArrayMisuse(f"{verb} {name}[{place}]", f"write {name}[i, j]")
+        for i in place:
+            if not -n <= i < n:
+                problem = f"{verb} {name}[{place[0]}, {place[1]}], but it is {n} x {n}"
+                raise ArrayMisuse(problem, f"let both go from 0 to {n - 1}")
+        return place[0] % n, place[1] % n
+
+
+# --- What is wrong with a user's function, told as one sentence with the line where it is wrong.
+
+_PACKAGE = str(Path(__file__).resolve().parents[2])
+_LIBRARIES = tuple(str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib"))
+DOMAIN = "compiled it goes on with nan or inf there: treat this case apart"
+
+
+class UserFunction(NamedTuple):
+    """A function of a system, and what it is of it."""
+
+    kind: str
+    call: Callable[..., Any]
+    guard: str = ""
+
+    @property
+    def role(self) -> str:
+        """What it is of the system, and its name."""
+        name = getattr(self.call, "__name__", type(self.call).__name__)
+        name = "a lambda" if name == "<lambda>" else repr(name)
+        return f"{self.kind} of {self.guard!r}, {name}," if self.guard else f"{self.kind} {name}"
+
+    def error(self, problem: str, remedy: str) -> FunctionError:
+        """Return the sentence about a result of it."""
+        return FunctionError(self.role, problem, remedy, *place_of(self.call))
+
+    def blamed(self, error: BaseException) -> tuple[FunctionError, bool]:
+        """Return the sentence about what it raised, and whether it is wrong whatever the values."""
+        problem, remedy, always = _told(error)
+        place = innermost_user_line(error.__traceback__, self.call)
+        return FunctionError(self.role, problem, remedy, *place), always
+
+
+def place_of(function: Callable[..., Any]) -> tuple[str, int]:
+    """Return the file and the line in which a function begins."""
+    code = getattr(getattr(function, "py_func", function), "__code__", None)
+    if code is None or code.co_filename == GENERATED:
+        return "", 0
+    return code.co_filename, code.co_firstlineno
+
+
+def is_user_file(file: str) -> bool:
+    """Return whether a file is neither of the package nor of a library."""
+    return file != GENERATED and not file.startswith((_PACKAGE, *_LIBRARIES))
+
+
+def innermost_user_line(
+    trace: TracebackType | None, function: Callable[..., Any]
+) -> tuple[str, int]:
+    """Return the innermost line of the user's in a traceback; else where `function` begins."""
+    own = place = place_of(function)
+    while trace is not None:
+        file = trace.tb_frame.f_code.co_filename
+        if is_user_file(file) or file == own[0]:
+            place = file, trace.tb_lineno
+        trace = trace.tb_next
+    return place
+
+
+def describe_value(value: Any) -> str:
+    """Return what a function gave in place of numbers."""
+    match value:
+        case None:
+            return "nothing"
+        case list():
+            return "a list"
+        case tuple():
+            return f"a tuple of {len(value)}"
+        case Real():
+            return f"the one number {shown(value)}"
+        case _:
+            return f"{shown(value)} (a {type(value).__name__})"
+
+
+def suggestion(error: AttributeError) -> str:
+    """Return what may have been meant by the name of a state or a parameter."""
+    known = getattr(error.obj, "_fields", ())
+    near = get_close_matches(str(error.name), known, n=1)
+    return f"did you mean {near[0]}?" if near else f"there are {', '.join(known) or 'none'}"
+
+
+def _told(error: BaseException) -> tuple[str, str, bool]:
+    """Return problem, remedy, and whether it is wrong whatever the values."""
+    raised = f"raises {type(error).__name__}: {error}"
+    match error:
+        case ArrayMisuse():
+            return error.problem, error.remedy, True
+        case RecursionError():
+            return "calls itself without end", "let it end", True
+        case AttributeError() if type(error.obj).__name__ == "State":
+            problem = f"reads y.{error.name}, but there is no such state"
+            return problem, suggestion(error), True
+        case AttributeError() if type(error.obj).__name__ == "Parameters":
+            problem = f"reads p.{error.name}, but there is no such parameter"
+            return problem, suggestion(error), True
+        case AttributeError() if isinstance(error.obj, list):
+            return f"reads .{error.name} of an array", "write y[0], y[1], …", True
+        case AttributeError() | NameError() | TypeError() | ImportError():
+            return raised, "mend this line", True
+        case ArithmeticError() | ValueError():
+            return raised, DOMAIN, False
+        case _:
+            return raised, "let it have a value wherever the system goes", False
+
+
+# --- The functions of a system, tried out: called interpreted, on values that watch over them.
+
+SHOWN = 8  # components of a state in a message
+
+
+class EvaluationPoint(NamedTuple):
+    """Where a function is called; `mode` as the function gets it."""
+
+    mode: Any
+    t: float
+    y: list[float]
+
+
+class DomainError(Exception):
+    """A function has no value somewhere; `error` says it as a sentence."""
+
+    def __init__(self, error: FunctionError) -> None:
+        super().__init__(str(error))
+        self.error = error
+
+
+class CheckedFunctions:
+    """The functions of a definition at some values of its parameters.
+
+    Parameters
+    ----------
+    definition : Definition
+    parameters : sequence of float
+        Those of the user, without what is hidden behind them.
+    """
+
+    def __init__(self, definition: Definition, parameters: Sequence[float]) -> None:
+        self.definition = definition
+        self.states, self.n = definition.states, len(definition.states)
+        self.by_array = writes_into_arrays(definition.flow)
+        self.p = named_tuple("Parameters", definition.parameters)(*parameters)
+        self._twice: set[Any] = set()  # what has been called twice at one point
+
+    def state(self, y: Sequence[float]) -> Any:
+        """Return a state as functions get it."""
+        return list(y) if self.by_array else named_tuple("State", self.states)(*y)
+
+    def flow(self, at: EvaluationPoint) -> list[float]:
+        """Return the slope."""
+        function = UserFunction("flow", self.definition.flow)
+        if not self.by_array:
+            return self._tuple(function, self._call(function, at), at)
+        slope: list[Any] = [None] * self.n
+        self._call(function, at, slope)
+        if None in slope:
+            problem = f"does not write dy[{slope.index(None)}] in mode {self._mode(at)}"
+            remedy = "write every component, 0.0 for a state that does not change"
+            raise function.error(problem, remedy)
+        return self._finite(function, slope, at)
+
+    def margin(self, i: int, at: EvaluationPoint) -> float:
+        """Return the margin of guard `i`."""
+        return self._scalar("margin", i, at)
+
+    def constraint(self, i: int, at: EvaluationPoint) -> float:
+        """Return what a constraint comes to, which is zero where it holds."""
+        return self._number(UserFunction("constraint", self.definition.constraints[i][1]), at)
+
+    def rate(self, i: int, at: EvaluationPoint) -> float:
+        """Return the rate that is given of the margin of guard `i`."""
+        return self._scalar("rate", i, at)
+
+    def transition(self, kind: str, i: int | None, at: EvaluationPoint) -> tuple[int, list[float]]:
+        """Return mode and state after the "transition" or "rest" of guard `i`, or "settle"."""
+        guard = None if i is None else self.definition.guards[i]
+        call = getattr(guard or self.definition, kind)
+        if call is None:
+            return at.mode, at.y
+        function = UserFunction(kind, call, guard.name if guard else "")
+        if self.by_array:
+            new: list[Any] = list(at.y)
+            mode = self._call(function, at, new)
+            return self._existing(function, mode), self._finite(function, new, at)
+        result = self._call(function, at)
+        if not (isinstance(result, tuple) and len(result) == 2):
+            problem = f"returns {describe_value(result)} in mode {self._mode(at)}"
+            remedy = "return the new mode and the new state on every path: mode, (…)"
+            raise function.error(problem, remedy)
+        mode, state = result
+        return self._existing(function, mode), self._tuple(function, state, at)
+
+    def jacobian(self, at: EvaluationPoint) -> list[list[float]]:
+        """Return the Jacobian that is given."""
+        assert self.definition.jacobian is not None
+        function = UserFunction("jacobian", self.definition.jacobian)
+        entries = GuardedMatrix("J", self.n)
+        self._call(function, at, entries)
+        rows = [[entries[i, j] for j in range(self.n)] for i in range(self.n)]
+        return [self._finite(function, row, at) for row in rows]
+
+    def _scalar(self, kind: str, i: int, at: EvaluationPoint) -> float:
+        guard = self.definition.guards[i]
+        return self._number(UserFunction(kind, getattr(guard, kind), guard.name), at)
+
+    def _number(self, function: UserFunction, at: EvaluationPoint) -> float:
+        value = self._call(function, at)
+        if not isinstance(value, Real | complex):
+            problem = f"returns {describe_value(value)} in mode {self._mode(at)}"
+            raise function.error(problem, "return one number on every path")
+        if isinstance(value, complex) or math.isnan(value):
+            raise self._undefined(function, value, "", at)
+        return float(value)
+
+    def _call(self, function: UserFunction, at: EvaluationPoint, *out: Any) -> Any:
+        """Call a function as the engine does; twice where it has not been called in this mode."""
+        call = getattr(function.call, "py_func", function.call)  # of one that numba compiled
+        mode, t, y = at
+        state = self.state(y)
+        fresh = [GuardedMatrix("J", self.n) if not isinstance(a, list) else list(a) for a in out]
+        try:
+            result = call(mode, t, state, self.p, *out)
+            if self.by_array and any(a is not b for a, b in zip(state, y, strict=True)):
+                raise ArrayMisuse(
+                    "writes into y", "leave it as it is, and write into the last argument"
+                )
+        except Exception as error:
+            raise self._blamed(function, error, at, fresh) from error
+        if (call, mode) not in self._twice:
+            self._twice.add((call, mode))
+            try:
+                again = call(mode, t, state, self.p, *fresh)
+            except Exception as error:
+                again = error
+            if not same((result, *map(list, out)), (again, *map(list, fresh))):
+                problem = "gives two results for the same mode, time and state"
+                remedy = "let it depend on its arguments alone: no random numbers, no counters"
+                raise function.error(problem, remedy)
+        return result
+
+    def _blamed(
+        self, function: UserFunction, error: Exception, at: EvaluationPoint, out: Sequence[Any]
+    ) -> FunctionError | DomainError:
+        """Return the sentence about an exception, after a call that watches more closely."""
+        if self.by_array and not isinstance(error, ArrayMisuse):
+            name = "dy" if function.kind == "flow" else "new"
+            watched = [CheckedVector(name, a) if isinstance(a, list) else a for a in out]
+            try:
+                function.call(at.mode, at.t, CheckedVector("y", at.y, fixed=True), self.p, *watched)
+            except Exception as closer:
+                error = closer
+        found, always = function.blamed(error)
+        if always:
+            return found
+        problem = f"{found.problem} {self.place(at)}"
+        return DomainError(FunctionError(found.role, problem, found.remedy, found.file, found.line))
+
+    def _tuple(self, function: UserFunction, values: Any, at: EvaluationPoint) -> list[float]:
+        """Return a tuple of one number for each state as a list."""
+        names = ", ".join(self.states[:SHOWN]) + (", …" if self.n > SHOWN else "")
+        remedy = f"return a tuple of {self.n}, for {names}, on every path"
+        if not isinstance(values, tuple):
+            raise function.error(
+                f"returns {describe_value(values)} in mode {self._mode(at)}", remedy
+            )
+        if len(values) != self.n:
+            problem = f"returns {len(values)} numbers for {self.n} states in mode {self._mode(at)}"
+            raise function.error(problem, remedy)
+        return self._finite(function, values, at)
+
+    def _finite(
+        self, function: UserFunction, values: Sequence[Any], at: EvaluationPoint
+    ) -> list[float]:
+        for name, value in zip(self.states, values, strict=True):
+            if isinstance(value, float | int) and math.isfinite(value):
+                continue
+            if not isinstance(value, Real | complex):
+                raise function.error(
+                    f"gives {describe_value(value)} for {name}", "let it be a number"
+                )
+            if isinstance(value, complex) or not math.isfinite(value):
+                raise self._undefined(function, value, f" for {name}", at)
+        return [float(value) for value in values]
+
+    def _existing(self, function: UserFunction, mode: Any) -> int:
+        """Return a mode that there is."""
+        modes = self.definition.modes
+        if isinstance(mode, Integral) and int(mode) in (ENDS, NO_FIT, *range(len(modes))):
+            return int(mode)
+        what = f"mode {mode}" if isinstance(mode, Real) else describe_value(mode)
+        known = ", ".join(f"{i} ({name})" for i, name in enumerate(modes))
+        raise function.error(f"returns {what}", f"return one of the modes {known}")
+
+    def _undefined(
+        self, function: UserFunction, value: Any, what: str, at: EvaluationPoint
+    ) -> DomainError:
+        problem = f"gives {value}{what} {self.place(at)}"
+        return DomainError(function.error(problem, "treat this case apart, or start elsewhere"))
+
+    def place(self, at: EvaluationPoint) -> str:
+        """Return where a point is, worded to follow what is wrong there."""
+        *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
+        told = list(zip(self.states, at.y, sizes, strict=True))
+        numbers = [f"{name} = {value * size:.6g}" for name, value, size in told[:SHOWN]]
+        numbers += ["…"] if self.n > SHOWN else []
+        return f"at {', '.join(numbers)}, t = {at.t * time:.6g}, mode {self._mode(at)}"
+
+    def _mode(self, at: EvaluationPoint) -> str:
+        modes = self.definition.modes
+        known = isinstance(at.mode, int) and 0 <= at.mode < len(modes)
+        return modes[at.mode] if known else str(at.mode)
+
+
+def same(one: Any, other: Any) -> bool:
+    """Return whether two results are the same, nan for nan."""
+    if isinstance(one, tuple | list) and isinstance(other, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    try:
+        return bool(one == other) or bool(one != one and other != other)
+    except ValueError:  # arrays, about which more is said elsewhere
+        return True

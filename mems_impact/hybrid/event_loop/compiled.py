@@ -1,0 +1,156 @@
+"""The event loop in compiled code."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+from numba import typeof, types
+from numba.extending import overload
+
+from mems_impact.hybrid.attractors import recurrence
+from mems_impact.hybrid.event_loop import loop, workspace
+from mems_impact.hybrid.variational import propagation
+from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.kernels import call_kernel
+from mems_impact.integrators.jit.numba_support import (
+    INNER,
+    JIT,
+    WORD,
+    address,
+    caller,
+    compile_loop,
+    data,
+    pointer,
+)
+
+_making = threading.Lock()  # threads that start together want the same loop, compiled once
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return `function`, written over the engine's contract, compiled; it releases the GIL."""
+    with _making:
+        return _compiled(function)
+
+
+@cache
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    snapshot = take_snapshot(function)
+    (frozen,) = snapshot.frozen()
+    return compile_loop(frozen, snapshot.name if snapshot.lasting else None)
+
+
+mark_overloaded(
+    workspace.table_row,
+    workspace.event_row,
+    workspace.sample_row,
+    workspace.event_at,
+    workspace.sample_at,
+)
+
+
+def _is_clock(kind: Any) -> bool:
+    return isinstance(kind, types.Record) and "table" in kind.fields
+
+
+@overload(workspace.table_row, jit_options={**JIT, **INNER})
+def _row(s, i):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
+        return lambda s, i: pointer(s.table + WORD * s.width * i)
+
+
+@overload(workspace.event_row, jit_options={**JIT, **INNER})
+def _event_row(s):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
+        return lambda s: pointer(s.events + WORD * (workspace.HEAD + 2 * s.n) * s.rows)
+
+
+@overload(workspace.sample_row, jit_options={**JIT, **INNER})
+def _sample_row(s):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
+        return lambda s: pointer(s.samples + WORD * (3 + s.n) * s.taken)
+
+
+@overload(workspace.event_at, jit_options={**JIT, **INNER})
+def _event_at(s, i):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
+        return lambda s, i: pointer(s.events + WORD * (workspace.HEAD + 2 * s.n) * i)
+
+
+@overload(workspace.sample_at, jit_options={**JIT, **INNER})
+def _sample_at(s, i):  # type: ignore[no-untyped-def]
+    if _is_clock(s):
+        return lambda s, i: pointer(s.samples + WORD * (3 + s.n) * i)
+
+
+mark_overloaded(
+    recurrence.observe,
+    recurrence.scratch_row,
+    recurrence.advance,
+    recurrence.numbers_of,
+    recurrence.result_of,
+    propagation.run_loop,
+)
+_call_advance = caller(types.int64(types.int64, types.int64, types.int64))
+
+
+@overload(recurrence.observe, jit_options={**JIT, **INNER})
+def _observe(engine, w, mode, code, t, states, out):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+
+        def implementation(engine, w, mode, code, t, states, out):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            return call_kernel(w.observe, mode, code, t, data(states), p, size, data(out))
+
+        return implementation
+
+
+@overload(recurrence.advance, jit_options={**JIT, **INNER})
+def _advance(engine, s, w):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        bite = recurrence.STEPS_PER_CALL
+        return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), bite))
+
+
+@overload(propagation.run_loop, jit_options={**JIT, **INNER})
+def _run_on(s, w):  # type: ignore[no-untyped-def]
+    if isinstance(w, types.Record) and "plain" in w.fields:
+        bite = propagation.BITE
+        return lambda s, w: _call_advance(w.advance, (w.plain, address(s), bite))
+
+
+@overload(recurrence.scratch_row, jit_options={**JIT, **INNER})
+def _memo(w, i):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w, i: pointer(w.memory + WORD * w.memory_width * i)
+
+
+@overload(recurrence.numbers_of, jit_options={**JIT, **INNER})
+def _numbers_of(w):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w: pointer(w.inputs + WORD * w.input_width * w.point)
+
+
+@overload(recurrence.result_of, jit_options={**JIT, **INNER})
+def _result_of(w):  # type: ignore[no-untyped-def]
+    if _is_work(w):
+        return lambda w: pointer(w.results + WORD * w.result_width * w.point)
+
+
+def _is_work(kind: Any) -> bool:
+    return isinstance(kind, types.Record) and "observe" in kind.fields
+
+
+def address_of_loop(handle: Any, clock: Any) -> int:
+    """Return where the compiled event loop is, for an engine's record and that of a run.
+
+    As a C function of two addresses and the quota: what calls it need not be compiled with it.
+    """
+    entry: Any = compiled(loop.run_steps)
+    kinds = typeof(handle), typeof(clock), types.int64
+    with _making:
+        entry.compile(kinds)
+    made = entry.overloads[kinds]
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name))

@@ -1,0 +1,429 @@
+"""The event loop.
+
+Plain functions over arrays and one record, resumable at every return, so that a driver in Python
+can drain the event buffer, show progress and hear Ctrl-C between two calls. Interpreted they run
+as they stand; `hybrid.native` has numba compile them unchanged.
+
+An arc is integrated step by step until a guard fires. What fires is found in four ways: the
+engine's own root finding (a margin changes sign over a step), the rate guards (a margin dipped
+below zero and came back within a step, so its closest approach is a root too), a look inside the
+step where the margin may have done so twice, and a look at all margins after every transition
+(what fires in the same instant). The first three are in `search`, the last in `guards`; `chatter`
+completes sequences of impacts; `record` holds what the loop remembers.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mems_impact.hybrid.event_loop.detection import (
+    TINY_BIAS,
+    certainly_decreasing,
+    detect_crossings,
+    first_event_in_step,
+    first_violated_guard,
+    inadmissible_gap,
+    init_section,
+    margin_error_scales,
+    rounding_error,
+    update_margins,
+    violation_threshold,
+)
+from mems_impact.hybrid.event_loop.flights import sharpen
+from mems_impact.hybrid.event_loop.workspace import (
+    ACCUMULATION,
+    APPROACH,
+    BELOW_ZERO,
+    BUFFER_FULL,
+    CYCLE_MARK,
+    CYCLIC,
+    CYCLING,
+    DONE,
+    ENDED,
+    ENDS,
+    EPS,
+    EVENT_BUDGET,
+    FAILED,
+    FALLEN,
+    HANDOVER,
+    HIT_BEGIN,
+    HIT_TIME,
+    IMPACT,
+    INADMISSIBLE,
+    MARGINS_AFTER,
+    MARGINS_AT,
+    NO_SUCH_MODE,
+    NONE,
+    NOT_FINITE,
+    OFFSET,
+    PAST,
+    PAUSED,
+    RATE_CHANGE,
+    REBASE,
+    RECORDS,
+    ROOM,
+    SAMPLE,
+    SECTION_CROSSING,
+    STEP_BUDGET,
+    SWITCH,
+    SWITCHES,
+    TRANSITION,
+    WITHOUT_EFFECT,
+    Y,
+    log_event,
+    next_switch,
+    sample_row,
+    table_row,
+    whole_periods,
+)
+from mems_impact.hybrid.event_loop.zeno import complete_chatter, finite
+from mems_impact.integrators import interface
+
+__all__ = ["run_steps"]
+
+REBASE_PERIODS = 16.0  # an arc without event is cut here, lest t lose digits
+# A step is very short if it is by this factor shorter than those of late, whose length is forgotten
+# by another factor from step to step: a method closes in on a jump of the flow by more than that.
+SHORT, FORGOTTEN = 1e-2, 0.7
+FEW_FALLS = 4  # after which only the 8th, 16th, 32nd … is told: a stiff system has them for ever
+
+
+def run_steps(engine: Any, s: Any, quota: int) -> int:
+    """Integrate until the end, a full buffer, a spent quota of steps or a failure.
+
+    Parameters
+    ----------
+    engine : an engine of the contract in `mems_impact.integrators.interface`
+    s : CLOCK record
+    quota : int
+        Steps that this call may take.
+
+    Returns
+    -------
+    int
+        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `record`). ``s.fallen`` is above zero
+        where the last step was so short that the flow may jump. ``s.failure`` is the
+        engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
+        mode after NO_SUCH_MODE.
+    """
+    y = table_row(s, Y)
+    while True:
+        if s.rows + ROOM + s.m > s.event_rows:
+            return BUFFER_FULL
+        if quota <= 0:
+            return PAUSED
+        if s.fresh == 1:
+            s.fresh = 0
+            s.failure = inadmissible_gap(engine, s, s.t, y)
+            if s.failure != NONE:
+                return INADMISSIBLE
+            guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, NONE)
+            for i in range(s.switches):
+                # A run that ended here left the jump to this one.
+                since = abs(s.t - table_row(s, SWITCHES)[i]) % s.period
+                if min(since, s.period - since) <= 1e-14 * s.period:
+                    guard = 2 * s.m
+            status = resolve_instant(engine, s, y, guard)
+            if status != DONE:
+                return status
+        elif s.pending != NONE:
+            status = resolve_instant(engine, s, y, s.pending)
+            if status != DONE:
+                return status
+        if s.restart == 1:
+            begin_arc(engine, s, y)
+
+        status = interface.step(engine)
+        quota -= 1
+        if status == interface.HANDOVER:
+            log_event(s, s.t, HANDOVER, interface.method_memory(engine, s.mode), s.mode, y, y)
+            s.restart = 1
+            s.fresh = s.doubt  # a margin in doubt is looked at again
+            continue
+        s.steps += 1
+        s.arc_steps += 1
+        if status == interface.CLOSE_ROOTS and s.arc_steps > 1 and s.t >= s.stop:
+            status = interface.STOPPED  # the last step has ended at the switch already
+        if status == interface.CLOSE_ROOTS and s.arc_steps > 1:
+            interface.state(engine, y)
+            log_event(s, s.t, REBASE, 0, s.mode, y, y)
+            s.restart = 1
+            s.fresh = s.doubt
+            continue
+        if status < 0 or s.arc_steps > s.max_steps:
+            if s.arc_steps > 1:  # else y is where the arc, and its first step, began
+                s.t = interface.time(engine)
+                interface.state(engine, y)
+            s.failure = min(status, 0)
+            return FAILED if status < 0 else STEP_BUDGET
+        before = s.t
+        t = interface.time(engine)
+        something = update_margins(engine, s, status, before, t)
+        if s.lifted == 1:
+            clear_bias(engine, s)
+
+        guard, t_event = NONE, t
+        if something:
+            guard, t_event = first_event_in_step(engine, s, status, before, t)
+        if s.doubt == 1 and guard == NONE and status != interface.STOPPED:
+            interface.state(engine, y)
+            guard = first_violated_guard(engine, s, s.mode, t, y, NONE, NONE)
+            s.doubt = any_margin_below(s)
+
+        end = (s.end_cycle - s.cycle) * s.period + s.end_phase
+        write_samples(engine, s, min(t_event, end), t_event >= end)
+        over = t_event > end or (t_event == end and guard == NONE)
+        s.t = end if over else t_event
+        rooted = status == interface.ROOT and s.t == t
+        if over or t_event < t:
+            interface.interpolate(engine, s.t, y)
+        else:
+            interface.state(engine, y)
+        detect_crossings(
+            engine, s, before, y, interface.root_directions(engine, 2 * s.m) if rooted else 0
+        )
+        if over:
+            return DONE
+        if rooted:
+            log_root_events(engine, s, t, y)
+        if guard == NONE and status == interface.STEPPED and falls(s, t - before):
+            interface.interpolate(engine, before, table_row(s, FALLEN))
+            s.fallen = t - before
+            s.fallen_cycle = s.cycle
+            s.fallen_time = before
+            s.fallen_mode = s.mode
+            quota = 0  # lest the next one be told in its place
+        s.cut = int(status != interface.STEPPED)
+        if guard != NONE:
+            status = resolve_instant(engine, s, y, guard)
+            if status != DONE:
+                return status
+        elif status == interface.STOPPED:
+            if t > s.period:
+                # The first switch of the next period, whatever its sum with the period rounds to.
+                rebase_time(s, 1)
+                s.t = table_row(s, SWITCHES)[0]
+            status = resolve_instant(engine, s, y, 2 * s.m)
+            if status != DONE:
+                return status
+        elif t > REBASE_PERIODS * s.period:
+            log_event(s, t, REBASE, 0, s.mode, y, y)
+            s.restart = 1
+
+
+def begin_arc(engine: Any, s: Any, y: Any) -> None:
+    """Move the time base, put the cyclic components aside and restart the engine at (s.t, y)."""
+    if s.t >= s.period:
+        rebase_time(s, whole_periods(s.t, s.period))
+    if s.cycle != s.events_from:
+        s.events_from = s.cycle
+        s.cycle_events = 0
+    for i in range(s.n):
+        if table_row(s, CYCLIC)[i] == 1:
+            table_row(s, OFFSET)[i] += y[i]
+            y[i] = 0.0
+    s.stop = next_switch(s, s.t)
+
+    # A margin that starts at zero is given a hair above it: CVODE would otherwise look for its
+    # sign a tenth of a step ahead and overlook a re-impact that comes sooner.
+    now, bend = table_row(s, MARGINS_AFTER), table_row(s, RATE_CHANGE)
+    interface.margins(engine, s.mode, s.t, y, now)
+    # One that still falls has had its transition, which changed nothing: it is left alone. One that
+    # has been recorded falls no second time, though rounding may have left it above zero; and below
+    # zero is where it may be.
+    m, passed = s.m, table_row(s, BELOW_ZERO)
+    s.lifted = 0
+    for i in range(m):
+        bend[i] = 0.0
+        clear = False
+        if now[i] < 0.0:
+            margin_error_scales(engine, s, s.mode, s.t, y)
+            clear = now[i] < -violation_threshold(s, i)
+        below = clear and passed[i] == 1
+        lift = now[i] <= 0.0 and now[m + i] >= 0.0 and not below
+        fallen = passed[i] == 1 and now[i] > 0.0 and now[m + i] < 0.0
+        if lift:
+            passed[i] = 0.0
+        hair = TINY_BIAS if lift else -TINY_BIAS
+        interface.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
+        if clear and not below:
+            s.lifted = 1
+    sharpen(engine, s, y)
+    interface.restart(engine, s.mode, s.t, y, s.stop)
+    init_section(engine, s, y)
+    s.restart = 0
+    s.doubt = 0
+    s.stride = 0.0
+    s.cut = 0
+    s.arc_start = s.t
+    s.arc_steps = 0
+    s.arcs += 1
+
+
+def rebase_time(s: Any, periods: int) -> None:
+    """Count time from the start of a later period."""
+    s.cycle += periods
+    s.t -= periods * s.period
+    for i in range(s.m):
+        table_row(s, HIT_TIME)[i] -= periods * s.period
+        table_row(s, HIT_BEGIN)[i] -= periods * s.period
+
+
+def clear_bias(engine: Any, s: Any) -> None:
+    """Take the lift from margins that have become positive: from now on zero is their limit."""
+    now = table_row(s, MARGINS_AFTER)
+    for i in range(s.m):
+        if interface.bias(engine, i) > TINY_BIAS and now[i] > rounding_error(s, i):
+            interface.set_bias(engine, i, 0.0)
+
+
+def falls(s: Any, h: float) -> bool:
+    """Return whether a step of the method's own length is so short that it is to be told."""
+    if s.cut == 1:
+        return False
+    short = h < SHORT * s.stride
+    s.stride = h if short else max(h, FORGOTTEN * s.stride)
+    if not short:
+        return False
+    s.falls += 1
+    return bool(s.falls <= FEW_FALLS or s.falls & (s.falls - 1) == 0)
+
+
+def any_margin_below(s: Any) -> int:
+    """Return 1 if a margin was not positive where the last step ended."""
+    for i in range(s.m):
+        if table_row(s, MARGINS_AFTER)[i] <= 0.0:
+            return 1
+    return 0
+
+
+def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
+    """Carry out all transitions of the instant ``s.t``, beginning with `guard`.
+
+    `guard` is ``2 m`` for a switch of the drive. Returns DONE if the instant settles, BUFFER_FULL
+    to be called again, or what ends the run. `y`, ``s.mode`` and ``s.t`` are left as they are after
+    it, which is later where a sequence of impacts is completed.
+    """
+    m = s.m
+    looked, past, passed = table_row(s, MARGINS_AT), table_row(s, PAST), table_row(s, BELOW_ZERO)
+    s.restart = 1
+    while guard != NONE:
+        s.pending = guard
+        if s.rows + ROOM > s.event_rows:
+            return BUFFER_FULL
+        s.pending = NONE
+        for i in range(s.n):
+            past[i] = y[i]
+        mode = s.mode
+        impact = guard < m and table_row(s, IMPACT)[guard] == 1
+        code, kind = guard, SWITCH if guard == 2 * m else TRANSITION
+        if impact:
+            interface.margins(engine, mode, s.t, y, looked)
+            closing = certainly_decreasing(s, m + guard, looked[m + guard])
+            if not closing:
+                margin_error_scales(engine, s, mode, s.t, y)
+                closing = looked[m + guard] < -rounding_error(s, m + guard)
+            if not closing:
+                # A contact that is not closing: a rebound would throw the body through the wall.
+                code, kind = m + guard, ACCUMULATION
+        s.mode = interface.transition(engine, mode, code, s.t, y)
+        s.failure = guard
+        if s.mode == ENDS:
+            s.mode = mode
+            log_event(s, s.t, kind, guard, mode, past, y)
+            return ENDED
+        if not 0 <= s.mode < s.modes:
+            s.failure, s.mode = s.mode, mode
+            return NO_SUCH_MODE
+        if not finite(s, y):
+            return NOT_FINITE
+        changed = mode != s.mode
+        for i in range(s.n):
+            changed = changed or past[i] != y[i]
+        log_event(s, s.t, kind, guard, mode, past, y)
+        if kind == TRANSITION:
+            passed[guard] = table_row(s, RECORDS)[guard]
+        s.instant += 1
+        s.cycle_events += 1
+        if s.cycle_events > s.max_events:
+            return EVENT_BUDGET
+        if is_cycling(s, y) and changed and kind != SWITCH:
+            if kind == TRANSITION:
+                return CYCLING
+            break  # a collapse has come down to rounding: bodies in contact, handed on in a ring
+        # Impacts of bodies in a row go through it from end to end, again and again: if one end
+        # always came first, they would grow beyond all bounds with the length of the row.
+        struck, after = guard, guard if impact else NONE
+        guard, mode = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after), s.mode
+        if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
+            if not 0 <= s.mode < s.modes:
+                s.rows -= 1  # the end of the sequence, which led nowhere
+                s.failure, s.mode = s.mode, mode
+                return ENDED if s.failure == ENDS else NO_SUCH_MODE
+            if not finite(s, y):
+                return NOT_FINITE
+            guard = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after)
+        if not changed and kind != SWITCH and table_row(s, RECORDS)[struck] == 0:
+            # Nothing moved: looking again would find the same.
+            if kind == TRANSITION and guard != NONE and table_row(s, IMPACT)[guard] == 1:
+                s.failure = guard
+                return WITHOUT_EFFECT
+            guard = NONE
+    s.instant = 0
+    return DONE
+
+
+def is_cycling(s: Any, y: Any) -> bool:
+    """Return whether mode and state of this instant have been there before.
+
+    One of them is remembered, and replaced whenever their number has doubled.
+    """
+    same = s.instant > 1 and s.mode == s.mark_mode
+    for i in range(s.n):
+        same = same and y[i] == table_row(s, CYCLE_MARK)[i]
+    if s.instant & (s.instant - 1) == 0:
+        s.mark_mode = s.mode
+        for i in range(s.n):
+            table_row(s, CYCLE_MARK)[i] = y[i]
+    return same
+
+
+def log_root_events(engine: Any, s: Any, t: float, y: Any) -> None:
+    """Record closest approaches and crossings of the section: roots that end no contract."""
+    m = s.m
+    now = table_row(s, MARGINS_AFTER)
+    for i in range(m):
+        # What approaches a wall without leaving it by more than rounding is in contact.
+        if (
+            table_row(s, IMPACT)[i] == 1
+            and interface.root_directions(engine, m + i) > 0
+            and now[i] > 0.0
+        ):
+            log_event(s, t, APPROACH, i, s.mode, y, y)
+    side = interface.root_directions(engine, 2 * m)
+    if side != 0:
+        log_event(s, t, SECTION_CROSSING, side, s.mode, y, y)
+
+
+def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
+    """Write the samples due before `limit` (at it too, if it is the `last` instant)."""
+    if s.per_period == 0:
+        return
+    y = table_row(s, SAMPLE)
+    while s.taken < s.sample_rows:
+        phase = (s.sample % s.per_period) * s.period / s.per_period
+        cycle = s.sample_cycle + s.sample // s.per_period
+        t = (cycle - s.cycle) * s.period + phase
+        if last and limit < t <= limit * (1.0 + 4.0 * EPS):
+            t = limit  # the end of the run, rounded in another way
+        if t > limit or (t == limit and not last):
+            return
+        interface.interpolate(engine, max(t, s.arc_start), y)
+        sample = sample_row(s)
+        sample[0] = cycle
+        sample[1] = phase
+        sample[2] = s.mode
+        for i in range(s.n):
+            sample[3 + i] = y[i] + table_row(s, OFFSET)[i]
+        s.taken += 1
+        s.sample += 1

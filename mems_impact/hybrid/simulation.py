@@ -1,0 +1,636 @@
+"""Simulation of an automaton: the run, its trajectory, events and samples."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import (
+    FunctionError,
+    InvalidParameter,
+    RunError,
+    RunInterrupted,
+    StiffnessWarning,
+)
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.diagnostics.failures import AT_TIMES, depends_on_time_only
+from mems_impact.hybrid.event_loop import loop, workspace
+from mems_impact.hybrid.problem import LoopMemory, Problem, create_engine
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators import interface
+
+__all__ = ["missing_sliding_mode", "run"]
+
+# --- What a run returns: its events, its last state, and samples on demand.
+
+
+@dataclass(frozen=True)
+class Events:
+    """Rows of the event log, as columns.
+
+    Attributes
+    ----------
+    cycle : int array, shape (k,)
+        Periods completed before the event.
+    time : float array, shape (k,)
+        Time since the start of that period, 0 <= time < period.
+    kind : int array, shape (k,)
+        TRANSITION, ACCUMULATION, SWITCH, APPROACH, SECTION_CROSSING, REBASE or HANDOVER of
+        `mems_impact.hybrid.event_loop.loop`.
+    guard : int array, shape (k,)
+        Number of the guard; for a crossing of the section the sign of the crossing; for a handover
+        what the engine then remembers of the mode (see `mems_impact.integrators.auto.switching`).
+    mode_before, mode_after : int array, shape (k,)
+    before, after : float array, shape (k, n)
+        The state just before and just after the event.
+    """
+
+    cycle: NDArray[np.int64]
+    time: Floats
+    kind: NDArray[np.int64]
+    guard: NDArray[np.int64]
+    mode_before: NDArray[np.int64]
+    mode_after: NDArray[np.int64]
+    before: Floats
+    after: Floats
+
+    @classmethod
+    def from_rows(cls, rows: Floats) -> Events:
+        """Split the rows of the loop's event buffer into columns."""
+        integer = rows[:, : workspace.HEAD].astype(np.int64)
+        n = (rows.shape[1] - workspace.HEAD) // 2
+        return cls(
+            cycle=integer[:, workspace.CYCLE],
+            time=rows[:, workspace.TIME].copy(),
+            kind=integer[:, workspace.KIND],
+            guard=integer[:, workspace.GUARD],
+            mode_before=integer[:, workspace.MODE_BEFORE],
+            mode_after=integer[:, workspace.MODE_AFTER],
+            before=rows[:, workspace.HEAD : workspace.HEAD + n].copy(),
+            after=rows[:, workspace.HEAD + n :].copy(),
+        )
+
+    @classmethod
+    def joined(cls, chunks: Sequence[Events]) -> Events:
+        """Join chunks of events, one at least."""
+        if len(chunks) == 1:
+            return chunks[0]
+        columns = ([getattr(chunk, column.name) for chunk in chunks] for column in fields(cls))
+        return cls(*(np.concatenate(parts) for parts in columns))
+
+    @property
+    def begin_arcs(self) -> NDArray[np.bool_]:
+        """Where the rows begin an arc that can be integrated again by itself.
+
+        Passages only note what an arc did, and a handover belongs to the arc before it.
+        """
+        return ~np.isin(
+            self.kind, (workspace.APPROACH, workspace.SECTION_CROSSING, workspace.HANDOVER)
+        )
+
+    @property
+    def handovers(self) -> Events:
+        """Where the engine has gone on by another method."""
+        return self[self.kind == workspace.HANDOVER]
+
+    def remembered(self, before: tuple[int, ...]) -> tuple[int, ...]:
+        """Return what the engine remembers of each mode after these rows, and before them."""
+        rows = self.handovers
+        known = dict(enumerate(before))
+        known |= zip(rows.mode_after.tolist(), rows.guard.tolist(), strict=True)
+        return tuple(known.get(mode, 0) for mode in range(max(known, default=-1) + 1))
+
+    def impacts(self, automaton: Automaton) -> NDArray[np.bool_]:
+        """Return where the rows are impacts."""
+        return self.impacts_among(automaton.guards)
+
+    def impacts_among(self, guards: Sequence[Guard]) -> NDArray[np.bool_]:
+        """Return where the rows are impacts at one of the first of an automaton's guards."""
+        places = [i for i, guard in enumerate(guards) if guard.impact]
+        return (self.kind == workspace.TRANSITION) & np.isin(self.guard, places)
+
+    def crossings(self, direction: int) -> Events:
+        """Return the crossings of the section in `direction` (0: both)."""
+        wanted = self.kind == workspace.SECTION_CROSSING
+        return self[wanted if direction == 0 else wanted & (self.guard == direction)]
+
+    def __len__(self) -> int:
+        return self.cycle.size
+
+    def __getitem__(self, rows: NDArray[np.bool_] | slice) -> Events:
+        """Return the chosen rows."""
+        return Events(
+            self.cycle[rows],
+            self.time[rows],
+            self.kind[rows],
+            self.guard[rows],
+            self.mode_before[rows],
+            self.mode_after[rows],
+            self.before[rows],
+            self.after[rows],
+        )
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The state on a uniform grid of times.
+
+    Attributes
+    ----------
+    cycle : int array, shape (k,)
+    time : float array, shape (k,)
+        Time since the start of that period.
+    mode : int array, shape (k,)
+    y : float array, shape (k, n)
+    """
+
+    cycle: NDArray[np.int64]
+    time: Floats
+    mode: NDArray[np.int64]
+    y: Floats
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run: where it began and ended and every event that was kept.
+
+    Attributes
+    ----------
+    problem : Problem
+    start, final : Instant
+    events : Events
+    steps, arcs : int
+        Steps of the method and arcs (restarts) that the run took.
+    ended : bool
+        Whether a transition ended the run.
+    implicit_arcs : int
+        How many of the arcs method ``"auto"`` has begun by BDF.
+    """
+
+    problem: Problem = field(repr=False, compare=False)
+    start: HybridState
+    final: HybridState
+    events: Events
+    steps: int
+    arcs: int
+    ended: bool
+    implicit_arcs: int = 0
+
+    @property
+    def automaton(self) -> Automaton:
+        """What was run."""
+        return self.problem.automaton
+
+    @property
+    def period(self) -> float:
+        """Unit in which the run is counted."""
+        return self.problem.period
+
+    @property
+    def stiff(self) -> bool:
+        """Whether method ``"auto"`` found BDF worth while, in any mode that was met.
+
+        Of the events only those are known that were kept.
+        """
+        if (self.events.handovers.guard == 0).any():
+            return True
+        known, visited = self.final.remembered, {self.start.mode, *self.events.mode_after.tolist()}
+        return any(known[mode] < 0 for mode in visited) if known else False
+
+    def with_events(self, events: Events) -> Trajectory:
+        """Return the trajectory with events that were kept elsewhere."""
+        return replace(self, events=events)
+
+    def samples(
+        self, per_period: int, first: float | None = None, last: float | None = None
+    ) -> Samples:
+        """Return the state at `per_period` equal intervals of every period.
+
+        The arcs concerned are integrated again; a step does not depend on who looks at it, so that
+        the samples lie on the very trajectory of the run.
+
+        Parameters
+        ----------
+        per_period : int
+            Samples per period, above 0.
+        first, last : float, optional
+            Window in periods; the whole run by default.
+        """
+        start, final = self._arc_before(first), self.final
+        if last is not None:
+            whole = int(np.floor(last))
+            end = HybridState(whole, (last - whole) * self.period, final.mode, final.y)
+            if (end.cycle, end.time) < (final.cycle, final.time):
+                final = end
+        samples = resample(self.problem, start, final, per_period)
+        if first is None:
+            return samples
+        keep = samples.cycle + samples.time / self.period >= first - 1e-12
+        return Samples(samples.cycle[keep], samples.time[keep], samples.mode[keep], samples.y[keep])
+
+    def _arc_before(self, first: float | None) -> HybridState:
+        """Return the start of the last kept arc that begins before `first` periods."""
+        if first is None:
+            return self.start
+        events = self.events
+        begins = events.begin_arcs
+        begins &= events.cycle + events.time / self.period <= first
+        # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
+        # within one can't be run again without all of it.
+        instants = events.cycle * self.period + events.time
+        cut = np.count_nonzero(events.cycle + events.time / self.period <= first)
+        for guard in range(len(self.automaton.guards)):
+            own = events.guard == guard
+            ends = np.flatnonzero(own & (events.kind == workspace.ACCUMULATION))
+            coming = ends[ends >= cut]
+            if coming.size:
+                since = ends[ends < cut][-1] if coming.size < ends.size else -1
+                impacts = np.flatnonzero(own & (events.kind == workspace.TRANSITION))
+                impacts = impacts[(impacts > since) & (impacts < coming[0])]
+                flights = np.diff(instants[impacts])
+                longer = np.flatnonzero(flights[1:] >= flights[:-1])
+                sequence = impacts[longer[-1] + 1 :] if longer.size else impacts
+                if sequence.size:
+                    begins[sequence[0] : coming[0]] = False
+        places = np.flatnonzero(begins)
+        if places.size == 0:
+            return self.start
+        i = places[-1]
+        return HybridState(
+            int(events.cycle[i]),
+            float(events.time[i]),
+            int(events.mode_after[i]),
+            events.after[i],
+            events[:i].remembered(self.start.remembered),
+        )
+
+
+# --- Two modes that push against each other: told where a run cannot go on for it.
+
+LOOKED_AT = 4  # events at the end of a run
+OFFSET = 1e-3  # of a period, by which a state is moved back to see on which side modes lie
+AT_ONCE = 1e-6  # of a period, within which they follow each other
+
+SLIDING_REMEDY = (
+    "say how the state slides between them, in a mode of its own (mems_impact.Surface does), or "
+    "give the switching a hysteresis"
+)
+
+
+def missing_sliding_mode(events: Events, problem: Problem) -> str:
+    """Return in words which two modes push against each other at the end of a run.
+
+    Each leads to the guard where the other begins, so that their events alternate in no time. Empty
+    if that is not how the run ends.
+    """
+    automaton, period = problem.automaton, problem.period
+    last = slice(-LOOKED_AT, None)
+    modes, leads = events.mode_before[last], events.mode_after[last]
+    if len(modes) < LOOKED_AT or not (events.kind[last] == workspace.TRANSITION).all():
+        return ""
+    when = events.cycle[last] * period + events.time[last]
+    alternate = (modes[1:] == leads[:-1]).all() and (modes[2:] == modes[:-2]).all()
+    if not alternate or modes[0] == modes[1] or np.ptp(when) > AT_ONCE * period:
+        return ""
+    guards = [automaton.guards[i] for i in sorted(set(events.guard[last].tolist()))]
+    if any(guard.impact for guard in guards):
+        return ""
+    if len(guards) == 1 and _one_side(problem, events):
+        return ""
+    one, other = (repr(automaton.modes[mode]) for mode in sorted(modes[:2].tolist()))
+    names = " and ".join(repr(guard.name) for guard in guards)
+    return f"the modes {one} and {other} push against each other at {names}: neither can last"
+
+
+def _one_side(problem: Problem, events: Events) -> bool:
+    """Return whether both modes lie on the same side of the guard that both watch.
+
+    Then they lead through it in the same direction, and do not push against each other.
+    """
+    automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
+    one, other = events.mode_before[-2:].tolist()
+    time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
+    slope = np.zeros(y.size)
+    automaton.flow(one, time, y, p, slope)
+    behind = y - OFFSET * problem.period * slope
+
+    def is_above(mode: int) -> bool:
+        margins, rates = np.ones(len(automaton.guards)), np.ones(len(automaton.guards))
+        automaton.margins(mode, time, behind, p, margins, rates)
+        return bool(margins[guard] > 0.0)
+
+    return is_above(one) == is_above(other)
+
+
+# --- Running an automaton: the driver around the event loop.
+
+MAX_CYCLE = 2**53  # beyond, events could not tell one period from the next
+STIFF = (
+    "the system is stiff: stability, not accuracy, limits the steps of method 'dop853'; "
+    "method='auto', or method='bdf', may be faster"
+)
+GUARD_FAILURES = (
+    workspace.INADMISSIBLE,
+    workspace.WITHOUT_EFFECT,
+    workspace.NOT_FINITE,
+)  # failures at a guard
+
+
+def run(
+    problem: Problem,
+    start: HybridState,
+    periods: float,
+    *,
+    consume: Callable[[Events], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Integrate `problem` from `start` over `periods`.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+    periods : float
+        Length of the run in periods, above 0.
+    consume : callable, optional
+        Called with every chunk of events as it comes. The chunks are then not kept: the memory of
+        the run does not grow with its length.
+    progress : callable, optional
+        Called with the periods done so far, several times a second.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    InvalidParameter
+        If `start` does not fit the automaton, or `periods` is out of range.
+    RunError
+        If the run cannot go on; what was computed is in it.
+    RunInterrupted
+        On Ctrl-C, with what was computed.
+    """
+    if not 0.0 < periods <= MAX_CYCLE:
+        allowed = f"above 0 and up to {MAX_CYCLE:g}"
+        raise InvalidParameter(field="periods", value=periods, allowed=allowed)
+    automaton = problem.automaton
+    if np.shape(start.y) != (len(automaton.states),):
+        allowed = f"one number for each of {', '.join(automaton.states)}"
+        raise InvalidParameter(field="start.y", value=start.y, allowed=allowed)
+    if start.mode not in range(len(automaton.modes)):
+        allowed = f"0 to {len(automaton.modes) - 1}"
+        raise InvalidParameter(field="start.mode", value=start.mode, allowed=allowed)
+    if not (math.isfinite(start.time) and start.time >= 0.0):
+        allowed = "finite and not negative: time since the start of a period"
+        raise InvalidParameter(field="start.time", value=start.time, allowed=allowed)
+    if not (abs(start.cycle) <= MAX_CYCLE and start.cycle == int(start.cycle)):
+        allowed = f"a whole number of periods, up to {MAX_CYCLE:g}"
+        raise InvalidParameter(field="start.cycle", value=start.cycle, allowed=allowed)
+    whole = math.floor(periods)
+    phase = start.time + (periods - whole) * problem.period
+    end = HybridState(start.cycle + whole, phase, start.mode, start.y)
+    return Simulation(problem, start, end, 0, consume, progress).go()
+
+
+def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
+    """Run again from `start` to `end` and return the state at equal intervals of every period."""
+    # That the system is stiff, the run itself has said.
+    run_again = Simulation(problem, start, end, per_period, lambda _: None, None, quiet=True)
+    # A run that failed fails again in the same place: its samples end there.
+    with contextlib.suppress(RunError):
+        run_again.go()
+    rows = run_again.memory.samples[: run_again.clock["taken"]]
+    integer = rows[:, :3].astype(np.int64)
+    return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
+
+
+class Simulation:
+    """One run in progress: the loop's memory, its buffers, and what has been drained from them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        start: HybridState,
+        end: HybridState,
+        per_period: int,
+        consume: Callable[[Events], None] | None,
+        progress: Callable[[float], None] | None,
+        quiet: bool = False,
+    ) -> None:
+        self.problem, self.start = problem, start
+        self.consume, self.progress, self.quiet = consume, progress, quiet
+        self.kept: list[Floats] = []
+        self.bound = create_engine(problem)
+        self.bound.engine.learn(start.remembered)
+        # The epsilon keeps a sample that falls on the start itself.
+        first = math.ceil((start.time / problem.period - 1e-12) * per_period)
+        last = (end.cycle - start.cycle) * per_period
+        last += math.floor(end.time / problem.period * per_period + 1e-9)
+        self.memory = LoopMemory(
+            problem,
+            self.bound,
+            max(0, last - first + 1),
+            cycle=start.cycle,
+            t=start.time,
+            mode=start.mode,
+            end_cycle=end.cycle,
+            end_phase=end.time,
+            events_from=start.cycle,
+            per_period=per_period,
+            sample_cycle=start.cycle,
+            sample=first,
+        )
+        self.memory.put(start.y)
+        self.clock, self.events = self.memory.clock, self.memory.events
+        self.latest = self.events[:0]  # the last events, whoever consumes them
+
+    def go(self) -> Trajectory:
+        """Call the loop until it is done, draining its events in between."""
+        falls = None if self.quiet else self.problem.falls
+        try:
+            status = workspace.PAUSED
+            while status in (workspace.PAUSED, workspace.BUFFER_FULL):
+                status = self.bound.call(loop.run_steps, self.clock, self.bound.quota)
+                self._drain()
+                fall = self.memory.take_fall()
+                if fall is not None and falls is not None and falls(*fall):
+                    falls = None  # once in a run
+                if self.progress is not None:
+                    self.progress(self._done())
+        except KeyboardInterrupt:
+            # The loop answers before Python hears of it, so that clock and buffers are whole.
+            self._drain()
+            raise RunInterrupted(self._trajectory(), self._done()) from None
+        except FunctionError as error:
+            self._drain()
+            raise self._ended_by(error.reason, error.remedy) from error
+        finally:
+            if self.bound.engine.is_stiff() and not self.quiet:
+                warnings.warn(STIFF, StiffnessWarning, stacklevel=4)
+            self.bound.engine.close()
+        if status not in (workspace.DONE, workspace.ENDED):
+            raise self._failure(status)
+        return self._trajectory(ended=status == workspace.ENDED)
+
+    def _done(self) -> float:
+        """Return the periods done so far."""
+        elapsed = self.clock["t"] / self.problem.period - self.start.cycle
+        return float(self.clock["cycle"] + elapsed)
+
+    def _drain(self) -> None:
+        rows = self.events[: self.clock["rows"]]
+        self.latest = np.concatenate([self.latest, rows[-LOOKED_AT:]])[-LOOKED_AT:]
+        if self.consume is not None:
+            self.consume(Events.from_rows(rows))
+        else:
+            self.kept.append(rows.copy())
+        self.clock["rows"] = 0
+
+    def _trajectory(self, *, ended: bool = False) -> Trajectory:
+        width = self.events.shape[1]
+        rows = np.concatenate(self.kept) if self.kept else np.zeros((0, width))
+        clock, period = self.clock, self.problem.period
+        cycle, phase = int(clock["cycle"]), float(clock["t"])
+        if phase == (clock["end_cycle"] - cycle) * period + clock["end_phase"]:
+            # Dividing k periods by the period may round to just below k.
+            cycle, phase = int(clock["end_cycle"]), float(clock["end_phase"])
+        ahead = math.floor(phase / period)
+        return Trajectory(
+            problem=self.problem,
+            start=self.start,
+            final=HybridState(
+                cycle + ahead,
+                phase - ahead * period,
+                int(clock["mode"]),
+                self.memory.state,
+                self.bound.engine.learnt(),
+            ),
+            events=Events.from_rows(rows),
+            steps=int(clock["steps"]),
+            arcs=int(clock["arcs"]),
+            ended=ended,
+            implicit_arcs=self.bound.engine.implicit_arcs,
+        )
+
+    def _name_of(self, code: int) -> str:
+        """Return the name of a guard, or of the switch of the drive."""
+        guards = self.problem.automaton.guards
+        return guards[code].name if code < len(guards) else "drive switch"
+
+    def _failure(self, status: int) -> RunError:
+        clock, options = self.clock, self.problem.options
+        failure, instant = int(clock["failure"]), int(clock["instant"])
+        automaton = self.problem.automaton
+        name = self._name_of(failure) if status in GUARD_FAILURES else ""
+        reason, remedy = {
+            workspace.FAILED: (
+                interface.FAILURES.get(failure, f"CVODE failed ({failure})"),
+                "check parameters and drive at this time; loosen or tighten rtol and atol",
+            ),
+            workspace.STEP_BUDGET: (
+                f"one arc took more than max_steps = {options.max_steps} steps",
+                "raise max_steps, loosen rtol, or use method 'auto' if the system is stiff",
+            ),
+            workspace.EVENT_BUDGET: (
+                f"one period held more than max_events = {options.max_events} events"
+                + (f", {instant} of them in its last instant" if instant > 1 else ""),
+                "raise max_events if so many events are expected; a body that is pressed against a "
+                "stop never rests if its impacts lose nothing (restitution 1)",
+            ),
+            workspace.CYCLING: (
+                f"the same state comes back after {instant} transitions in one instant",
+                "the transitions of the automaton undo each other: check guards and transition",
+            ),
+            workspace.INADMISSIBLE: (
+                f"the start lies beyond the guard {name!r}",
+                "start where its margin is not negative, or turn the margin's sign",
+            ),
+            workspace.WITHOUT_EFFECT: (
+                f"the transition of the guard {name!r} changes nothing, and its margin falls on",
+                "let the transition turn the closing speed round, or take it away",
+            ),
+            workspace.NO_SUCH_MODE: (
+                f"a transition returned the mode {failure}; there are {len(automaton.modes)}",
+                f"let it return 0 to {len(automaton.modes) - 1}",
+            ),
+            workspace.NOT_FINITE: (
+                f"the transition of {name!r} left a state that is not finite",
+                "check the transition and the parameters",
+            ),
+        }[status]
+        guards = automaton.guards
+        at_guard = status == workspace.EVENT_BUDGET and failure < len(guards)
+        if at_guard and instant > 1 and not guards[failure].impact:
+            remedy = (
+                f"let the transition of {guards[failure].name!r} turn the rate of its margin, or "
+                "lead to a mode in which it does not watch: while its margin falls it fires again"
+            )
+        elif at_guard and 2 * instant > options.max_events:
+            remedy = (
+                "raise max_events: bodies that touch in a row strike each other very often within "
+                "one instant, and the more often the more of them there are"
+            )
+        here = self.memory.local.tolist()
+        if at_guard and instant > 1 and depends_on_time_only(self._margin_of(failure), here):
+            remedy = AT_TIMES
+        if status == workspace.NO_SUCH_MODE and failure == workspace.NO_REST:
+            reason = "a sequence of ever weaker impacts has come to its end"
+            remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
+        if status == workspace.NO_SUCH_MODE and failure == workspace.NO_FIT:
+            reason = "two switching surfaces attract the state at once: no mode says how it slides"
+            remedy = "write modes of your own for where they meet, or make the two one Surface"
+        if status in (workspace.CYCLING, workspace.EVENT_BUDGET):
+            latest = Events.from_rows(self.latest)
+            opposite = missing_sliding_mode(latest, self.problem)
+            reason, remedy = (opposite, SLIDING_REMEDY) if opposite else (reason, remedy)
+        if failure in (interface.NON_FINITE, interface.NO_GUARD) and status == workspace.FAILED:
+            found = self._searched()
+            if found is not None:
+                reason, remedy = f"{reason}: {found.reason}", found.remedy
+        return self._ended_by(reason, remedy)
+
+    def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:
+        """Return the margin of a guard, by the state, in the mode and at the time of now."""
+        clock, problem = self.clock, self.problem
+        margins, rates = np.zeros((2, len(problem.automaton.guards)))
+        p = np.array(problem.parameters, dtype=float)
+
+        def margin(y: Sequence[float]) -> float:
+            problem.automaton.margins(
+                int(clock["mode"]), float(clock["t"]), np.array(y), p, margins, rates
+            )
+            return float(margins[guard])
+
+        return margin
+
+    def _searched(self) -> FunctionError | None:
+        """Return what is wrong with flow or margins where the run has come to."""
+        from mems_impact.hybrid.diagnostics.failures import find_invalid_value
+        from mems_impact.hybrid.diagnostics.user_functions import EvaluationPoint
+
+        clock, problem = self.clock, self.problem
+        point = EvaluationPoint(int(clock["mode"]), float(clock["t"]), self.memory.local.tolist())
+        return find_invalid_value(problem.automaton, np.asarray(problem.parameters).tolist(), point)
+
+    def _ended_by(self, reason: str, remedy: str) -> RunError:
+        """Return the error that ends the run, with what was computed."""
+        automaton = self.problem.automaton
+        trajectory = self._trajectory()
+        final = trajectory.final
+        return RunError(
+            reason=reason,
+            remedy=remedy,
+            cycle=final.cycle,
+            phase_time=final.time,
+            mode=automaton.modes[final.mode],
+            state=dict(zip(automaton.states, final.y.tolist(), strict=True)),
+            trajectory=trajectory,
+        )

@@ -1,0 +1,32 @@
+"""The state of a hybrid system at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mems_impact._util.arrays import Floats
+
+__all__ = ["HybridState"]
+
+
+@dataclass(frozen=True)
+class HybridState:
+    """A state and the time at which it holds.
+
+    Attributes
+    ----------
+    cycle : int
+        Periods completed.
+    time : float
+        Time since the start of the current period.
+    mode : int
+    y : float array, shape (n,)
+    remembered : tuple of int
+        What the engine has learnt of each mode, if its method learns; empty at the start of a run.
+    """
+
+    cycle: int
+    time: float
+    mode: int
+    y: Floats
+    remembered: tuple[int, ...] = ()

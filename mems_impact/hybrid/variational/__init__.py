@@ -1,0 +1,1 @@
+"""Variational equations through events: sensitivities and Lyapunov exponents."""

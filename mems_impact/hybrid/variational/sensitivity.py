@@ -1,0 +1,283 @@
+"""Arcs and events with their derivatives with respect to state and parameters."""
+
+from __future__ import annotations
+
+import copy
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import FunctionError, OrbitError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.problem import Problem, create_engine
+from mems_impact.hybrid.variational.flow import extended_flow
+from mems_impact.hybrid.variational.propagation import (
+    NO_EVENT,
+    SCRATCH,
+    SegmentBatch,
+    propagate_segments,
+)
+
+
+class Arc(NamedTuple):
+    """An arc of fixed length and its sensitivities; or N of them, with one axis more in front.
+
+    Attributes
+    ----------
+    end : float array, shape (n,)
+        The state at the end.
+    by_state : float array, shape (n, free)
+        Its derivatives by the free components of the initial state.
+    by_parameter : float array, shape (n, directions)
+    slope_start, slope_end : float array, shape (n,)
+        The flow at both ends.
+    minima, minima_time : float array, shape (m,)
+        Smallest margin at a closest approach inside the arc, inf where there is none, and when.
+    touches : float array, shape (m, 1 + free + directions, n)
+        State and columns there.
+    margins, rates : float array, shape (2, m)
+        At both ends, whatever the guards say.
+    """
+
+    end: Floats
+    by_state: Floats
+    by_parameter: Floats
+    slope_start: Floats
+    slope_end: Floats
+    minima: Floats
+    minima_time: Floats
+    touches: Floats
+    margins: Floats
+    rates: Floats
+
+
+class Event(NamedTuple):
+    """A transition and its derivatives; or N of them, with one axis more in front.
+
+    Attributes
+    ----------
+    after : float array, shape (n,)
+    margins, rates : float array, shape (m,)
+        Before the transition.
+    margin_by_state, margin_by_time, margin_by_parameter
+        Of all margins, then of all rates; shapes (2 m, n), (2 m,), (2 m, directions).
+    jump_by_state, jump_by_time, jump_by_parameter
+        Of the state after; shapes (n, n), (n,), (n, directions).
+    mode : int
+        The mode that the transition leads to.
+    """
+
+    after: Floats
+    margins: Floats
+    rates: Floats
+    margin_by_state: Floats
+    margin_by_time: Floats
+    margin_by_parameter: Floats
+    jump_by_state: Floats
+    jump_by_time: Floats
+    jump_by_parameter: Floats
+    mode: Any
+
+
+class Variational:
+    """Arcs and events of a problem with their derivatives; one engine, used over and over.
+
+    Parameters
+    ----------
+    problem : Problem
+    directions : float array, shape (k, count)
+        Directions in the space of the parameters by which to differentiate; each has length of
+        order one.
+    """
+
+    def __init__(self, problem: Problem, directions: Floats) -> None:
+        automaton = problem.automaton
+        self.n, self.m = len(automaton.states), len(automaton.guards)
+        self.free = free_components(automaton)
+        directions = np.atleast_2d(np.asarray(directions, dtype=float))
+        p = np.asarray(problem.parameters, dtype=float)
+        self.k = directions.shape[0]
+        self._block = np.concatenate([p, directions.ravel()])
+        self._size = self.n * (1 + len(self.free) + self.k)
+        extended = Automaton(
+            states=tuple(f"y{i}" for i in range(self._size)),
+            modes=automaton.modes,
+            guards=automaton.guards,
+            flow=extended_flow(
+                automaton.flow, self.n, len(self.free), self.k, p.size, automaton.step
+            ),
+            margins=automaton.margins,
+            transition=automaton.transition,
+            step=automaton.step,
+            bounds=automaton.bounds,
+        )
+        scratch = np.zeros(2 * self.k + 2 * self.n + p.size)
+        self._problem = Problem(
+            automaton=extended,
+            parameters=np.concatenate([self._block, scratch]),
+            period=problem.period,
+            options=problem.options,
+            time_scale=problem.time_scale,
+        )
+        self._bound = create_engine(self._problem)
+        self._work = np.zeros((SCRATCH, max(self._size, 2 * self.m + self.n, p.size)))
+        self._constrained = constraints(automaton)
+        # A state and its columns where an arc begins.
+        self._begin = np.zeros(self._size)
+        for c, i in enumerate(self.free):
+            self._begin[self.n * (1 + c) + i] = 1.0
+
+    @property
+    def time_scale(self) -> float:
+        """The time that bounds the steps."""
+        return self._problem.time_scale or self._problem.period
+
+    def at(self, p: Floats, directions: Floats) -> Variational:
+        """Return the same at other parameters and directions in their space; it shares the engine.
+
+        The problem's period and time scale still bound the steps.
+        """
+        other = copy.copy(self)
+        other._block = np.concatenate([p, np.ravel(directions)])
+        return other
+
+    def traverse(
+        self,
+        segments: NDArray[np.int64],
+        states: Floats,
+        times: Floats,
+        motions: Floats | None = None,
+    ) -> tuple[Arc, Event]:
+        """Go through N segments, each from a state of its own, whatever the guards say.
+
+        Parameters
+        ----------
+        segments : int array, shape (N, 2)
+            Mode, and code of the transition at the end (or `passage.NO_EVENT`).
+        states : float array, shape (N, n)
+        times : float array, shape (N, 4)
+            Start; end; the time from the end to the nearest switch of the drive, which no
+            difference may look across; when the margins at the end are looked at.
+        motions : float array, shape (N, k, 2), optional
+            Where a switch of the drive moves with the parameters, differences at one instant would
+            look across it. So each column of the parameters is carried at instants that move at
+            the rate motions[i, j, 0] + motions[i, j, 1] t, and referred to fixed ones at the end.
+
+        Returns
+        -------
+        arcs, events
+            All of N; an event that is none leaves the state as it is.
+
+        Raises
+        ------
+        OrbitError
+            If the engine fails or the budget of steps is spent.
+        """
+        count, n, m, k, size = len(segments), self.n, self.m, self.k, self._size
+        codes = np.zeros((count, 3), dtype=np.int64)
+        codes[:, :2] = segments
+        moving = np.zeros((count, 2 * k)) if motions is None else motions.reshape(count, 2 * k)
+        y = np.tile(self._begin, (count, 1))
+        y[:, :n] = states
+        way = SegmentBatch(
+            n=n,
+            m=m,
+            parameters=self._block.size // (1 + k),
+            directions=k,
+            max_steps=self._problem.options.max_steps,
+            width=self._problem.automaton.step,
+            constrained=self._constrained,
+            segments=codes,
+            times=times,
+            motions=moving,
+            states=y,
+            slopes=np.zeros((count, 2, n)),
+            minima=np.zeros((count, 3, 2 * m)),
+            touches=np.zeros((count, m, size)),
+            margins=np.zeros((count, 2, 2 * m)),
+            margin=np.zeros((count, 2 * m, n + 2 + k)),
+            jump=np.zeros((count, n, n + 2 + k)),
+            after=np.zeros((count, n)),
+            work=self._work,
+        )
+        try:
+            failed = self._bound.call(propagate_segments, self._block, way)
+        except FunctionError as error:
+            raise OrbitError(error.reason, error.remedy) from error
+        if failed >= 0:
+            raise OrbitError(
+                reason="an arc of the orbit cannot be integrated",
+                remedy="start nearer to an orbit, or loosen the tolerances",
+            )
+        columns, free = y.reshape(count, -1, n), 1 + len(self.free)
+        none = codes[:, 1] == NO_EVENT
+        way.after[none] = y[none, :n]
+        way.margin[none], way.jump[none] = 0.0, 0.0
+        way.jump[none, :, 1 : n + 1] = np.eye(n)
+        arcs = Arc(
+            end=columns[:, 0],
+            by_state=columns[:, 1:free].transpose(0, 2, 1),
+            by_parameter=columns[:, free:].transpose(0, 2, 1),
+            slope_start=way.slopes[:, 0],
+            slope_end=way.slopes[:, 1],
+            minima=way.minima[:, 0, :m],
+            minima_time=way.minima[:, 1, :m],
+            touches=way.touches.reshape(count, m, -1, n),
+            margins=way.margins[:, :, :m],
+            rates=way.margins[:, :, m:],
+        )
+        events = Event(
+            after=way.after,
+            margins=way.margin[:, :m, 0],
+            rates=way.margin[:, m:, 0],
+            margin_by_state=way.margin[:, :, 1 : n + 1],
+            margin_by_time=way.margin[:, :, n + 1],
+            margin_by_parameter=way.margin[:, :, n + 2 :],
+            jump_by_state=way.jump[:, :, 1 : n + 1],
+            jump_by_time=way.jump[:, :, n + 1],
+            jump_by_parameter=way.jump[:, :, n + 2 :],
+            mode=codes[:, 2].tolist(),
+        )
+        return arcs, events
+
+    def arc(
+        self, mode: int, y: Floats, start: float, end: float, motion: Floats | None = None
+    ) -> Arc:
+        """Integrate `mode` from (start, y) to `end`, with all columns; see `traverse`."""
+        motions = None if motion is None else motion[None]
+        arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end), motions)
+        return Arc(*(part[0] for part in arcs))
+
+    def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
+        """Carry out the transition `code` at (t, y), with its derivatives; see `traverse`."""
+        _, events = self._one(mode, code, y, (t, t, room, t))
+        return Event(*(part[0] for part in events))
+
+    def margins(self, mode: int, t: float, y: Floats) -> tuple[Floats, Floats]:
+        """Return margins and rates in `mode` at (t, y)."""
+        arc = self.arc(mode, y, t, t)
+        return arc.margins[0], arc.rates[0]
+
+    def _one(
+        self,
+        mode: int,
+        code: int,
+        y: Floats,
+        times: tuple[float, float, float, float],
+        motions: Floats | None = None,
+    ) -> tuple[Arc, Event]:
+        segments = np.array([[mode, code]], dtype=np.int64)
+        return self.traverse(segments, np.asarray(y)[None], np.array([times]), motions)
+
+
+def constraints(automaton: Automaton) -> NDArray[np.int64]:
+    """Return for each mode whether its states lie on a manifold: 1, or 0."""
+    return np.array([int(i in automaton.constrained) for i in range(len(automaton.modes))])
+
+
+def free_components(automaton: Automaton) -> tuple[int, ...]:
+    """Return the components of the state that are not cyclic."""
+    return tuple(i for i in range(len(automaton.states)) if i not in automaton.cyclic)

@@ -1,0 +1,1 @@
+"""Integrators of smooth arcs, behind one interface."""

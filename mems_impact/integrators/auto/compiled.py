@@ -1,0 +1,190 @@
+"""Automatic switching between DOP853 and BDF in compiled code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba import from_dtype
+from numba.extending import overload
+
+from mems_impact.integrators import interface
+from mems_impact.integrators.auto import switching
+from mems_impact.integrators.auto.switching import IMPLICIT, MEMORY, ROWS
+from mems_impact.integrators.cvode import compiled as cvode
+from mems_impact.integrators.cvode.compiled import HANDLE as CVODE_HANDLE
+from mems_impact.integrators.dop853 import compiled as onestep
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.kernels import FIELDS, CompiledEngine, is_handle
+from mems_impact.integrators.jit.numba_support import INNER, JIT, WORD, pointer, record_at
+from mems_impact.integrators.options import Options
+
+_WORDS = ("explicit", "implicit", "rows", "width", "modes")
+_COUNTS = ("now", "wanted", "handed", "trial", "looks", "taken", "directed", "begun",
+           "suspected", "patience")  # fmt: skip
+_REALS = ("rtol", "atol", "longest", "longest_before", "t_begin", "t_middle")
+HANDLE = np.dtype(
+    [
+        *((name, np.int64) for name in (*_WORDS, *_COUNTS)),
+        *((name, np.float64) for name in _REALS),
+        *FIELDS,
+    ],
+    align=True,
+)
+_explicit_at = record_at(from_dtype(onestep.HANDLE))
+_implicit_at = record_at(from_dtype(CVODE_HANDLE))
+
+
+def prepare() -> None:
+    """Bind SUNDIALS; raises EngineUnavailable where that cannot be done."""
+    cvode.prepare()
+
+
+class Engine(CompiledEngine):
+    """A handle for both engines, which share its parameters and biases.
+
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`.
+    """
+
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        width = max(equations.n, equations.modes)
+        super().__init__(HANDLE, equations, {"rows": ROWS * width})
+        self._explicit = onestep.Engine(equations, replace(options, method="dop853"), max_step)
+        self._implicit = cvode.Engine(equations, replace(options, method="bdf"), max_step)
+        handle = self.handle
+        for one in (self._explicit, self._implicit):
+            one.handle["parameters"], one.handle["bias"] = handle["parameters"], handle["bias"]
+        handle["explicit"], handle["implicit"] = self._explicit.address, self._implicit.address
+        handle["width"], handle["rtol"], handle["atol"] = width, options.rtol, options.atol
+        handle["modes"] = equations.modes
+        first = int(handle["rows"] - self._memory.ctypes.data) // WORD + MEMORY * width
+        self._remembered = self._memory[first : first + equations.modes]
+
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs that BDF has begun so far."""
+        return int(self.handle["begun"])
+
+    def learnt(self) -> tuple[int, ...]:
+        """Return what is remembered of each mode; see `choosing`."""
+        return tuple(map(int, self._remembered.tolist()))
+
+    def learn(self, known: tuple[int, ...]) -> None:
+        """Begin with what was remembered of each mode."""
+        self._remembered[: len(known)] = known
+
+    def close(self) -> None:
+        """Free CVODE's memory now rather than with the object."""
+        self._implicit.close()
+
+
+def _is_auto(kind: Any) -> bool:
+    return is_handle(kind) and "implicit" in kind.fields
+
+
+mark_overloaded(switching.explicit, switching.implicit, switching.mirror_active, switching.row)
+
+
+@overload(switching.explicit, jit_options={**JIT, **INNER})
+def _explicit(engine):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        return lambda engine: _explicit_at(engine.explicit)
+
+
+@overload(switching.implicit, jit_options={**JIT, **INNER})
+def _implicit(engine):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        return lambda engine: _implicit_at(engine.implicit)
+
+
+@overload(switching.mirror_active, jit_options={**JIT, **INNER})
+def _present(engine, one):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+
+        def implementation(engine, one):  # type: ignore[no-untyped-def]
+            engine.t = one.t
+            engine.y = one.y
+            engine.fired = one.fired
+
+        return implementation
+
+
+@overload(switching.row, jit_options={**JIT, **INNER})
+def _row(engine, i):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
+
+
+@overload(interface.method_memory, jit_options={**JIT, **INNER})
+def _remembered(engine, mode):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_remembered,) = take_snapshot(switching.method_memory).frozen()
+        return lambda engine, mode: run_remembered(engine, mode)
+
+
+@overload(interface.restart, jit_options={**JIT, **INNER})
+def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_restart,) = take_snapshot(switching.restart).frozen()
+
+        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+            run_restart(engine, mode, t, y, stop)
+
+        return implementation
+
+
+@overload(interface.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_sharpen,) = take_snapshot(switching.sharpen).frozen()
+
+        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
+            run_sharpen(engine, share, lasts)
+
+        return implementation
+
+
+@overload(interface.reset, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_renew,) = take_snapshot(switching.reset).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            run_renew(engine, max_step)
+
+        return implementation
+
+
+@overload(interface.step, jit_options={**JIT, **INNER})
+def _step(engine):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+        (run_step,) = take_snapshot(switching.step).frozen()
+        return lambda engine: run_step(engine)
+
+
+@overload(interface.end_margins, jit_options={**JIT, **INNER})
+def _ended(engine, out):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+
+        def implementation(engine, out):  # type: ignore[no-untyped-def]
+            if engine.now == IMPLICIT:
+                interface.end_margins(_implicit_at(engine.implicit), out)
+            else:
+                interface.end_margins(_explicit_at(engine.explicit), out)
+
+        return implementation
+
+
+@overload(interface.interpolate, jit_options={**JIT, **INNER})
+def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+    if _is_auto(engine):
+
+        def implementation(engine, t, y):  # type: ignore[no-untyped-def]
+            if engine.now == IMPLICIT:
+                interface.interpolate(_implicit_at(engine.implicit), t, y)
+            else:
+                interface.interpolate(_explicit_at(engine.explicit), t, y)
+
+        return implementation

@@ -1,0 +1,482 @@
+"""CVODE through SUNDIALS' C interface, with callbacks compiled by numba.
+
+Every function of SUNDIALS that this package calls is declared here, once, with its C signature.
+scikit-sundae's wheels carry SUNDIALS as shared libraries under hashed names; opening the extension
+module that links to them lets the dynamic loader resolve all symbols, whatever the names.
+
+From Python the functions are ctypes functions (`call`). From code compiled by numba they are
+external symbols (`symbol`), whose addresses are handed to LLVM under a prefixed name, so that
+compiled code can be cached on disk: no address is ever baked into it.
+
+`Engine` owns the memory of one CVODE object, whose callbacks are those of `engines.kernels`. The
+contract of `mems_impact.integrators.interface` gets overloads here, so that a loop compiled by
+numba calls CVODE directly, without Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import weakref
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import from_dtype, types
+from numba.extending import overload
+
+from mems_impact.errors import EngineUnavailable
+from mems_impact.integrators import interface
+from mems_impact.integrators.cvode.interpreted import first_step, sharpened
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.jit.closures import sources, take_snapshot
+from mems_impact.integrators.jit.kernels import (
+    FIELDS,
+    CompiledEngine,
+    call_kernel,
+    is_handle,
+    jacobian_of,
+)
+from mems_impact.integrators.jit.numba_support import (
+    INNER,
+    JIT,
+    address,
+    compile_callback,
+    data,
+    pointer,
+    record_at,
+)
+from mems_impact.integrators.options import Options
+
+# --- SUNDIALS' C API, resolved through scikit-sundae's own extension module.
+
+SUPPORTED_MAJOR = 7
+REMEDY = (
+    "install a scikit-sundae wheel of version 1.x, use method='dop853', which needs no SUNDIALS, "
+    "or engine='interpreted'"
+)
+
+_int, _real, _ptr = ctypes.c_int32, ctypes.c_double, ctypes.c_void_p
+
+# name: (result, arguments). sunrealtype is double and sunindextype int32 (checked in `load`).
+SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "SUNContext_Create": (_int, (_int, _ptr)),
+    "SUNContext_Free": (_int, (_ptr,)),
+    "SUNContext_ClearErrHandlers": (_int, (_ptr,)),
+    "N_VMake_Serial": (_ptr, (_int, _ptr, _ptr)),
+    "N_VDestroy": (None, (_ptr,)),
+    "N_VGetArrayPointer_Serial": (_ptr, (_ptr,)),
+    "SUNDenseMatrix": (_ptr, (_int, _int, _ptr)),
+    "SUNDenseMatrix_Data": (_ptr, (_ptr,)),
+    "SUNMatDestroy": (None, (_ptr,)),
+    "SUNLinSol_Dense": (_ptr, (_ptr, _ptr, _ptr)),
+    "SUNLinSolFree": (_int, (_ptr,)),
+    "SUNNonlinSol_FixedPoint": (_ptr, (_ptr, _int, _ptr)),
+    "SUNNonlinSolFree": (_int, (_ptr,)),
+    "CVodeCreate": (_ptr, (_int, _ptr)),
+    "CVodeFree": (None, (_ptr,)),
+    "CVodeInit": (_int, (_ptr, _ptr, _real, _ptr)),
+    "CVodeReInit": (_int, (_ptr, _real, _ptr)),
+    "CVodeSStolerances": (_int, (_ptr, _real, _real)),
+    "CVodeSetUserData": (_int, (_ptr, _ptr)),
+    "CVodeSetNonlinearSolver": (_int, (_ptr, _ptr)),
+    "CVodeSetLinearSolver": (_int, (_ptr, _ptr, _ptr)),
+    "CVodeSetJacFn": (_int, (_ptr, _ptr)),
+    "CVodeRootInit": (_int, (_ptr, _int, _ptr)),
+    "CVodeSetRootDirection": (_int, (_ptr, _ptr)),
+    "CVodeSetNoInactiveRootWarn": (_int, (_ptr,)),
+    "CVodeSetMaxStep": (_int, (_ptr, _real)),
+    "CVodeSetInitStep": (_int, (_ptr, _real)),
+    "CVodeSetMaxHnilWarns": (_int, (_ptr, _int)),
+    "CVodeSetEtaFixedStepBounds": (_int, (_ptr, _real, _real)),
+    "CVodeSetStopTime": (_int, (_ptr, _real)),
+    "CVodeClearStopTime": (_int, (_ptr,)),
+    "CVode": (_int, (_ptr, _real, _ptr, _ptr, _int)),
+    "CVodeGetRootInfo": (_int, (_ptr, _ptr)),
+    "CVodeGetDky": (_int, (_ptr, _real, _int, _ptr)),
+}
+
+PREFIX = "mems_impact_"
+
+
+@cache
+def load() -> ctypes.CDLL:
+    """Open SUNDIALS, check it, and give every function its signature.
+
+    Returns
+    -------
+    ctypes.CDLL
+        With the functions of `SIGNATURES` declared; their addresses are known to LLVM.
+
+    Raises
+    ------
+    EngineUnavailable
+        If scikit-sundae's build is not the one that is declared here: another major version of
+        SUNDIALS, real or index type, or a symbol that can't be found. If numba may not compile.
+    """
+    from mems_impact.integrators.jit.numba_support import check_numba
+
+    check_numba()
+    try:
+        from sksundae import _cy_common, _cy_cvode
+
+        config = _cy_common.config
+        library = ctypes.CDLL(_cy_cvode.__file__)
+    except (ImportError, AttributeError, OSError) as error:
+        raise EngineUnavailable(
+            f"scikit-sundae's CVODE can't be opened: {error}", REMEDY
+        ) from error
+    check(config)
+    addresses = {}
+    for name, (result, arguments) in SIGNATURES.items():
+        try:
+            function = getattr(library, name)
+        except AttributeError as error:
+            reason = f"SUNDIALS' {name} can't be found: {error}"
+            raise EngineUnavailable(reason, REMEDY) from error
+        function.restype, function.argtypes = result, arguments
+        addresses[name] = ctypes.cast(function, ctypes.c_void_p).value
+
+    import llvmlite.binding as llvm
+
+    for name, place in addresses.items():
+        llvm.add_symbol(PREFIX + name, place)
+    return library
+
+
+def sundials_version() -> str:
+    """Return the version of SUNDIALS that scikit-sundae brings; empty if there is none."""
+    try:
+        from sksundae import _cy_common
+    except ImportError:
+        return ""
+    return str(_cy_common.config.get("SUNDIALS_VERSION", ""))
+
+
+def check(config: dict[str, str]) -> None:
+    """Raise EngineUnavailable unless scikit-sundae's `config` is one that is declared here."""
+    expected = {"SUNDIALS_FLOAT_TYPE": "double", "SUNDIALS_INT_TYPE": "int"}
+    for key, value in expected.items():
+        if config.get(key) != value:
+            reason = f"{key} is {config.get(key)!r} where the bindings need {value!r}"
+            raise EngineUnavailable(reason, REMEDY)
+    version = str(config.get("SUNDIALS_VERSION", ""))
+    if version.split(".")[0] != str(SUPPORTED_MAJOR):
+        reason = f"SUNDIALS_VERSION is {version!r} where the bindings need {SUPPORTED_MAJOR}.x"
+        raise EngineUnavailable(reason, REMEDY)
+
+
+def symbol(name: str) -> Any:
+    """Return the function `name` as numba code calls it; `load` must have run before it does."""
+    from numba import types
+
+    kinds: dict[Any, Any] = {None: types.void, _int: types.int32}
+    kinds |= {_real: types.float64, _ptr: types.intp}
+    result, arguments = SIGNATURES[name]
+    signature = kinds[result](*(kinds[argument] for argument in arguments))
+    return types.ExternalFunction(PREFIX + name, signature)
+
+
+# --- What CVODE calls back, compiled to C functions: right-hand side, roots, Jacobian.
+
+_data = symbol("N_VGetArrayPointer_Serial")
+_matrix_data = symbol("SUNDenseMatrix_Data")
+
+CALLBACK = types.int32(types.float64, types.intp, types.intp, types.intp)
+JACOBIAN_CALLBACK = types.int32(types.float64, *[types.intp] * 7)
+
+# It lies where CVODE's callbacks find it as user data.
+HANDLE = np.dtype(
+    [
+        ("cvode", np.int64),
+        ("vector", np.int64),  # N_Vector around y
+        ("dense", np.int64),  # N_Vector around spare
+        ("spare", np.int64),
+        ("jacobian", np.int64),
+        ("seen", np.int64),  # what the root functions were made of when last asked for, and when
+        ("seen_at", np.float64),
+        ("rtol", np.float64),
+        ("atol", np.float64),
+        ("share", np.float64),  # of the tolerances, that of the last arc
+        ("longest", np.float64),  # step
+        *FIELDS,
+    ],
+    align=True,
+)
+_handle = record_at(from_dtype(HANDLE))
+
+
+class Callbacks(NamedTuple):
+    """What CVODE calls, whatever the automaton: C functions over a HANDLE."""
+
+    rhs: Any
+    roots: Any
+
+
+@cache
+def callbacks() -> Callbacks:
+    """Compile the two callbacks of CVODE; they reach the automaton through the handle."""
+    load()  # before anything that names a symbol of SUNDIALS is linked
+
+    def rhs(t, y, dy, user):  # type: ignore[no-untyped-def]
+        handle = _handle(user)
+        slope = _data(dy)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        call_kernel(handle.flow, handle.mode, 0, now, _data(y), p, size, slope)
+        total = 0.0
+        for i in range(handle.n):
+            total += abs(pointer(slope)[i])
+        return 0 if math.isfinite(total) else -1
+
+    def roots(t, y, out, user):  # type: ignore[no-untyped-def]
+        handle = _handle(user)
+        m = handle.m
+        state = _data(y)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        call_kernel(handle.margins, handle.mode, 0, now, state, p, size, out)
+        values, bias, seen = pointer(out), pointer(handle.bias), pointer(handle.seen)
+        handle.seen_at = t
+        for i in range(2 * m):
+            seen[i] = values[i]
+        for i in range(m):
+            if math.isnan(values[i]) or math.isnan(values[m + i]):
+                return -1
+            values[i] += bias[i]
+            # CVODE takes a zero at the end of a step for the root, and then overlooks one before
+            # it: the rate of a waveform that ends level, at a switch, is such a zero.
+            if values[m + i] == 0.0:
+                values[m + i] = 1e-300
+        values[2 * m] = 1.0
+        if handle.section >= 0:
+            values[2 * m] = pointer(state)[handle.section] - handle.level
+        return 0
+
+    name = sources()
+    return Callbacks(compile_callback(rhs, CALLBACK, name), compile_callback(roots, CALLBACK, name))
+
+
+@cache
+def jacobian_callback() -> Any:
+    """Compile the callback by which CVODE asks for the Jacobian."""
+    load()
+
+    def jacobian(t, y, slope, out, user, work1, work2, work3):  # type: ignore[no-untyped-def]
+        handle = _handle(user)
+        now = min(t, handle.last_instant)
+        size, p = handle.parameter_count, handle.parameters
+        entries = _matrix_data(out)
+        for i in range(handle.n * handle.n):
+            pointer(entries)[i] = 0.0
+        call_kernel(handle.jacobian, handle.mode, 0, now, _data(y), p, size, entries)
+        return 0
+
+    return compile_callback(jacobian, JACOBIAN_CALLBACK, sources())
+
+
+# --- One arc through SUNDIALS' C API, with callbacks compiled by numba: the engine at native
+# speed.
+
+CV_ADAMS, CV_BDF, CV_ONE_STEP = 1, 2, 2
+
+_cvode = symbol("CVode")
+_reinit = symbol("CVodeReInit")
+_root_info = symbol("CVodeGetRootInfo")
+_dky = symbol("CVodeGetDky")
+_set_stop = symbol("CVodeSetStopTime")
+_clear_stop = symbol("CVodeClearStopTime")
+_set_max_step = symbol("CVodeSetMaxStep")
+_set_first_step = symbol("CVodeSetInitStep")
+_set_tolerances = symbol("CVodeSStolerances")
+_T_OFFSET = HANDLE.fields["t"][1]  # type: ignore[index]
+
+
+def prepare() -> None:
+    """Bind SUNDIALS; raises EngineUnavailable where that cannot be done."""
+    load()
+
+
+class Engine(CompiledEngine):
+    """One CVODE object whose callbacks are compiled; its memory is freed with it.
+
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`. Adams runs with
+    fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
+    """
+
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        sun = load()
+        n, m, jacobian = equations.n, equations.m, equations.jacobian
+        super().__init__(HANDLE, equations, {"spare": n, "seen": 2 * m})
+        handle, direction = self.handle, equations.crossing[2]
+        self._callbacks = callbacks()
+        context = ctypes.c_void_p()
+        sun.SUNContext_Create(0, ctypes.byref(context))
+        # The default handler prints to standard error; the codes say it all.
+        sun.SUNContext_ClearErrHandlers(context)
+        vector = sun.N_VMake_Serial(n, int(handle["y"]), context)
+        dense = sun.N_VMake_Serial(n, int(handle["spare"]), context)
+        bdf = options.method == "bdf"
+        memory = sun.CVodeCreate(CV_BDF if bdf else CV_ADAMS, context)
+        handle["cvode"], handle["vector"], handle["dense"] = memory, vector, dense
+        owned = _Owned(sun, context, memory, [vector, dense])
+        self._finalizer = weakref.finalize(self, owned.free)
+
+        _must(sun.CVodeInit(memory, self._callbacks.rhs.address, 0.0, vector), "CVodeInit")
+        _must(sun.CVodeSStolerances(memory, options.rtol, options.atol), "CVodeSStolerances")
+        handle["rtol"], handle["atol"] = options.rtol, options.atol
+        handle["share"], handle["longest"] = 1.0, max_step
+        _must(sun.CVodeSetUserData(memory, self.address), "CVodeSetUserData")
+        if bdf:
+            owned.matrix = sun.SUNDenseMatrix(n, n, context)
+            owned.linear = sun.SUNLinSol_Dense(vector, owned.matrix, context)
+            flag = sun.CVodeSetLinearSolver(memory, owned.linear, owned.matrix)
+            _must(flag, "CVodeSetLinearSolver")
+            if jacobian is not None:
+                self._jacobian = jacobian_of(jacobian, n)
+                handle["jacobian"] = self._jacobian.address
+                flag = sun.CVodeSetJacFn(memory, jacobian_callback().address)
+                _must(flag, "CVodeSetJacFn")
+        else:
+            owned.nonlinear = sun.SUNNonlinSol_FixedPoint(vector, 0, context)
+            _must(sun.CVodeSetNonlinearSolver(memory, owned.nonlinear), "CVodeSetNonlinearSolver")
+            # By default the step grows only if it may grow by half, and an arc between two
+            # impacts is over before the order has risen: 1.2 saves a sixth of the steps on the
+            # paper's set, at a smaller error.
+            _must(sun.CVodeSetEtaFixedStepBounds(memory, 0.0, 1.2), "CVodeSetEtaFixedStepBounds")
+        flag = sun.CVodeRootInit(memory, 2 * m + 1, self._callbacks.roots.address)
+        _must(flag, "CVodeRootInit")
+        directions = np.array([-1] * m + [1] * m + [direction], dtype=np.int32)
+        flag = sun.CVodeSetRootDirection(memory, directions.ctypes.data)
+        _must(flag, "CVodeSetRootDirection")
+        _must(sun.CVodeSetNoInactiveRootWarn(memory), "CVodeSetNoInactiveRootWarn")
+        _must(sun.CVodeSetMaxStep(memory, max_step), "CVodeSetMaxStep")
+        _must(sun.CVodeSetMaxHnilWarns(memory, -1), "CVodeSetMaxHnilWarns")
+        first = first_step(max_step, options.rtol, math.inf)
+        _must(sun.CVodeSetInitStep(memory, first), "CVodeSetInitStep")
+
+    def close(self) -> None:
+        """Free CVODE's memory now rather than with the object."""
+        self._finalizer()
+
+
+class _Owned:
+    """The C objects of one engine, freed in the order that SUNDIALS asks for."""
+
+    def __init__(self, sun: Any, context: Any, memory: int, vectors: list[int]) -> None:
+        self.sun, self.context, self.memory, self.vectors = sun, context, memory, vectors
+        self.matrix = self.linear = self.nonlinear = None
+
+    def free(self) -> None:
+        sun = self.sun
+        sun.CVodeFree(ctypes.byref(ctypes.c_void_p(self.memory)))
+        if self.nonlinear is not None:
+            sun.SUNNonlinSolFree(self.nonlinear)
+        if self.linear is not None:
+            sun.SUNLinSolFree(self.linear)
+            sun.SUNMatDestroy(self.matrix)
+        for vector in self.vectors:
+            sun.N_VDestroy(vector)
+        sun.SUNContext_Free(ctypes.byref(self.context))
+
+
+def _must(flag: int, name: str) -> None:
+    if flag < 0:
+        raise RuntimeError(f"{name} failed with code {flag}")
+
+
+def _is_cvode(kind: Any) -> bool:
+    return is_handle(kind) and "cvode" in kind.fields
+
+
+@overload(interface.step, jit_options={**JIT, **INNER})
+def _step(engine):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+
+        def implementation(engine):  # type: ignore[no-untyped-def]
+            # CVODE takes the end of the interval for direction and first step only.
+            time = address(engine) + _T_OFFSET
+            flag = _cvode(engine.cvode, engine.t + 1.0, engine.vector, time, CV_ONE_STEP)
+            if flag == interface.ROOT:
+                _root_info(engine.cvode, engine.fired)
+            return int(flag)
+
+        return implementation
+
+
+@overload(interface.end_margins, jit_options={**JIT, **INNER})
+def _ended(engine, out):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+
+        def implementation(engine, out):  # type: ignore[no-untyped-def]
+            if engine.seen_at == engine.t:
+                for i in range(2 * engine.m):
+                    out[i] = pointer(engine.seen)[i]
+            else:  # CVODE has looked for a root on both sides of it
+                now, y = min(engine.t, engine.last_instant), engine.y
+                size, p = engine.parameter_count, engine.parameters
+                call_kernel(engine.margins, engine.mode, 0, now, y, p, size, data(out))
+
+        return implementation
+
+
+@overload(interface.interpolate, jit_options={**JIT, **INNER})
+def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+
+        def implementation(engine, t, y):  # type: ignore[no-untyped-def]
+            _dky(engine.cvode, t, 0, engine.dense)
+            for i in range(engine.n):
+                y[i] = pointer(engine.spare)[i]
+
+        return implementation
+
+
+@overload(interface.restart, jit_options={**JIT, **INNER})
+def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+
+        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+            for i in range(engine.n):
+                pointer(engine.y)[i] = y[i]
+            engine.t = t
+            engine.mode = mode
+            _reinit(engine.cvode, t, engine.vector)
+            if stop < math.inf:
+                engine.last_instant = np.nextafter(stop, 0.0)
+                _set_stop(engine.cvode, stop)
+            else:
+                engine.last_instant = math.inf
+                _clear_stop(engine.cvode)
+
+        return implementation
+
+
+@overload(interface.reset, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+        (first,) = take_snapshot(first_step).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            engine.longest = max_step
+            engine.share = 1.0
+            _set_tolerances(engine.cvode, engine.rtol, engine.atol)
+            _set_max_step(engine.cvode, max_step)
+            _set_first_step(engine.cvode, first(max_step, engine.rtol, math.inf))
+
+        return implementation
+
+
+@overload(interface.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_cvode(engine):
+        first, sharper = take_snapshot(first_step, sharpened).frozen()
+
+        def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
+            if share < 1.0 or engine.share < 1.0:
+                rtol, atol = sharper(engine.rtol, engine.atol, share)
+                engine.share = share
+                _set_tolerances(engine.cvode, rtol, atol)
+                _set_first_step(engine.cvode, first(engine.longest, rtol, lasts))
+
+        return implementation

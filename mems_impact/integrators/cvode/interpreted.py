@@ -1,0 +1,188 @@
+"""CVODE through scikit-sundae's Python interface."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import threading
+from typing import Any
+
+import numpy as np
+from sksundae.cvode import CVODE
+
+from mems_impact.integrators import interface
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.options import Options
+from mems_impact.integrators.python_functions import JACOBIAN, Functions, scalars
+
+# --- How CVODE begins an arc: with which step, and to which tolerances.
+
+FINEST = 1e-14  # relative tolerance below which rounding decides
+
+
+def first_step(max_step: float, rtol: float, lasts: float) -> float:
+    """Return the first step of an arc, integrated to `rtol`, whose flight `lasts` so long.
+
+    CVODE's own makes an error of the whole tolerance, at order 1: more than the flight after a
+    weak impact is high. One far below it costs a step or two an arc, and only has to stay above
+    the spacing of the numbers. That of a short flight makes a thousandth of the error that it may
+    have; else CVODE would fail to find it.
+    """
+    usual = 1e-13 + 256.0 * 2.0**-52 * max_step
+    return min(usual, 0.01 * math.sqrt(rtol) * lasts)
+
+
+def sharpened(rtol: float, atol: float, share: float) -> tuple[float, float]:
+    """Return the tolerances of an arc that may err by a `share` of `rtol` and `atol`."""
+    return max(share * rtol, min(rtol, FINEST)), max(share * atol, 1e-300)
+
+
+# --- One arc through scikit-sundae's public API: the readable engine, and the fallback.
+
+# Standard output belongs to the process: two threads that redirect it in turn lose it for ever.
+_SILENCE = threading.Lock()
+
+
+class _Failure(Exception):
+    """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
+
+
+class Engine(Functions):
+    """CVODE with Python callbacks, behind the contract of `mems_impact.integrators.interface`.
+
+    Parameters
+    ----------
+    equations : Equations
+    options : Options
+    max_step : float
+        Longest internal step.
+    """
+
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        super().__init__(equations)
+        m, jacobian = equations.m, equations.jacobian
+        component, level, direction = equations.crossing
+        self._mode = 0
+        self._stop: float | None = None
+        self._last_instant = math.inf
+        self._result: Any = None
+        self._t = 0.0
+        self._frozen: Any = None
+
+        def rhs(t: float, y: Any, dy: Any) -> None:
+            self.flow(self._mode, min(t, self._last_instant), y, dy)
+            if not np.isfinite(dy).all():
+                raise _Failure(interface.NON_FINITE)
+
+        def roots(t: float, y: Any, out: Any) -> None:
+            if self._frozen is not None:
+                out[:] = self._frozen
+                return
+            self.margins(self._mode, min(t, self._last_instant), y, out)
+            out[:m] += self.bias
+            if np.isnan(out[: 2 * m]).any():
+                raise _Failure(interface.NO_GUARD)
+            # CVODE prints a warning about root functions that are zero for a whole step.
+            out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
+            out[2 * m] = y[component] - level if component >= 0 else 1.0
+
+        def newton(t: float, y: Any, _dy: Any, entries: Any) -> None:
+            assert jacobian is not None
+            entries[:] = 0.0
+            now = min(t, self._last_instant)
+            try:
+                jacobian(self._mode, now, scalars(y, self.n), self.parameters, entries)
+            except Exception:
+                self.note(JACOBIAN, self._mode, 0, now, y)
+                raise _Failure(interface.NON_FINITE) from None
+
+        roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
+        roots.direction = [-1] * m + [1] * m + [direction]  # type: ignore[attr-defined]
+        self._roots = roots
+        self._otherwise = -np.array(roots.direction)  # type: ignore[attr-defined]
+        self._settings: dict[str, Any] = {
+            "rhsfn": rhs,
+            "method": options.method,
+            "jacfn": newton if jacobian is not None else None,
+            "eventsfn": roots,
+            "num_events": 2 * m + 1,
+        }
+        self._rtol, self._atol = options.rtol, options.atol
+        self.renew(max_step)
+
+    def renew(self, max_step: float) -> None:
+        """Forget all that was before; no step is longer than `max_step`."""
+        self._max_step = max_step
+        self._make(1.0, math.inf)
+
+    def sharpen(self, share: float, lasts: float) -> None:
+        """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
+        if share < 1.0 or self._share < 1.0:
+            self._make(share, lasts)
+
+    def _make(self, share: float, lasts: float) -> None:
+        # Tolerances cannot be changed later.
+        self._share = share
+        rtol, atol = sharpened(self._rtol, self._atol, share)
+        first = first_step(self._max_step, rtol, lasts)
+        self._solver = CVODE(
+            **self._settings, rtol=rtol, atol=atol, first_step=first, max_step=self._max_step
+        )
+
+    def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
+        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        self._mode = mode
+        self._stop = stop if stop < math.inf else None
+        self._last_instant = np.nextafter(stop, 0.0) if stop < math.inf else math.inf
+        self._horizon = t + 1.0
+        self._solver.init_step(t, np.array(y[: self.n]))
+        self._t = t
+
+    def step(self) -> int:
+        """Take one internal step; STEPPED, STOPPED, ROOT or a negative code."""
+        # scikit-sundae appends to these lists at every root and never clears them, so that every
+        # result would carry all roots of the run (contract test: test_sksundae_event_log).
+        for log in (self._roots._i, self._roots._t, self._roots._y):  # type: ignore[attr-defined]
+            log.clear()
+        # CVODE's complaints go to standard output; its code says it all.
+        with _SILENCE, contextlib.redirect_stdout(io.StringIO()):
+            try:
+                self._result = self._solver.step(self._horizon, method="onestep", tstop=self._stop)
+            except _Failure as failure:
+                return int(failure.args[0])
+        self._t = float(np.ravel(self._result.t)[-1])
+        self._horizon = self._t + 1.0
+        return int(self._result.status)
+
+    def time(self) -> float:
+        """Return the time at which the last step ended."""
+        return self._t
+
+    def state(self, y: Any) -> None:
+        """Copy the state at `time` into `y`."""
+        y[: self.n] = self._result.y.tolist()
+
+    def ended(self, out: Any) -> None:
+        """Write margins and rates at `time` into `out`."""
+        self.margins(self._mode, min(self._t, self._last_instant), self._result.y, out)
+
+    def fired(self, i: int) -> int:
+        """Return how root function `i` crossed zero at the last ROOT."""
+        return int(self._result.i_events[-1][i])
+
+    def interpolate(self, t: float, y: Any) -> None:
+        """Write the state at `t`, within the last internal step, into `y`."""
+        # Going back, CVODE looks for roots on its way and forgets those that it has found. So it
+        # is shown the values that it knows, which do not change, and led back to where it was.
+        frozen = np.empty(2 * self.m + 1)
+        self._roots(self._t, self._result.y, frozen)
+        if self._result.status == interface.ROOT:
+            # What is exactly zero has been crossed; if not told, in the direction not looked for.
+            crossed = np.array(self._result.i_events[-1])
+            crossed = np.where(crossed == 0, self._otherwise, crossed)
+            frozen = np.where(frozen == 0.0, 1e-300 * crossed, frozen)
+        self._frozen = frozen
+        y[: self.n] = self._solver.step(t, method="normal").y.tolist()
+        self._solver.step(self._t, method="normal")
+        self._frozen = None

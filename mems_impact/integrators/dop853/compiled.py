@@ -1,0 +1,220 @@
+"""DOP853 in compiled code.
+
+The stepper becomes C functions over the address of a HANDLE, kept in numba's cache on disk; they
+reach the automaton through the addresses in it. Nothing here needs SUNDIALS.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numba import from_dtype, types
+from numba.extending import overload
+
+from mems_impact.integrators import interface
+from mems_impact.integrators.dop853 import stepper
+from mems_impact.integrators.dop853 import stepper as method
+from mems_impact.integrators.dop853.stepper import KEPT, LOW, ROWS, STATE
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.jit.closures import mark_overloaded, sources, take_snapshot
+from mems_impact.integrators.jit.kernels import FIELDS, CompiledEngine, is_handle
+from mems_impact.integrators.jit.numba_support import (
+    INNER,
+    JIT,
+    WORD,
+    address,
+    caller,
+    check_numba,
+    compile_callback,
+    data,
+    integers,
+    pointer,
+    record_at,
+)
+from mems_impact.integrators.options import Options
+
+_FUNCTIONS = ("stages", "dense", "step", "interpolate")
+_WORDS = ("rows", "width", "components", "direction", "begun", "rest", "has_dense")
+_COUNTS = ("at_border", "off_border", "stiff", "steps")
+_REALS = ("rtol", "atol", "max_step", "longest", "t_start", "t_end", "stop", "h_next")
+HANDLE = np.dtype(
+    [
+        *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
+        *((name, np.float64) for name in _REALS),
+        *FIELDS,
+    ],
+    align=True,
+)
+# A product and a sum may be one operation: a period takes 5 % less time. Automata are
+# compiled without, as a difference that is zero must stay so.
+CONTRACTED = {"fastmath": {"contract"}}
+_handle = record_at(from_dtype(HANDLE))
+
+_word, _real, _none = types.int64, types.float64, types.void
+SIGNATURES = {
+    "stages": _real(_word, _real, _real),
+    "dense": _none(_word),
+    "step": _word(_word),
+    "interpolate": _none(_word, _real, _word),
+}
+
+
+def prepare() -> None:
+    """Raise EngineUnavailable where nothing may be compiled; there is nothing to bind."""
+    check_numba()
+
+
+class Engine(CompiledEngine):
+    """A handle for the compiled stepper.
+
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`; an explicit
+    method has no use for the Jacobian.
+    """
+
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        n, width = equations.n, max(equations.n, 2 * equations.m + 1)
+        super().__init__(HANDLE, equations, {"rows": ROWS * width, "components": n * KEPT})
+        self._functions = functions()
+        handle = self.handle
+        handle["y"] = handle["rows"] + WORD * width * STATE
+        for name, function in self._functions.items():
+            handle[name] = function.address
+        handle["width"] = width
+        handle["direction"] = equations.crossing[2]
+        handle["rtol"], handle["atol"] = options.rtol, options.atol
+        handle["max_step"] = max_step
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps."""
+        return bool(self.handle["stiff"] == 1)
+
+
+@cache
+def functions() -> dict[str, Any]:
+    """Compile the stepper to C functions over a HANDLE, or find them in the cache."""
+    run_stages, run_dense, run_step, run_interpolate = take_snapshot(
+        method.stages, method.dense, stepper.step, stepper.interpolate
+    ).frozen(**CONTRACTED)
+
+    def stages(engine, t, h):  # type: ignore[no-untyped-def]
+        return run_stages(_handle(engine), t, h)
+
+    def dense(engine):  # type: ignore[no-untyped-def]
+        run_dense(_handle(engine))
+
+    def step(engine):  # type: ignore[no-untyped-def]
+        return run_step(_handle(engine))
+
+    def interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+        run_interpolate(_handle(engine), t, pointer(y))
+
+    return {
+        function.__name__: compile_callback(
+            function, SIGNATURES[function.__name__], sources(), **CONTRACTED
+        )
+        for function in (stages, dense, step, interpolate)
+    }
+
+
+def _is_onestep(kind: Any) -> bool:
+    return is_handle(kind) and "h_next" in kind.fields
+
+
+mark_overloaded(method.row, method.component, method.set_fired, method.try_step, method.make_dense)
+
+
+@overload(method.row, jit_options={**JIT, **INNER})
+def _row(engine, i):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
+
+
+@overload(method.component, jit_options={**JIT, **INNER})
+def _component(engine, j):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, j: pointer(engine.components + WORD * KEPT * j)
+
+
+@overload(method.set_fired, jit_options={**JIT, **INNER})
+def _set_fired(engine, i, direction):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+
+        def implementation(engine, i, direction):  # type: ignore[no-untyped-def]
+            integers(engine.fired)[i] = direction
+
+        return implementation
+
+
+# In what follows the functions of the text are called where the handle has their addresses.
+_call_stages = caller(SIGNATURES["stages"])
+_call_dense = caller(SIGNATURES["dense"])
+_call_step = caller(SIGNATURES["step"])
+_call_interpolate = caller(SIGNATURES["interpolate"])
+
+
+@overload(method.try_step, jit_options={**JIT, **INNER})
+def _try_step(engine, t, h):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, t, h: _call_stages(engine.stages, (address(engine), t, h))
+
+
+@overload(method.make_dense, jit_options={**JIT, **INNER})
+def _make_dense(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_dense(engine.dense, (address(engine),))
+
+
+@overload(interface.step, jit_options={**JIT, **INNER})
+def _step(engine):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine: _call_step(engine.step, (address(engine),))
+
+
+@overload(interface.interpolate, jit_options={**JIT, **INNER})
+def _interpolate(engine, t, y):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, t, y: _call_interpolate(
+            engine.interpolate, (address(engine), t, data(y))
+        )
+
+
+@overload(interface.end_margins, jit_options={**JIT, **INNER})
+def _ended(engine, out):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+
+        def implementation(engine, out):  # type: ignore[no-untyped-def]
+            low = pointer(engine.rows + WORD * engine.width * LOW)
+            for i in range(2 * engine.m):
+                out[i] = low[i]
+
+        return implementation
+
+
+@overload(interface.restart, jit_options={**JIT, **INNER})
+def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        (run_restart,) = take_snapshot(stepper.restart).frozen()
+
+        def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
+            run_restart(engine, mode, t, y, stop)
+
+        return implementation
+
+
+@overload(interface.reset, jit_options={**JIT, **INNER})
+def _renew(engine, max_step):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        (run_renew,) = take_snapshot(stepper.reset).frozen()
+
+        def implementation(engine, max_step):  # type: ignore[no-untyped-def]
+            run_renew(engine, max_step)
+
+        return implementation
+
+
+@overload(interface.sharpen, jit_options={**JIT, **INNER})
+def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
+    if _is_onestep(engine):
+        return lambda engine, share, lasts: None

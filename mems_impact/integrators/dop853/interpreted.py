@@ -1,0 +1,76 @@
+"""DOP853 in Python."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from mems_impact.integrators.dop853 import stepper
+from mems_impact.integrators.dop853.stepper import KEPT, LOW, ROWS, STATE
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.options import Options
+from mems_impact.integrators.python_functions import Functions, scalars
+
+
+class Engine(Functions):
+    """The text of `stepper` over lists, behind the contract of `mems_impact.integrators.interface`.
+
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`; an explicit
+    method has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
+    """
+
+    def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
+        super().__init__(equations)
+        n, m = equations.n, equations.m
+        # Lists: scalars out of arrays are several times as slow.
+        self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
+        self.components = [[0.0] * KEPT for _ in range(n)]
+        self.crossings = [0] * (2 * m + 1)
+        self.section, self.level, self.direction = equations.crossing
+        self.rtol, self.atol, self.max_step = options.rtol, options.atol, max_step
+        self.mode = 0
+        self.t = self.t_start = self.t_end = 0.0
+        self.stop = self.last_instant = math.inf
+        self.h_next = self.longest = 0.0
+        self.begun = self.rest = self.has_dense = 0
+        self.at_border = self.off_border = self.stiff = 0
+        self.steps = 0
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps."""
+        return self.stiff == 1
+
+    def renew(self, max_step: float) -> None:
+        """Forget all that was before; no step is longer than `max_step`."""
+        stepper.reset(self, max_step)
+
+    def sharpen(self, share: float, lasts: float) -> None:
+        """Do nothing: over a short flight an error of order 8 is far below the flight."""
+
+    def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
+        """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
+        stepper.restart(self, mode, t, scalars(y, self.n), stop)
+
+    def step(self) -> int:
+        """Take one step; STEPPED, STOPPED, ROOT or a negative code."""
+        return stepper.step(self)
+
+    def time(self) -> float:
+        """Return the time at which the last step ended."""
+        return self.t
+
+    def state(self, y: Any) -> None:
+        """Copy the state at `time` into `y`."""
+        y[: self.n] = self.rows[STATE][: self.n]
+
+    def ended(self, out: Any) -> None:
+        """Write margins and rates at `time` into `out`."""
+        out[: 2 * self.m] = self.rows[LOW][: 2 * self.m]
+
+    def fired(self, i: int) -> int:
+        """Return how root function `i` crossed zero at the last ROOT."""
+        return self.crossings[i]
+
+    def interpolate(self, t: float, y: Any) -> None:
+        """Write the state at `t`, within the last step, into `y`."""
+        stepper.interpolate(self, t, y)

@@ -1,0 +1,771 @@
+"""DOP853: tableau, step, dense output, root finding and step size control.
+
+As published with the code DOP853 of E. Hairer and G. Wanner (E. Hairer, S. P. Norsett, G. Wanner,
+"Solving Ordinary Differential Equations I", second edition, Section II.5), rounded to doubles.
+Published digits have been wrong before: `tests/integrators/dop853/test_order.py` checks the order
+conditions of all of them.
+
+Stages count from zero. Stage 12 is the slope at the end of the step, with which the next one
+begins; 13 to 15 serve the dense output alone. Only coefficients that are not zero are listed.
+
+Like the loop, this is one text for both engines: `contract.flow` calls the automaton, and `row` and
+`component` lead to lists in Python and to memory in compiled code.
+
+A row of the table holds the 2 m + 1 root functions at one instant: the margins as they are, their
+rates, the section. A margin fires where it (with its bias) falls to zero or below, a rate where it
+rises to zero or above; so a function that starts at zero does not fire by staying there.
+
+The text of `step`, `restart`, `renew` and `interpolate` of the engine's contract, for both engines.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from mems_impact.integrators import interface
+
+# --- Dormand and Prince's method of order 8 with its dense output of order 7: the coefficients.
+
+# fmt: off
+
+# Where in the step each stage is.
+C = (
+    0.0, 0.05260015195876773, 0.0789002279381516, 0.1183503419072274, 0.2816496580927726,
+    0.3333333333333333, 0.25, 0.3076923076923077, 0.6512820512820513, 0.6, 0.8571428571428571, 1.0,
+    1.0, 0.1, 0.2, 0.7777777777777778,
+)
+
+# The stages that have a part in the state at which stage i is evaluated, and with which weights.
+# Row 12 holds the weights of the method.
+STAGES = (
+    (),
+    (0,),
+    (0, 1),
+    (0, 2),
+    (0, 2, 3),
+    (0, 3, 4),
+    (0, 3, 4, 5),
+    (0, 3, 4, 5, 6),
+    (0, 3, 4, 5, 6, 7),
+    (0, 3, 4, 5, 6, 7, 8),
+    (0, 3, 4, 5, 6, 7, 8, 9),
+    (0, 3, 4, 5, 6, 7, 8, 9, 10),
+    (0, 5, 6, 7, 8, 9, 10, 11),
+    (0, 6, 7, 8, 9, 10, 11, 12),
+    (0, 5, 6, 7, 10, 11, 12, 13),
+    (0, 5, 6, 7, 8, 12, 13, 14),
+)
+A = (
+    (),
+    (0.05260015195876773,),
+    (
+        0.0197250569845379, 0.0591751709536137,
+    ),
+    (
+        0.02958758547680685, 0.08876275643042054,
+    ),
+    (
+        0.2413651341592667, -0.8845494793282861, 0.924834003261792,
+    ),
+    (
+        0.037037037037037035, 0.17082860872947386, 0.12546768756682242,
+    ),
+    (
+        0.037109375, 0.17025221101954405, 0.06021653898045596, -0.017578125,
+    ),
+    (
+        0.03709200011850479, 0.17038392571223998, 0.10726203044637328, -0.015319437748624402,
+        0.008273789163814023,
+    ),
+    (
+        0.6241109587160757, -3.3608926294469414, -0.868219346841726, 27.59209969944671,
+        20.154067550477894, -43.48988418106996,
+    ),
+    (
+        0.47766253643826434, -2.4881146199716677, -0.590290826836843, 21.230051448181193,
+        15.279233632882423, -33.28821096898486, -0.020331201708508627,
+    ),
+    (
+        -0.9371424300859873, 5.186372428844064, 1.0914373489967295, -8.149787010746927,
+        -18.52006565999696, 22.739487099350505, 2.4936055526796523, -3.0467644718982196,
+    ),
+    (
+        2.273310147516538, -10.53449546673725, -2.0008720582248625, -17.9589318631188,
+        27.94888452941996, -2.8589982771350235, -8.87285693353063, 12.360567175794303,
+        0.6433927460157636,
+    ),
+    (
+        0.054293734116568765, 4.450312892752409, 1.8915178993145003, -5.801203960010585,
+        0.3111643669578199, -0.1521609496625161, 0.20136540080403034, 0.04471061572777259,
+    ),
+    (
+        0.056167502283047954, 0.25350021021662483, -0.2462390374708025, -0.12419142326381637,
+        0.15329179827876568, 0.00820105229563469, 0.007567897660545699, -0.008298,
+    ),
+    (
+        0.03183464816350214, 0.028300909672366776, 0.053541988307438566, -0.05492374857139099,
+        -0.00010834732869724932, 0.0003825710908356584, -0.00034046500868740456,
+        0.1413124436746325,
+    ),
+    (
+        -0.42889630158379194, -4.697621415361164, 7.683421196062599, 4.06898981839711,
+        0.3567271874552811, -0.0013990241651590145, 2.9475147891527724, -9.15095847217987,
+    ),
+)
+
+# The difference from the embedded method of order 5, on the stages of row 12.
+ERROR_5 = (
+    0.01312004499419488, -1.2251564463762044, -0.4957589496572502, 1.6643771824549864,
+    -0.35032884874997366, 0.3341791187130175, 0.08192320648511571, -0.022355307863886294,
+)
+# The embedded method of order 3: its weights on stages 0, 8 and 11.
+WEIGHTS_3 = (0.2440944881889764, 0.7338466882816118, 0.022058823529411766)
+
+# Coefficients 3 to 6 of the dense output.
+DENSE_STAGES = (0, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+D = (
+    (
+        -8.428938276109013, 0.5667149535193777, -3.0689499459498917, 2.38466765651207,
+        2.117034582445028, -0.871391583777973, 2.2404374302607883, 0.6315787787694688,
+        -0.08899033645133331, 18.148505520854727, -9.194632392478356, -4.436036387594894,
+    ),
+    (
+        10.427508642579134, 242.28349177525817, 165.20045171727028, -374.5467547226902,
+        -22.113666853125306, 7.733432668472264, -30.674084731089398, -9.332130526430229,
+        15.697238121770845, -31.139403219565178, -9.35292435884448, 35.81684148639408,
+    ),
+    (
+        19.985053242002433, -387.0373087493518, -189.17813819516758, 527.8081592054236,
+        -11.57390253995963, 6.8812326946963, -1.0006050966910838, 0.7777137798053443,
+        -2.778205752353508, -60.19669523126412, 84.32040550667716, 11.99229113618279,
+    ),
+    (
+        -25.69393346270375, -154.18974869023643, -231.5293791760455, 357.6391179106141,
+        93.40532418362432, -37.45832313645163, 104.0996495089623, 29.8402934266605,
+        -43.53345659001114, 96.32455395918828, -39.17726167561544, -149.72683625798564,
+    ),
+)
+
+# --- One step of the method: stages, error estimate, dense output.
+
+# What is kept of each component of the state, one after another: the slopes at the places C of the
+# step, numbers 0 to 15, and seven coefficients of the dense output.
+DENSE = 16
+KEPT = 24
+
+# Rows of numbers side by side, as the automaton's functions take them.
+ARGUMENT, SLOPE = 0, 1  # state at which a stage is evaluated, and what comes of it
+START, END = 2, 3  # states between which the step goes
+STATE = 4  # what `state` answers
+LOW, HIGH = 5, 6  # root functions where they are looked for from, and at the end of the step
+SPARE = 7  # three rows of root functions while a root is closed in
+ROWS = 10
+
+
+def row(engine: Any, i: int) -> Any:
+    """Return row `i`."""
+    return engine.rows[i]
+
+
+def component(engine: Any, j: int) -> Any:
+    """Return what is kept of component `j`."""
+    return engine.components[j]
+
+
+def set_fired(engine: Any, i: int, direction: int) -> None:
+    """Say that root function `i` has crossed zero in `direction`, or not (0)."""
+    engine.crossings[i] = direction
+
+
+def stages(engine: Any, t: float, h: float) -> float:
+    """Evaluate slopes 1 to 11 and END of a step from (t, START); return its error in tolerances.
+
+    Slope 0 must be known. The error estimate is that of DOP853, of order 7: it combines two
+    embedded methods, of orders 5 and 3. It is not finite where a slope is not.
+    """
+    n, mode, limit = engine.n, engine.mode, engine.last_instant
+    rtol, atol = engine.rtol, engine.atol
+    y, slope = row(engine, ARGUMENT), row(engine, SLOPE)
+    start, end = row(engine, START), row(engine, END)
+    # fmt: off
+    (a0,) = A[1]
+    for j in range(n):
+        k = component(engine, j)
+        y[j] = start[j] + h * (a0 * k[0])
+    interface.flow(engine, mode, min(t + C[1] * h, limit), y, slope)
+    a0, a1 = A[2]
+    for j in range(n):
+        k = component(engine, j)
+        k[1] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a1 * k[1])
+    interface.flow(engine, mode, min(t + C[2] * h, limit), y, slope)
+    a0, a2 = A[3]
+    for j in range(n):
+        k = component(engine, j)
+        k[2] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a2 * k[2])
+    interface.flow(engine, mode, min(t + C[3] * h, limit), y, slope)
+    a0, a2, a3 = A[4]
+    for j in range(n):
+        k = component(engine, j)
+        k[3] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a2 * k[2] + a3 * k[3])
+    interface.flow(engine, mode, min(t + C[4] * h, limit), y, slope)
+    a0, a3, a4 = A[5]
+    for j in range(n):
+        k = component(engine, j)
+        k[4] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4])
+    interface.flow(engine, mode, min(t + C[5] * h, limit), y, slope)
+    a0, a3, a4, a5 = A[6]
+    for j in range(n):
+        k = component(engine, j)
+        k[5] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5])
+    interface.flow(engine, mode, min(t + C[6] * h, limit), y, slope)
+    a0, a3, a4, a5, a6 = A[7]
+    for j in range(n):
+        k = component(engine, j)
+        k[6] = slope[j]
+        y[j] = start[j] + h * (a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6])
+    interface.flow(engine, mode, min(t + C[7] * h, limit), y, slope)
+    a0, a3, a4, a5, a6, a7 = A[8]
+    for j in range(n):
+        k = component(engine, j)
+        k[7] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7]
+        )
+    interface.flow(engine, mode, min(t + C[8] * h, limit), y, slope)
+    a0, a3, a4, a5, a6, a7, a8 = A[9]
+    for j in range(n):
+        k = component(engine, j)
+        k[8] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
+        )
+    interface.flow(engine, mode, min(t + C[9] * h, limit), y, slope)
+    a0, a3, a4, a5, a6, a7, a8, a9 = A[10]
+    for j in range(n):
+        k = component(engine, j)
+        k[9] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
+            + a9 * k[9]
+        )
+    interface.flow(engine, mode, min(t + C[10] * h, limit), y, slope)
+    a0, a3, a4, a5, a6, a7, a8, a9, a10 = A[11]
+    for j in range(n):
+        k = component(engine, j)
+        k[10] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a3 * k[3] + a4 * k[4] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8]
+            + a9 * k[9] + a10 * k[10]
+        )
+    interface.flow(engine, mode, min(t + C[11] * h, limit), y, slope)
+    b0, b5, b6, b7, b8, b9, b10, b11 = A[12]
+    e0, e5, e6, e7, e8, e9, e10, e11 = ERROR_5
+    w0, w8, w11 = WEIGHTS_3
+    error_5, error_3, probe = 0.0, 0.0, 0.0
+    for j in range(n):
+        k = component(engine, j)
+        k[11] = slope[j]
+        mean = (
+            b0 * k[0] + b5 * k[5] + b6 * k[6] + b7 * k[7] + b8 * k[8] + b9 * k[9] + b10 * k[10]
+            + b11 * k[11]
+        )
+        end[j] = start[j] + h * mean
+        scale = atol + rtol * max(abs(start[j]), abs(end[j]))
+        difference = (
+            e0 * k[0] + e5 * k[5] + e6 * k[6] + e7 * k[7] + e8 * k[8] + e9 * k[9] + e10 * k[10]
+            + e11 * k[11]
+        ) / scale
+        error_5 += difference * difference
+        difference = (mean - (w0 * k[0] + w8 * k[8] + w11 * k[11])) / scale
+        error_3 += difference * difference
+        # Slopes that have no weight of their own.
+        probe += k[1] + k[2] + k[3] + k[4]
+    # fmt: on
+    total = error_5 + 0.01 * error_3
+    if total == 0.0:
+        total = 1.0
+    return abs(h) * error_5 / math.sqrt(n * total) + 0.0 * probe
+
+
+def dense(engine: Any) -> None:
+    """Compute the coefficients of the dense output of the last step, by three more slopes."""
+    n, mode, limit = engine.n, engine.mode, engine.last_instant
+    t, h = engine.t_start, engine.t_end - engine.t_start
+    y, slope = row(engine, ARGUMENT), row(engine, SLOPE)
+    start, end = row(engine, START), row(engine, END)
+    # fmt: off
+    a0, a6, a7, a8, a9, a10, a11, a12 = A[13]
+    for j in range(n):
+        k = component(engine, j)
+        y[j] = start[j] + h * (
+            a0 * k[0] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a9 * k[9] + a10 * k[10] + a11 * k[11]
+            + a12 * k[12]
+        )
+    interface.flow(engine, mode, min(t + C[13] * h, limit), y, slope)
+    a0, a5, a6, a7, a10, a11, a12, a13 = A[14]
+    for j in range(n):
+        k = component(engine, j)
+        k[13] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a10 * k[10] + a11 * k[11]
+            + a12 * k[12] + a13 * k[13]
+        )
+    interface.flow(engine, mode, min(t + C[14] * h, limit), y, slope)
+    a0, a5, a6, a7, a8, a12, a13, a14 = A[15]
+    for j in range(n):
+        k = component(engine, j)
+        k[14] = slope[j]
+        y[j] = start[j] + h * (
+            a0 * k[0] + a5 * k[5] + a6 * k[6] + a7 * k[7] + a8 * k[8] + a12 * k[12] + a13 * k[13]
+            + a14 * k[14]
+        )
+    interface.flow(engine, mode, min(t + C[15] * h, limit), y, slope)
+    for j in range(n):
+        k = component(engine, j)
+        k[15] = slope[j]
+        rise = end[j] - start[j]
+        k[DENSE] = rise
+        k[DENSE + 1] = h * k[0] - rise
+        k[DENSE + 2] = 2.0 * rise - h * (k[12] + k[0])
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[0]
+    for j in range(n):
+        k = component(engine, j)
+        k[DENSE + 3] = h * (
+            d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
+            + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
+        )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[1]
+    for j in range(n):
+        k = component(engine, j)
+        k[DENSE + 4] = h * (
+            d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
+            + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
+        )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[2]
+    for j in range(n):
+        k = component(engine, j)
+        k[DENSE + 5] = h * (
+            d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
+            + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
+        )
+    d0, d5, d6, d7, d8, d9, d10, d11, d12, d13, d14, d15 = D[3]
+    for j in range(n):
+        k = component(engine, j)
+        k[DENSE + 6] = h * (
+            d0 * k[0] + d5 * k[5] + d6 * k[6] + d7 * k[7] + d8 * k[8] + d9 * k[9] + d10 * k[10]
+            + d11 * k[11] + d12 * k[12] + d13 * k[13] + d14 * k[14] + d15 * k[15]
+        )
+    # fmt: on
+
+
+def try_step(engine: Any, t: float, h: float) -> float:
+    """Call `stages`, which compiled code has as a C function, as it has `dense`."""
+    return stages(engine, t, h)
+
+
+def make_dense(engine: Any) -> None:
+    """Call `dense`."""
+    dense(engine)
+
+
+def slope_at_end(engine: Any, t: float) -> bool:
+    """Evaluate slope 12, that at END and time `t`; return whether it is finite."""
+    slope = row(engine, SLOPE)
+    interface.flow(engine, engine.mode, min(t, engine.last_instant), row(engine, END), slope)
+    total = 0.0
+    for j in range(engine.n):
+        component(engine, j)[12] = slope[j]
+        total += abs(slope[j])
+    return math.isfinite(total)
+
+
+def stretched(engine: Any, h: float) -> float:
+    """Return h times Hairer's estimate of the largest eigenvalue, from slopes 11 and 12.
+
+    Both belong to the end of the step, to the state of ARGUMENT and to END.
+    """
+    y, end = row(engine, ARGUMENT), row(engine, END)
+    slopes, states = 0.0, 0.0
+    for j in range(engine.n):
+        k = component(engine, j)
+        slopes += (k[12] - k[11]) * (k[12] - k[11])
+        states += (end[j] - y[j]) * (end[j] - y[j])
+    return abs(h) * math.sqrt(slopes / states) if states > 0.0 else 0.0
+
+
+def dense_at(engine: Any, t: float, y: Any) -> None:
+    """Write the state at `t` within the last step into `y`; beyond the step its ends."""
+    start, end = row(engine, START), row(engine, END)
+    inside = engine.t_start < t < engine.t_end
+    if not inside:
+        for j in range(engine.n):
+            y[j] = start[j] if t <= engine.t_start else end[j]
+        return
+    if engine.has_dense == 0:
+        engine.has_dense = 1
+        make_dense(engine)
+    u = (t - engine.t_start) / (engine.t_end - engine.t_start)
+    v = 1.0 - u
+    for j in range(engine.n):
+        k = component(engine, j)
+        inner = k[DENSE + 3] + u * (k[DENSE + 4] + v * (k[DENSE + 5] + u * k[DENSE + 6]))
+        y[j] = start[j] + u * (k[DENSE] + v * (k[DENSE + 1] + u * (k[DENSE + 2] + v * inner)))
+
+# --- The first sign change of the root functions within a step.
+
+NONE = -1
+ULP = 2.0**-52
+
+
+def root_functions(engine: Any, t: float, y: Any, out: Any) -> bool:
+    """Write all root functions at (t, y) into `out`; return whether they are numbers."""
+    m = engine.m
+    interface.margins(engine, engine.mode, min(t, engine.last_instant), y, out)
+    out[2 * m] = y[engine.section] - engine.level if engine.section >= 0 else 1.0
+    for i in range(2 * m):  # noqa: SIM110 - numba compiles no generator, here and below
+        if math.isnan(out[i]):
+            return False
+    return True
+
+
+def value(engine: Any, i: int, values: Any) -> float:
+    """Return function `i`, a margin with its bias."""
+    return values[i] + interface.bias(engine, i) if i < engine.m else values[i]
+
+
+def crossed(engine: Any, i: int, low: Any, high: Any) -> int:
+    """Return how function `i` crosses zero between rows: -1 falling, +1 rising, 0 not at all.
+
+    Directions that are not looked for do not count.
+    """
+    m = engine.m
+    if i < m:
+        bias = interface.bias(engine, i)
+        return -1 if low[i] + bias > 0.0 and high[i] + bias <= 0.0 else 0
+    if i < 2 * m:
+        return 1 if low[i] < 0.0 and high[i] >= 0.0 else 0
+    if low[i] > 0.0 and high[i] <= 0.0 and engine.direction <= 0:
+        return -1
+    return 1 if low[i] < 0.0 and high[i] >= 0.0 and engine.direction >= 0 else 0
+
+
+def any_crossed(engine: Any, low: Any, high: Any) -> bool:
+    """Return whether any function crosses zero between rows."""
+    for i in range(2 * engine.m + 1):  # noqa: SIM110
+        if crossed(engine, i, low, high) != 0:
+            return True
+    return False
+
+
+def first_crossed(engine: Any, low: Any, high: Any) -> tuple[int, float]:
+    """Return the function whose zero is first if all of them are straight, and where between.
+
+    NONE if none crosses zero.
+    """
+    first, place = NONE, 1.0
+    for i in range(2 * engine.m + 1):
+        if crossed(engine, i, low, high) != 0:
+            before = value(engine, i, low)
+            there = before / (before - value(engine, i, high))
+            if first == NONE or there < place:
+                first, place = i, there
+    return first, place
+
+
+def close_in(engine: Any, begin: float, end: float) -> float:
+    """Return the first root after `begin`, where LOW stands; NaN if a function is not a number.
+
+    HIGH stands at `end`, and some function crosses zero between the two. The answer is on the far
+    side of the root, within two units of its last place. LOW then holds the functions there, and
+    what crosses zero with it is told as fired.
+
+    The method works on all functions at once: the far end of the bracket is where any of them has
+    crossed zero. It goes where a parabola through the last three points has its root (or the
+    straight line, where they do not lie on a monotonous one), and a little to the middle of the
+    bracket, so that both its ends close in. It never leaves the middle by more than leaves
+    bisection one step behind: the projection of ITP (Oliveira and Takahashi, ACM Trans. Math.
+    Softw. 47, 2020).
+    """
+    count = 2 * engine.m + 1
+    near, far, last, trial = LOW, SPARE, SPARE + 1, SPARE + 2  # rows
+    for i in range(count):
+        row(engine, far)[i] = row(engine, HIGH)[i]
+    a, b, c = begin, end, end
+    moved_far, points = False, 2
+    radius = b - a
+    shift = 0.2 / radius
+    i, place = first_crossed(engine, row(engine, near), row(engine, far))
+    while True:
+        limit = ULP * max(abs(b), 1e-3 * (end - begin))
+        width = b - a
+        if width <= 2.0 * limit:
+            break
+        middle = a + 0.5 * width
+        t = a + width * place
+        side = 1.0 if middle >= t else -1.0
+        push = shift * width * width
+        if points == 3:
+            f_a, f_b = value(engine, i, row(engine, near)), value(engine, i, row(engine, far))
+            f_c = value(engine, i, row(engine, last))
+            new, old = (b, a) if moved_far else (a, b)
+            f_new, f_old = (f_b, f_a) if moved_far else (f_a, f_b)
+            if (f_new - f_old) * (f_c - f_old) > 0.0:
+                x, f = (new - old) / (c - old), (f_new - f_old) / (f_c - f_old)
+                if f * f < x and (1.0 - f) * (1.0 - f) < 1.0 - x:
+                    straight = t
+                    t = a + f_a / (f_b - f_a) * f_c / (f_b - f_c) * width
+                    t += f_a / (f_c - f_a) * f_b / (f_c - f_b) * (c - a)
+                    side = 1.0 if middle >= t else -1.0
+                    push = 0.01 * abs(t - straight)
+        t = t + side * push if push <= abs(middle - t) else middle
+        slack = radius - 0.5 * width
+        if abs(t - middle) > slack:
+            t = middle - side * slack
+        t = min(max(t, a + limit), b - limit)
+        if t <= a or t >= b:
+            break
+        dense_at(engine, t, row(engine, ARGUMENT))
+        if not root_functions(engine, t, row(engine, ARGUMENT), row(engine, trial)):
+            return math.nan
+        i, place = first_crossed(engine, row(engine, near), row(engine, trial))
+        moved_far = i != NONE
+        if moved_far:
+            c, b = b, t
+            last, far, trial = far, trial, last
+        else:
+            c, a = a, t
+            last, near, trial = near, trial, last
+            i, place = first_crossed(engine, row(engine, near), row(engine, far))
+        points = 3
+        radius *= 0.5
+    for i in range(count):
+        set_fired(engine, i, crossed(engine, i, row(engine, near), row(engine, far)))
+    for i in range(count):
+        row(engine, LOW)[i] = row(engine, far)[i]
+    return b
+
+# --- Step by step through an arc: control of the step, and roots within it.
+
+ERROR_TEST = -3  # of contract.FAILURES
+
+# Step control of DOP853. The part of the last step's error that it leaves to choose (beta) stays
+# out, as by default there: at 0.04 the paper's set takes 4 to 9 % more steps, at 0.08 28 to 38 %.
+SAFETY, SHRINK, GROW = 0.9, 1.0 / 3.0, 6.0
+
+# The textbook's first step is cautious at order 8: on smooth arcs of this package the error
+# estimate then allows one that is 4 to 28 times as long, mostly 6 to 10.
+BOLD = 6.0
+# Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment
+# what it else does in a period, such as swing from one sign to the other, and margins are looked
+# at only where steps end.
+LOOKS = 4.0
+RETREAT = 0.25  # a step into where the functions are not finite is cut to this
+
+# Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
+# in a row. It is made every so many steps, and at every step once it has been met.
+BORDER, IN_A_ROW, FAR_FROM_IT, EVERY = 6.1, 15, 6, 64
+
+
+def reset(engine: Any, max_step: float) -> None:
+    """Forget all that was before; no step is longer than `max_step`."""
+    engine.max_step = max_step
+    engine.h_next = 0.0
+    engine.at_border = 0
+    engine.off_border = 0
+    engine.stiff = 0
+    engine.steps = 0
+
+
+def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
+    """Begin an arc at (t, y) in `mode`, of which nothing is evaluated from `stop` on."""
+    for j in range(engine.n):
+        row(engine, START)[j] = y[j]
+        row(engine, END)[j] = y[j]
+        row(engine, STATE)[j] = y[j]
+    engine.mode = mode
+    engine.t = t
+    engine.t_start = t
+    engine.t_end = t
+    engine.stop = stop
+    engine.last_instant = float(np.nextafter(stop, -math.inf))
+    engine.longest = min(engine.max_step, (stop - t) / LOOKS)
+    engine.begun = 0
+    engine.rest = 0
+
+
+def step(engine: Any) -> int:
+    """Take one step, or go to the first root in it or in what is left of the last one."""
+    if engine.rest == 0:
+        if engine.begun == 0:
+            status = begin(engine)
+            if status < 0:
+                return status
+        status = take_step(engine)
+        if status < 0:
+            return status
+    return look(engine)
+
+
+def begin(engine: Any) -> int:
+    """Evaluate slope and root functions at the start of an arc, and choose its first step."""
+    t = engine.t
+    if not slope_at_end(engine, t):
+        return interface.NON_FINITE
+    if not root_functions(engine, t, row(engine, END), row(engine, LOW)):
+        return interface.NO_GUARD
+    leave_section(engine, row(engine, LOW), 0)
+    engine.h_next = first_step(engine)
+    engine.begun = 1
+    return interface.STEPPED
+
+
+def first_step(engine: Any) -> float:
+    """Return a first step by slope and curvature (Hairer, Norsett, Wanner I, Section II.4).
+
+    The length of the last arc's steps is no guide: an arc must not depend on what was before it,
+    or a run could not be taken up at any of its events.
+    """
+    n = engine.n
+    y, ahead, changed = row(engine, END), row(engine, ARGUMENT), row(engine, SLOPE)
+    size, speed = 0.0, 0.0
+    for j in range(n):
+        scale = engine.atol + engine.rtol * abs(y[j])
+        size += (y[j] / scale) * (y[j] / scale)
+        speed += (component(engine, j)[12] / scale) * (component(engine, j)[12] / scale)
+    longest = engine.longest
+    # A state within the tolerance of zero, or a slope that is, has no scale of its own.
+    scaled = size > 1.0 and speed > 1e-10
+    h = min(0.01 * math.sqrt(size / speed) if scaled else 1e-3 * engine.max_step, longest)
+    for j in range(n):
+        ahead[j] = y[j] + h * component(engine, j)[12]
+    interface.flow(engine, engine.mode, min(engine.t + h, engine.last_instant), ahead, changed)
+    bend = 0.0
+    for j in range(n):
+        scale = engine.atol + engine.rtol * abs(y[j])
+        change = (changed[j] - component(engine, j)[12]) / scale
+        bend += change * change
+    if not math.isfinite(bend):
+        return h
+    steepest = max(math.sqrt(bend) / h, math.sqrt(speed))
+    if steepest <= 1e-15:
+        return longest
+    return min(100.0 * h, BOLD * eighth_root(0.01 / steepest), longest)
+
+
+def eighth_root(x: float) -> float:
+    """Return the eighth root, which is how the step goes with the error."""
+    return math.sqrt(math.sqrt(math.sqrt(x)))
+
+
+def take_step(engine: Any) -> int:
+    """Take one step that the error estimate allows, from where the last one ended."""
+    start, end = row(engine, START), row(engine, END)
+    for j in range(engine.n):
+        start[j] = end[j]
+        component(engine, j)[0] = component(engine, j)[12]
+    engine.has_dense = 0
+    t = engine.t_end
+    smallest = 4.0 * ULP * max(abs(t), engine.max_step)
+    h = max(min(engine.h_next, engine.longest), smallest)
+    failure = ERROR_TEST
+    rejected = False
+    while True:
+        planned = h
+        ahead = t + h
+        # A little longer, where that spares a tiny last step.
+        if ahead >= engine.stop or engine.stop - t <= min(1.01 * h, engine.max_step):
+            ahead = engine.stop
+        h = ahead - t  # exactly the time that goes by
+        error = try_step(engine, t, h)
+        if not math.isfinite(error):
+            failure = interface.NON_FINITE
+            h *= RETREAT
+        elif error > 1.0:
+            h *= max(SHRINK, SAFETY / eighth_root(error))
+        elif not slope_at_end(engine, ahead):
+            failure = interface.NON_FINITE
+            h *= RETREAT
+        elif not root_functions(engine, ahead, end, row(engine, HIGH)):
+            failure = interface.NO_GUARD
+            h *= RETREAT
+        else:
+            break
+        rejected = True
+        if h < smallest:
+            return failure
+    engine.steps += 1
+    engine.t_start = t
+    engine.t_end = ahead
+    longer = h * min(GROW, SAFETY / max(eighth_root(error), 1e-3))
+    if rejected:
+        longer = min(longer, h)
+    # A step that was cut at the stop does not say that a longer one would fail.
+    engine.h_next = max(longer, planned) if h < planned else longer
+    watch_stability(engine, h)
+    return interface.STEPPED
+
+
+def watch_stability(engine: Any, h: float) -> None:
+    """Count steps at the border of stability; mark the run as stiff after many in a row."""
+    if engine.at_border == 0 and engine.steps % EVERY != 0:
+        return
+    if stretched(engine, h) > BORDER:
+        engine.off_border = 0
+        engine.at_border += 1
+        if engine.at_border >= IN_A_ROW:
+            engine.stiff = 1
+    else:
+        engine.off_border += 1
+        if engine.off_border >= FAR_FROM_IT:
+            engine.at_border = 0
+
+
+def look(engine: Any) -> int:
+    """Go to the first root between the time last told and the end of the step, or to that end."""
+    low, high = row(engine, LOW), row(engine, HIGH)
+    count = 2 * engine.m + 1
+    if any_crossed(engine, low, high):
+        t = close_in(engine, engine.t, engine.t_end)
+        if math.isnan(t):
+            return interface.NO_GUARD
+        # A root at the stop is not told: the loop looks at all margins after a switch.
+        if t < engine.stop:
+            leave_section(engine, low, interface.root_directions(engine, count - 1))
+            dense_at(engine, t, row(engine, STATE))
+            engine.t = t
+            engine.rest = 1 if t < engine.t_end else 0
+            return interface.ROOT
+    leave_section(engine, high, 0)
+    for i in range(count):
+        low[i] = high[i]
+    for j in range(engine.n):
+        row(engine, STATE)[j] = row(engine, END)[j]
+    engine.t = engine.t_end
+    engine.rest = 0
+    return interface.STOPPED if engine.t_end >= engine.stop else interface.STEPPED
+
+
+def leave_section(engine: Any, values: Any, side: int) -> None:
+    """Put a state on the section to the side that it goes to, lest it cross it twice or never.
+
+    `side` is 0 at the start or end of a step, where the slope tells.
+    """
+    last = 2 * engine.m
+    if values[last] == 0.0:
+        slope = component(engine, engine.section)[12]
+        if side == 0:
+            side = 1 if slope > 0.0 else (-1 if slope < 0.0 else 0)
+        values[last] = 1e-300 * side
+
+
+def interpolate(engine: Any, t: float, y: Any) -> None:
+    """Write the state at `t`, within the last step, into `y`."""
+    dense_at(engine, t, y)

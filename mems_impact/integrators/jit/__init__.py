@@ -1,0 +1,1 @@
+"""Compilation of user functions and kernels by numba."""

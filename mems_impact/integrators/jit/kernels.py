@@ -1,0 +1,440 @@
+"""Functions of an automaton as C functions, and the handle that compiled code holds.
+
+numba compiles the event loop once for each type of record. The contract of
+`mems_impact.integrators.interface` gets its overloads here, as far as they are the same for every
+method; `step`, `restart` and `interpolate` are each method's own.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic, overload, register_jitable
+
+from mems_impact.integrators import interface
+from mems_impact.integrators.interface import Equations
+from mems_impact.integrators.jit.closures import Snapshot, mark_overloaded, take_snapshot
+from mems_impact.integrators.jit.numba_support import (
+    INNER,
+    JIT,
+    WORD,
+    announce_unkept,
+    array,
+    compile_callback,
+    data,
+    integers,
+    matrix,
+    pointer,
+)
+from mems_impact.integrators.python_functions import (
+    FLOW,
+    HEAD,
+    JACOBIAN,
+    MARGINS,
+    NO_MODE,
+    TRANSITION,
+    Fault,
+    fault_in,
+)
+
+# --- The functions of an automaton as C functions, and what compiled code needs to call them.
+
+# One signature for all functions of an automaton, arrays being addresses:
+# kernel(mode, code, t, y, parameters, number of parameters, out) -> mode
+_word, _real = types.int64, types.float64
+KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
+
+# What compiled code needs of any engine: addresses and numbers. A record is one pointer to numba.
+# Each method adds fields of its own, by which its records are told from those of another one.
+FIELDS = [
+    ("y", np.int64),
+    ("fired", np.int64),
+    ("bias", np.int64),
+    ("parameters", np.int64),
+    ("flow", np.int64),
+    ("margins", np.int64),
+    ("transition", np.int64),
+    ("n", np.int64),
+    ("m", np.int64),
+    ("parameter_count", np.int64),
+    ("t", np.float64),
+    ("mode", np.int64),
+    ("last_instant", np.float64),
+    ("section", np.int64),  # component, -1 for none
+    ("level", np.float64),
+]
+
+
+@intrinsic
+def call_kernel(
+    _typing: Any,
+    address: Any,
+    mode: Any,
+    code: Any,
+    t: Any,
+    y: Any,
+    parameters: Any,
+    size: Any,
+    out: Any,
+) -> Any:
+    """Call the kernel at `address`."""
+
+    def codegen(_context: Any, builder: Any, _signature: Any, args: Any) -> Any:
+        word, real = ir.IntType(64), ir.DoubleType()
+        function = ir.FunctionType(word, [word, word, real, word, word, word, word])
+        return builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+
+    return types.int64(types.int64, *KERNEL.args), codegen
+
+
+class Kernels(NamedTuple):
+    """The functions of an automaton as C functions; keep it as long as an engine uses it."""
+
+    flow: Any
+    margins: Any
+    transition: Any
+
+
+# One compilation at a time: threads that start together want the same kernels.
+_compiling = threading.RLock()
+
+
+def kernels(
+    flow: Callable[..., Any],
+    margins: Callable[..., Any],
+    transition: Callable[..., Any],
+    n: int,
+    m: int,
+    bounds: bool = True,
+) -> Kernels:
+    """Compile the functions of an automaton with `n` states and `m` guards to C functions.
+
+    They are compiled anew if anything that they draw on has changed since. With `bounds` they read
+    and write nothing beyond arrays. Behind the parameters there is room for a note
+    (`mems_impact.integrators.python_functions`) of HEAD + n numbers.
+    """
+    snapshot = take_snapshot(flow, margins, transition)
+    with _compiling:
+        return _kernels(snapshot, n, m, bounds)
+
+
+@register_jitable(**JIT, **INNER)
+def note(role, mode, code, t, y, p, size, n):  # type: ignore[no-untyped-def]
+    """Note a call that failed behind the parameters, if it is the first."""
+    record, state = array(p + WORD * size, HEAD + n), array(y, n)
+    if record[0] == 0.0:
+        record[0] = role
+        record[1] = mode
+        record[2] = code
+        record[3] = t
+        for i in range(n):
+            record[HEAD + i] = state[i]
+
+
+@register_jitable(**JIT, **INNER)
+def fill_nan(values):  # type: ignore[no-untyped-def]
+    """Fill an array with what is told from every result."""
+    for i in range(values.size):
+        values[i] = math.nan
+
+
+@cache
+def _kernels(snapshot: Snapshot, n: int, m: int, bounds: bool) -> Kernels:
+    flow, margins, transition = snapshot.frozen(boundscheck=bounds)
+
+    def flow_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        if bounds:
+            fill_nan(array(out, n))  # what is never written is found out
+        try:
+            flow(mode, t, array(y, n), array(p, size), array(out, n))
+        except Exception:
+            note(FLOW, mode, code, t, y, p, size, n)
+            fill_nan(array(out, n))
+        return mode
+
+    def margins_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        g, r = array(out, m), array(out + WORD * m, m)
+        for i in range(m):
+            g[i] = 1.0
+            r[i] = 1.0
+        try:
+            margins(mode, t, array(y, n), array(p, size), g, r)
+        except Exception:
+            note(MARGINS, mode, code, t, y, p, size, n)
+            fill_nan(g)
+        return mode
+
+    def transition_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        state, record = array(y, n), array(p + WORD * size, HEAD + n)
+        first = record[0] == 0.0
+        if first:  # it may change some of the state before it fails
+            for i in range(n):
+                record[HEAD + i] = state[i]
+        try:
+            return transition(mode, code, t, state, array(p, size))
+        except Exception:
+            if first:
+                for i in range(n):
+                    state[i] = record[HEAD + i]
+            note(TRANSITION, mode, code, t, y, p, size, n)
+        return NO_MODE
+
+    name = f"{snapshot.name}_{n}_{m}_{bounds:d}"
+    kept = name if snapshot.lasting else None
+    if kept is None:
+        announce_unkept(snapshot.passing)
+    made = [_kernel(each, name, kept) for each in (flow_kernel, margins_kernel, transition_kernel)]
+    return Kernels(*made)
+
+
+def jacobian_of(jacobian: Callable[..., Any], n: int) -> Any:
+    """Compile the Jacobian of an automaton with `n` states to a C function; BDF alone needs it."""
+    snapshot = take_snapshot(jacobian)
+    with _compiling:
+        return _jacobian(snapshot, n)
+
+
+@cache
+def _jacobian(snapshot: Snapshot, n: int) -> Any:
+    (jacobian,) = snapshot.frozen(boundscheck=True)
+
+    def jacobian_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        try:
+            jacobian(mode, t, array(y, n), array(p, size), matrix(out, n))
+        except Exception:
+            note(JACOBIAN, mode, code, t, y, p, size, n)
+        return mode
+
+    name = f"{snapshot.name}_{n}"
+    return _kernel(jacobian_kernel, name, name if snapshot.lasting else None)
+
+
+def observables_of(observe: Callable[..., Any], n: int, count: int) -> Any:
+    """Compile what gives `count` observables of states of length `n` to a C function.
+
+    It has the signature of a transition, with two states one behind the other, and returns 1 if it
+    fails.
+    """
+    snapshot = take_snapshot(observe)
+    with _compiling:
+        return _observables(snapshot, n, count)
+
+
+@cache
+def _observables(snapshot: Snapshot, n: int, count: int) -> Any:
+    (observe,) = snapshot.frozen(boundscheck=True)
+
+    def observe_kernel(mode, code, t, y, p, size, out):  # type: ignore[no-untyped-def]
+        try:
+            observe(mode, code, t, array(y, 2 * n), array(p, size), array(out, count))
+        except Exception:
+            return 1
+        return 0
+
+    name = f"{snapshot.name}_{n}_{count}"
+    return _kernel(observe_kernel, name, name if snapshot.lasting else None)
+
+
+def _kernel(function: Callable[..., Any], name: str, kept: str | None) -> Any:
+    # Symbols of compiled code carry this name: automata that meet in a process must not share.
+    function.__qualname__ += f"_{name}"
+    return compile_callback(function, KERNEL, kept)
+
+
+# --- Compiled engines: the record that compiled code takes for one, and what all methods share.
+
+
+class CompiledEngine:
+    """A record of addresses for compiled code, and the memory that it points to.
+
+    Parameters
+    ----------
+    dtype : numpy.dtype
+        `mems_impact.integrators.jit.kernels.FIELDS` and the fields of the method.
+    equations : Equations
+    arrays : dict of str to int
+        Memory of the method, how many numbers; the field of that name gets the address.
+    """
+
+    def __init__(self, dtype: np.dtype[Any], equations: Equations, arrays: dict[str, int]) -> None:
+        n, m, parameters = equations.n, equations.m, np.asarray(equations.parameters, dtype=float)
+        flow, margins, transition = equations.flow, equations.margins, equations.transition
+        self._kernels = kernels(flow, margins, transition, n, m, equations.bounds)
+        # The handle holds addresses in here; it lives as long as the engine. The kernels note
+        # behind the parameters where they fail.
+        sizes = {"y": n, "bias": m, "parameters": parameters.size + HEAD + n, **arrays}
+        fired = 2 * m + 1  # as 32-bit integers, two to a number
+        block = np.zeros(sum(sizes.values()) + fired // 2 + 1)
+        handles = np.zeros(1, dtype=dtype)
+        self._memory = block
+        self.address = handles.ctypes.data
+        # A plain record that keeps them alive. By item a field is reached ten times as fast as by
+        # attribute.
+        self.handle = handle = handles[0]
+        place, begin = block.ctypes.data, 0
+        for name, size in sizes.items():
+            handle[name] = place + WORD * begin
+            if name == "parameters":
+                note = begin + parameters.size
+                self.parameters = block[begin:note]
+                self.parameters[:] = parameters
+                self._note = block[note : begin + size]
+            begin += size
+        handle["fired"] = place + WORD * begin
+        handle["n"], handle["m"], handle["parameter_count"] = n, m, parameters.size
+        handle["section"], handle["level"], _ = equations.crossing
+        handle["flow"] = self._kernels.flow.address
+        handle["margins"] = self._kernels.margins.address
+        handle["transition"] = self._kernels.transition.address
+
+    @property
+    def implicit_arcs(self) -> int:
+        """Arcs begun so far by the second of two methods: 0, where there is one."""
+        return 0
+
+    def learnt(self) -> tuple[int, ...]:
+        """Return what it has learnt of each mode: nothing."""
+        return ()
+
+    def learn(self, known: tuple[int, ...]) -> None:
+        """Begin with what was learnt of each mode: it makes no difference."""
+
+    def is_stiff(self) -> bool:
+        """Return whether stability, not accuracy, has limited steps; False if it can't tell."""
+        return False
+
+    def close(self) -> None:
+        """Do nothing: the memory goes with the object."""
+
+    def fault(self) -> Fault | None:
+        """Return the first call of a function that failed, and forget it."""
+        fault = fault_in(self._note)
+        self._note[0] = 0.0
+        return fault
+
+
+def is_handle(kind: Any) -> bool:
+    """Return whether the numba type `kind` is the record of an engine."""
+    return isinstance(kind, types.Record) and "last_instant" in kind.fields
+
+
+mark_overloaded(
+    interface.step,
+    interface.time,
+    interface.state,
+    interface.end_margins,
+    interface.root_directions,
+    interface.interpolate,
+    interface.restart,
+    interface.reset,
+    interface.sharpen,
+    interface.method_memory,
+    interface.bias,
+    interface.set_bias,
+    interface.parameter,
+    interface.set_parameter,
+    interface.flow,
+    interface.margins,
+    interface.transition,
+)
+
+
+@overload(interface.time, jit_options={**JIT, **INNER})
+def _time(engine):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine: engine.t
+
+
+@overload(interface.state, jit_options={**JIT, **INNER})
+def _state(engine, y):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, y):  # type: ignore[no-untyped-def]
+            for i in range(engine.n):
+                y[i] = pointer(engine.y)[i]
+
+        return implementation
+
+
+@overload(interface.root_directions, jit_options={**JIT, **INNER})
+def _fired(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: np.int64(integers(engine.fired)[i])
+
+
+@overload(interface.method_memory, jit_options={**JIT, **INNER})
+def _remembered(engine, mode):  # type: ignore[no-untyped-def]
+    if is_handle(engine) and "implicit" not in engine.fields:
+        return lambda engine, mode: 0
+
+
+@overload(interface.bias, jit_options={**JIT, **INNER})
+def _bias(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: pointer(engine.bias)[i]
+
+
+@overload(interface.set_bias, jit_options={**JIT, **INNER})
+def _set_bias(engine, i, value):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
+            pointer(engine.bias)[i] = value
+
+        return implementation
+
+
+@overload(interface.parameter, jit_options={**JIT, **INNER})
+def _parameter(engine, i):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+        return lambda engine, i: pointer(engine.parameters)[i]
+
+
+@overload(interface.set_parameter, jit_options={**JIT, **INNER})
+def _set_parameter(engine, i, value):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, i, value):  # type: ignore[no-untyped-def]
+            pointer(engine.parameters)[i] = value
+
+        return implementation
+
+
+@overload(interface.flow, jit_options={**JIT, **INNER})
+def _flow(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, t, y, dy):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            call_kernel(engine.flow, mode, 0, t, data(y), p, size, data(dy))
+
+        return implementation
+
+
+@overload(interface.margins, jit_options={**JIT, **INNER})
+def _margins(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, t, y, out):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            call_kernel(engine.margins, mode, 0, t, data(y), p, size, data(out))
+
+        return implementation
+
+
+@overload(interface.transition, jit_options={**JIT, **INNER})
+def _transition(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
+    if is_handle(engine):
+
+        def implementation(engine, mode, code, t, y):  # type: ignore[no-untyped-def]
+            size, p = engine.parameter_count, engine.parameters
+            return call_kernel(engine.transition, mode, code, t, data(y), p, size, p)
+
+        return implementation

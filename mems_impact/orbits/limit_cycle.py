@@ -1,0 +1,175 @@
+"""Limit cycles of autonomous systems: initial guess, phase condition, rebasing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.period_detection import check_bounded, detect_period, flow_at
+from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
+from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_guess
+
+ALIKE = 0.99  # part of the longest stretch from which on another one is as long
+SKEW = 0.5  # cosine between flow and phase condition below which a cycle is begun anew
+LONGER = 1.5  # ratio of a period and the unit of its times from which on it is measured anew
+SOME = 0.382  # of a period, after which a cycle without marks begins
+BESIDE = 0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
+POINT = 1e-4  # length of a cycle, of states of order one, that has shrunk to a point
+SLOWER = 0.1  # speed at the start of a cycle, as a part of that of the one before, that is none
+SHORT = 0.5  # part of the longest stretch below which it begins in another one
+
+
+def limit_cycle_guess(
+    family: Family,
+    start: HybridState,
+    *,
+    transient: float = 0.0,
+    period: float | None = None,
+    active: tuple[str, ...] = (),
+) -> tuple[Shooting, OrbitGuess]:
+    """Return the equations of a cycle and a guess of it, from a run.
+
+    Parameters
+    ----------
+    family : Family
+    start : Instant
+    transient : float
+        Time to run before a return is looked for.
+    period : float, optional
+        That of the cycle, near which `start` lies then; recognised by default.
+    active : tuple of str
+
+    Raises
+    ------
+    OrbitError
+        If the motion does not return.
+    """
+    problem = family.problem()
+    if transient > 0.0:
+        length = transient / problem.period
+        start = run(problem, start, length, consume=lambda _: None).final
+    check_bounded(problem, start)
+    start = replace(start, cycle=0, time=0.0)
+    if period is None:
+        start, period = detect_period(problem, start, family.amount)
+    problem = problem.counted_in(period)
+    free = list(free_components(problem.automaton))
+    begin = _longest_quiet_instant(problem, start)
+    guess = read_guess(problem, begin, 1)
+    phase = Phase.across(flow_at(problem, begin)[free], begin.y[free], period)
+    return Shooting(family.suited(guess.stiff), guess.segments, active, phase=phase), guess
+
+
+def _longest_quiet_instant(problem: Problem, start: HybridState) -> HybridState:
+    """Return the instant amid the longest stretch without marks of the period after `start`.
+
+    Where there are none, some instant: that of `start` may be an extreme.
+    """
+    log = run(problem, start, 1).events
+    log = log[np.isin(log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.APPROACH))]
+    marks = (log.cycle * problem.period + log.time) % problem.period
+    later = _middle(np.sort(marks), problem.period) / problem.period if marks.size else SOME
+    if later == 0.0:
+        return start
+    return replace(run(problem, start, later).final, cycle=0, time=0.0)
+
+
+def _middle(marks: Floats, period: float) -> float:
+    """Return the middle of the first of the longest stretches between marks, cyclic, ascending.
+
+    Of two that are as long, rounding shall not decide.
+    """
+    lengths = np.diff(np.append(marks, marks[0] + period))
+    i = np.flatnonzero(lengths >= ALIKE * lengths.max())[0]
+    return float((marks[i] + 0.5 * lengths[i]) % period)
+
+
+def _event_times(point: ShootingEvaluation) -> Floats:
+    """Return when events and closest approaches happen, ascending: a cycle begins amid them."""
+    approaches = np.concatenate([arc.minima_time for arc in point.arcs])
+    marks = np.append(point.ends[:-1], approaches[np.isfinite(approaches)])
+    return np.asarray(np.sort(marks % point.period))
+
+
+def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
+    """Return whether a cycle begins clear of its marks, and across its phase condition.
+
+    And whether its period is still near the unit of its times.
+    """
+    if shooting.phase is None:
+        return True
+    if not 1.0 / LONGER < point.period / shooting.unit < LONGER:
+        return False
+    if shooting.phase.crossed(point.arcs[0].slope_start[shooting.free]) < SKEW:
+        return False
+    marks = _event_times(point)
+    if not marks.size:
+        return True
+    after, before = float(marks[0]), float(point.period - marks[-1])
+    longest = max(after + before, float(np.diff(marks).max(initial=0.0)))
+    own = after + before
+    return own >= SHORT * longest and min(after, before) >= BESIDE * own
+
+
+def check_not_degenerate(
+    shooting: Shooting, before: ShootingEvaluation, after: ShootingEvaluation
+) -> None:
+    """Raise OrbitError if a cycle is all but a point, or the flow at its start all but gone.
+
+    Beyond the equilibrium to which cycles shrink they are there once more, half a period later.
+    """
+    if shooting.phase is None:
+        return
+    normal, free = np.array(shooting.phase.normal), shooting.free
+    slow, fast = (float(normal @ point.arcs[0].slope_start[free]) for point in (after, before))
+    states, _ = shooting.unpack(after.unknowns)
+    reach = max(float(np.abs(arc.end[free] - states[0, free]).max()) for arc in after.arcs)
+    if max(slow * after.period, reach) < POINT:
+        raise OrbitError(
+            reason="the cycle shrinks to an equilibrium: this is a Hopf point",
+            remedy="go on with the equilibrium",
+        )
+    if slow < SLOWER * fast:
+        raise OrbitError(
+            reason="the cycle all but stops on its way, its period of "
+            f"{shooting.family.amount('period', after.period)} growing",
+            remedy="take shorter steps; it may end in an equilibrium on the cycle",
+        )
+
+
+def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shooting, Floats, int]:
+    """Return the equations of a cycle and its unknowns, begun amid the longest stretch of it.
+
+    And in which segment that lies, the last being one with the first. A cycle without marks begins
+    where it did, with its phase condition across the flow there.
+    """
+    states, _ = shooting.unpack(point.unknowns)
+    free, last = shooting.free, len(shooting.segments) - 1
+    marks = _event_times(point)
+    begin = _middle(marks, point.period) if marks.size else 0.0
+    source = int(np.flatnonzero(point.starts <= begin)[-1])
+    mode, since = shooting.segments[source].mode, float(point.starts[source])
+    arc = shooting.variational(point.setting).arc(mode, states[source], since, begin)
+    first = np.array(arc.end)
+    first[list(shooting.automaton.cyclic)] = 0.0
+    # The last segment and the first are one, cut where the cycle began.
+    states[0] = states[last]
+    i = source % last if last else 0
+    order = [*range(i, last), *range(i)]
+    guess = OrbitGuess(
+        segments=(*(shooting.segments[j] for j in order), Segment(mode, 0, BOUNDARY)),
+        states=np.vstack([first, states[[*order[1:], i]]]) if last else first[None],
+        times=np.append((point.ends[order] - begin) % point.period, point.period),
+    )
+    phase = Phase.across(arc.slope_end[free], first[free], point.period)
+    other = shooting.recut(guess.segments, phase)
+    return other, other.pack(guess), i

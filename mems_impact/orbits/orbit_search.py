@@ -1,0 +1,298 @@
+"""Search for a periodic orbit near a state, and drift where there is none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import InvalidParameter, OrbitError, RunError
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Samples, Trajectory, run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.limit_cycle import limit_cycle_guess, phase_is_clear, rebase_phase
+from mems_impact.orbits.newton import solve
+from mems_impact.orbits.period_detection import (
+    FAR,
+    MOST,
+    check_bounded,
+    detect_forcing_periods,
+    flow_at,
+    state_enters,
+)
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
+from mems_impact.orbits.shooting import Shooting
+from mems_impact.orbits.signature import OrbitGuess, at_period_start, read_guess, read_signature
+
+# --- Whether a motion has no orbit because some of its states grow for ever.
+
+PERIODS = 96  # of the forcing that a motion is followed for
+SHORTEST, STEPS = 1e-6, 4000  # where nothing forces it: first piece, in units of time; steps
+STEADY = 0.1  # change of a rate, relative to it, below which a state grows as before
+LOOKED = 8  # instants of the run at which the functions are looked at
+
+_Kind = Literal["unread", "angle", "together"]
+
+
+class Drift(NamedTuple):
+    """Components of the state that grow for ever, where functions do not notice it.
+
+    Attributes
+    ----------
+    places : tuple of int
+    rates : float array
+        What each gains in a period of the problem.
+    kind : {"unread", "angle", "together"}
+        Functions do not read them; repeat every 2 pi of each; read their differences only.
+    """
+
+    places: tuple[int, ...]
+    rates: Floats
+    kind: _Kind
+
+
+def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: bool) -> Drift | None:
+    """Return what grows for ever along a motion; None if nothing does.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Instant
+    units : float array, shape (n,)
+        The user's units of the components, in those of the numerics.
+    forced : bool
+        Whether the period of the problem is one.
+    """
+    try:
+        longer = _followed(problem, replace(start, cycle=0, time=0.0), forced)
+    except RunError:
+        return None
+    length = longer.final.cycle + longer.final.time / problem.period
+    each = max(1, math.ceil(PERIODS / length))
+    grid = longer.samples(each)
+    rates = _rates(grid.y, each)
+    grows = [i for i in free_components(problem.automaton) if rates[i] != 0.0]
+    unit = np.diag(units)
+
+    def unfelt(shifts: Iterable[Floats], exactly: bool = False) -> bool:
+        return not any(_felt(problem, grid, shift, exactly) for shift in shifts)
+
+    alone = [i for i in grows if unfelt((f * rates[i] / units[i] * unit[i] for f in FAR), True)]
+    if alone:
+        return Drift(tuple(alone), rates[alone], "unread")
+    turning = [i for i in grows if unfelt([2.0 * math.pi * unit[i]])]
+    if turning:
+        return Drift(tuple(turning), rates[turning], "angle")
+    if len(grows) > 1:
+        most = np.abs(rates / units)[grows].max()
+        if unfelt(f * most * unit[grows].sum(axis=0) for f in FAR):
+            return Drift(tuple(grows), rates[grows], "together")
+    return None
+
+
+def _followed(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
+    """Return a run over which what grows for ever can be told from what swings."""
+    if forced:
+        return run(problem, start, PERIODS)
+    length = SHORTEST
+    while True:
+        piece = run(problem, start, length)
+        if piece.steps > STEPS or length > PERIODS:
+            return piece
+        length *= 4.0
+
+
+def _rates(y: Floats, each: int) -> Floats:
+    """Return what components gain in a period; 0 for one that does not grow, or not steadily."""
+    window = len(y) // 4
+    pieces = [y[len(y) - (k + 1) * window : len(y) - k * window] for k in range(3)]
+    last, middle, first = (piece.mean(axis=0) for piece in pieces)
+    gained, before = last - middle, middle - first
+    straight = np.outer(np.arange(window) / window, gained)
+    swing = np.ptp(pieces[0] - straight, axis=0)
+    steady = np.abs(gained - before) <= STEADY * np.abs(gained)
+    return np.where(steady & (swing < np.abs(gained)), gained * each / window, 0.0)
+
+
+def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool:
+    rows = np.linspace(1, len(grid.y) - 1, LOOKED).astype(int)
+    return any(
+        state_enters(problem, HybridState(0, grid.time[i], int(grid.mode[i]), grid.y[i]), shift,
+                     exactly=exactly)
+        for i in rows
+    )  # fmt: skip
+
+
+# --- Finding periodic orbits near a state, of systems with forcing and without.
+
+SAME = 1e-6  # part of the size of an orbit by which two of its states differ that are one
+COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
+PARTS = range(2, 9)  # into which an orbit may fall that was taken for several passes
+
+
+def find_periodic_orbit(
+    family: Family,
+    guess: HybridState,
+    *,
+    periods: int | None = 1,
+    transient: float = 0.0,
+    active: tuple[str, ...] = (),
+) -> PeriodicOrbit:
+    """Find a periodic orbit of a forced system near a state.
+
+    The signature is read off a run over `periods` periods, then all states and event times are
+    corrected by Newton's method. Where the method is ``"auto"``, the orbit takes the one that suits
+    that run.
+
+    Parameters
+    ----------
+    family : Family
+    guess : Instant
+        A state near the orbit.
+    periods : int, optional
+        Periods of the problem after which the orbit closes; None: recognised from a run.
+    transient : float
+        Periods to run before the signature is read.
+    active : tuple of str
+        Parameters in which the orbit is to be continued afterwards.
+
+    Raises
+    ------
+    OrbitError
+        If no orbit is found near the guess.
+    """
+    if periods is not None and periods < 1:
+        raise InvalidParameter(field="periods", value=periods, allowed="1 or more")
+
+    def closed(read: OrbitGuess) -> PeriodicOrbit:
+        return _corrected(Shooting(family.suited(read.stiff), read.segments, active), read)
+
+    problem, start = family.problem(), guess
+    if transient > 0.0:
+        start = run(problem, start, transient, consume=_drop).final
+    check_bounded(problem, start)
+    start = at_period_start(problem, start)
+    if periods is not None:
+        return closed(read_guess(problem, start, periods))
+    recognised = detect_forcing_periods(problem, start)
+    if recognised.near <= 1:
+        try:
+            found = closed(read_signature(recognised.once, 1, problem.switches))
+            if found.admissible or recognised.near or not recognised.settled:
+                return found
+        except OrbitError as error:
+            if recognised.near:
+                raise
+            check_bounded(problem, replace(recognised.later, cycle=3 * MOST))
+            if not recognised.settled:
+                raise OrbitError(
+                    f"{error.reason}, and none on which the motion settles in {3 * MOST} periods",
+                    "let transients die out (transient=300), or say periods=; a chaotic motion "
+                    "does not settle at all",
+                    error.partial,
+                ) from error
+        found = closed(read_guess(problem, recognised.later, recognised.settled))
+    else:
+        found = closed(read_guess(problem, start, recognised.near))
+    again = _passes(found)
+    if again == 1:
+        return found
+    return closed(read_guess(problem, found.instant, found.periods // again))
+
+
+def find_cycle(
+    family: Family,
+    guess: HybridState,
+    *,
+    period: float | None = None,
+    transient: float = 0.0,
+    active: tuple[str, ...] = (),
+) -> PeriodicOrbit:
+    """Find a limit cycle, a periodic orbit of a system that nothing forces, near a state.
+
+    Parameters
+    ----------
+    family : Family
+    guess : Instant
+        A state near the cycle, or one from which a run comes there.
+    period : float, optional
+        That of the cycle, roughly, where `guess` lies near it; recognised from a run by default.
+    transient : float
+        Time to run first.
+    active
+        As for `find_orbit`.
+
+    Raises
+    ------
+    OrbitError
+        If the motion does not return, or comes to rest, or no cycle is found where it returns.
+    """
+    shooting, read = limit_cycle_guess(
+        family, guess, transient=transient, period=period, active=active
+    )
+    found = _corrected(shooting, read)
+    lasted = float(read.times[-1])
+    if found.point.period > 0.0:
+        speed = np.linalg.norm(flow_at(found.problem, found.instant)[shooting.free])
+        first = HybridState(0, 0.0, read.segments[0].mode, read.states[0])
+        before = np.linalg.norm(flow_at(found.problem, first)[shooting.free])
+        if not speed > COLLAPSED * before:
+            raise OrbitError(
+                reason="an equilibrium was reached, not a cycle",
+                remedy="take a guess farther away, or other parameters",
+                partial=found.point,
+            )
+    if not 0.5 < found.point.period / lasted < 2.0:
+        raise OrbitError(
+            reason=f"the motion returns after {family.amount('period', lasted)}, but no cycle of "
+            "such a period is near",
+            remedy="let transients die out (transient=…, in units of time), or give a guess nearer "
+            "to a cycle",
+            partial=found.point,
+        )
+    again = _passes(found)
+    if again > 1:
+        once = found.point.period / again
+        shooting, read = limit_cycle_guess(found.family, found.instant, period=once, active=active)
+        found = _corrected(shooting, read)
+    if phase_is_clear(found.shooting, found.point):
+        return found
+    shooting, unknowns, _ = rebase_phase(found.shooting, found.point)
+    return make_orbit(shooting, solve(shooting, unknowns, found.point.values))
+
+
+def _corrected(shooting: Shooting, guess: OrbitGuess) -> PeriodicOrbit:
+    unknowns = shooting.pack(guess)
+    values = np.array([shooting.family.value(a) for a in shooting.active])
+    shooting.pin(shooting.evaluate(unknowns, values))
+    return make_orbit(shooting, solve(shooting, unknowns, values))
+
+
+def _passes(orbit: PeriodicOrbit) -> int:
+    """Return how often an orbit repeats itself: it is one of a part of the period then."""
+    shooting, free = orbit.shooting, orbit.shooting.free
+    states, _ = shooting.unpack(orbit.point.unknowns)
+    size = np.abs(states[:, free]).max()
+    if shooting.phase is None:
+        cycles = [segment.cycle for segment in orbit.segments]
+        begins = states[[cycles.index(c) for c in range(orbit.periods)]]
+        parts = [k for k in range(1, orbit.periods) if orbit.periods % k == 0]
+        for k in parts:
+            if np.abs(begins - np.roll(begins, k, axis=0))[:, free].max() < SAME * size:
+                return orbit.periods // k
+        return 1
+    for k in reversed(PARTS):
+        later = run(orbit.problem, orbit.instant, 1.0 / k).final
+        if np.abs(later.y - orbit.state)[free].max() < SAME * size:
+            return k
+    return 1
+
+
+def _drop(_: object) -> None:
+    """Keep no events."""

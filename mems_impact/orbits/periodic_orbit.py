@@ -1,0 +1,261 @@
+"""Periodic orbits: multipliers and admissibility."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import OrbitError
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.event_loop.workspace import NONE
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.orbits.family import Family
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
+from mems_impact.orbits.signature import Segment
+
+SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
+
+
+@dataclass(frozen=True)
+class AdmissibilityViolation:
+    """A way in which a solution of the shooting equations is no orbit of the automaton.
+
+    Attributes
+    ----------
+    segment : int
+    guard : str
+        The guard whose margin is concerned.
+    kind : str
+        "missed" (the margin is negative inside or at an end of the segment), "reversed" (the guard
+        that ends the segment is reached from outside), "mode" (the transition leads elsewhere),
+        "order" (the segment ends before it starts).
+    value : float
+        The margin, the rate, or the length of the segment.
+    """
+
+    segment: int
+    guard: str
+    kind: str
+    value: float
+
+
+@dataclass(frozen=True)
+class PeriodicOrbit:
+    """A periodic orbit of an automaton, admissible or not.
+
+    Attributes
+    ----------
+    family : Family
+        At the values for which the orbit was found.
+    periods : int
+        Periods of the problem that the orbit takes.
+    shooting : Shooting
+    point : Point
+        The solved equations.
+    multipliers : complex array
+        Floquet multipliers on the components that are neither cyclic nor fixed in the first
+        segment, largest first, without the trivial one of a cycle; where all are fixed, as at rest
+        on a stopper, a single 0: what disturbs such an orbit is gone in finite time.
+    defects : tuple of Defect
+        Empty if the orbit is admissible.
+    """
+
+    family: Family
+    periods: int
+    shooting: Shooting
+    point: ShootingEvaluation
+    multipliers: NDArray[np.complex128]
+    defects: tuple[AdmissibilityViolation, ...]
+
+    def __repr__(self) -> str:
+        kind = "stable" if self.stable else "unstable"
+        values = ", ".join(f"{name}={value:.9g}" for name, value in self.family.values.items())
+        return (
+            f"PeriodicOrbit({kind}, admissible={self.admissible}, periods={self.periods}, "
+            f"impacts={len(self.impacts)}, {values})"
+        )
+
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The signature."""
+        return self.shooting.segments
+
+    @property
+    def state(self) -> Floats:
+        """The state at the start of the period, shape (n,)."""
+        return np.asarray(self.shooting.unpack(self.point.unknowns)[0][0])
+
+    @property
+    def instant(self) -> HybridState:
+        """Where a run along the orbit may start."""
+        return HybridState(0, 0.0, self.segments[0].mode, self.state)
+
+    def equations(
+        self,
+        active: tuple[str, ...],
+        segments: tuple[Segment, ...] | None = None,
+        pinned: Mapping[int, tuple[float, ...]] | None = None,
+    ) -> Shooting:
+        """Return the equations of its neighbours, in other parameters or of another signature."""
+        return Shooting(
+            self.family,
+            self.segments if segments is None else segments,
+            active,
+            self.shooting.pinned if pinned is None else pinned,
+            self.shooting.phase,
+        )
+
+    @property
+    def problem(self) -> Problem:
+        """What has the orbit, counted in its periods."""
+        return self.shooting.problem(self.point)
+
+    @property
+    def admissible(self) -> bool:
+        """Whether the automaton has this orbit."""
+        return not self.defects
+
+    @property
+    def stable(self) -> bool:
+        """Whether all multipliers lie inside the unit circle."""
+        return bool(np.all(np.abs(self.multipliers) < 1.0))
+
+    @property
+    def touches(self) -> bool:
+        """Whether an event ends a segment at no speed: then multipliers have no bound."""
+        m = self.shooting.m
+        return any(
+            abs(float(event.rates[segment.guard(m)])) <= SLACK
+            for segment, event in zip(self.segments, self.point.events, strict=True)
+            if event is not None and segment.guard(m) != NONE
+        )
+
+    @property
+    def residual(self) -> float:
+        """Largest residual of the shooting equations."""
+        return float(np.abs(self.point.residual).max())
+
+    @property
+    def advance(self) -> Floats:
+        """What the cyclic components gain over the orbit, shape (cyclic,)."""
+        cyclic = list(self.shooting.automaton.cyclic)
+        return np.asarray(sum(arc.end[cyclic] for arc in self.point.arcs))
+
+    @property
+    def impacts(self) -> list[tuple[int, float, Floats]]:
+        """Guard, time since the start of the orbit, and state before, of each impact."""
+        period, automaton = self.point.period, self.shooting.automaton
+        m = len(automaton.guards)
+        return [
+            (s.guard(m), s.cycle * period + float(end), arc.end)
+            for s, end, arc in zip(self.segments, self.point.ends, self.point.arcs, strict=True)
+            if s.guard(m) != NONE and automaton.guards[s.guard(m)].impact
+        ]
+
+    def reduced_monodromy(self) -> Floats:
+        """Return the monodromy matrix on the components that the first mode leaves free."""
+        return reduced_monodromy(self.shooting, self.point)
+
+
+def reduced_monodromy(
+    shooting: Shooting, point: ShootingEvaluation, first: int | None = None
+) -> Floats:
+    """Return the monodromy matrix without the components that the first mode holds fixed.
+
+    Of a cycle, on the plane across the flow: without the trivial multiplier 1. Or that over the
+    `first` segments alone.
+    """
+    whole = shooting.monodromy(point)
+    keep = reduced_components(shooting, point, whole)
+    matrix = whole if first is None else shooting.monodromy(point, first)
+    matrix = matrix[np.ix_(keep, keep)]
+    if shooting.phase is None or not keep:
+        return matrix
+    return without_flow_direction(matrix, point.arcs[0].slope_start[shooting.free][keep])
+
+
+def reduced_components(
+    shooting: Shooting, point: ShootingEvaluation, monodromy: Floats | None = None
+) -> list[int]:
+    """Return which of the free components the first mode does not hold fixed."""
+    arc = point.arcs[0]
+    monodromy = shooting.monodromy(point) if monodromy is None else monodromy
+    still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
+    # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
+    forgotten = [np.abs(row).max() < SLACK for row in monodromy]
+    return [
+        c
+        for c in range(len(shooting.free))
+        if c not in shooting.pinned and not (still[c] and forgotten[c])
+    ]
+
+
+def make_orbit(shooting: Shooting, point: ShootingEvaluation) -> PeriodicOrbit:
+    """Return the orbit of a solved point, with stability and admissibility."""
+    values = dict(zip(shooting.active, point.values.tolist(), strict=True))
+    matrix = reduced_monodromy(shooting, point)
+    if not np.isfinite(matrix).all():
+        raise OrbitError("the monodromy matrix is not finite", "take another guess", point)
+    multipliers = np.linalg.eigvals(matrix).astype(complex) if matrix.size else np.zeros(1, complex)
+    return PeriodicOrbit(
+        family=shooting.family.at(**values),
+        periods=shooting.segments[-1].cycle + 1,
+        shooting=shooting,
+        point=point,
+        multipliers=multipliers[np.argsort(-np.abs(multipliers))],
+        defects=defects(shooting, point),
+    )
+
+
+def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[AdmissibilityViolation, ...]:
+    """Return all ways in which `point` is no orbit of the automaton."""
+    found: list[AdmissibilityViolation] = []
+    automaton: Automaton = shooting.automaton
+    m, segments = len(automaton.guards), shooting.segments
+    for i, segment in enumerate(segments):
+        arc, event = point.arcs[i], point.events[i]
+        if point.ends[i] < point.starts[i] - SLACK:
+            length = float(point.ends[i] - point.starts[i])
+            found.append(AdmissibilityViolation(i, "", "order", length))
+            continue
+        (at_start, at_end), (rising, _) = arc.margins, arc.rates
+        own = segment.guard(m)
+        for j, guard in enumerate(automaton.guards):
+            if guard.records:
+                continue  # its margin may be where it will
+            worst = float(arc.minima[j])
+            if j != own:
+                worst = min(worst, float(at_end[j]))
+            if not (at_start[j] > -1e-7 and rising[j] > 0.0):
+                worst = min(worst, float(at_start[j]))
+            if worst < -SLACK:
+                found.append(AdmissibilityViolation(i, guard.name, "missed", worst))
+        if own >= 0 and event is not None and event.rates[own] > SLACK:
+            found.append(
+                AdmissibilityViolation(
+                    i, automaton.guards[own].name, "reversed", float(event.rates[own])
+                )
+            )
+        # A guard touched at no speed leads to either side, by rounding.
+        touched = own >= 0 and event is not None and abs(event.rates[own]) <= SLACK
+        following = segments[(i + 1) % len(segments)].mode
+        if event is not None and not touched and event.mode != following:
+            name = automaton.guards[own].name if own >= 0 else "switch"
+            found.append(AdmissibilityViolation(i, name, "mode", float(event.mode)))
+    return tuple(found)
+
+
+def check_closed(orbit: PeriodicOrbit) -> float:
+    """Return by how much the automaton, run along the orbit, misses its own start."""
+    problem = orbit.problem
+    final = run(problem, orbit.instant, orbit.periods).final
+    if final.mode != orbit.instant.mode:
+        raise OrbitError("the run along the orbit ends in another mode", "see orbit.defects", orbit)
+    free = orbit.shooting.free
+    return float(np.abs(final.y[free] - orbit.state[free]).max())

@@ -1,0 +1,500 @@
+"""Bifurcation diagrams: sweeps, branches and curves."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+import pandas as pd
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.labels import (
+    Label,
+    Mark,
+    crosses,
+    label_axis,
+    label_of,
+    label_points,
+    legend_above,
+    on_section,
+    parameter_label,
+    symbol,
+)
+from mems_impact.plotting.style import (
+    DASHES,
+    DOTS,
+    LINES,
+    MODE_COLORS,
+    cased,
+    color,
+    new_figure,
+    styled,
+    thickness,
+)
+from mems_impact.studies.engine.store import StoredStudy
+from mems_impact.tables import NUMBER, PERIOD, bare, sweep_summary, switches
+
+__all__ = ["plot_branch", "plot_curve", "plot_sweep"]
+
+# --- Bifurcation diagrams: branches of orbits, stable and unstable, over what brute force shows.
+
+# Marker and colour of special points: of orbits, then of equilibria.
+POINT_MARKS = {
+    "G": ("o", "grazing"),
+    "CF": ("s", "fold"),
+    "PD": ("^", "doubling"),
+    "NS": ("D", "torus"),
+}
+POINT_MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
+BRANCH_SAME = 0.01  # part of the axes within which points are one
+FACE = "white"  # of the others, which are named after a guard, and branch points
+
+
+class Diagram(Protocol):
+    """What `plot_branch` needs of a `Branch` or an `EquilibriumBranch`."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row an orbit, the parameter first."""
+
+    @property
+    def special_table(self) -> pd.DataFrame:
+        """One row a special point."""
+
+
+@styled
+def plot_branch(
+    branch: Diagram | Sequence[Diagram],
+    sweep: pd.DataFrame | None = None,
+    ax: Any = None,
+    *,
+    quantity: str | None = None,
+) -> Any:
+    """Draw a state on the section over the parameter of one or more branches.
+
+    Stable orbits and equilibria are solid lines, unstable ones dashed, inadmissible ones left out.
+    Special points are labelled: G, CF, PD, NS, BP of orbits, or the guard that is touched; LP, H,
+    BP, BE of equilibria, and ? where stability changes at no such point that is found.
+
+    Parameters
+    ----------
+    branch : Branch or EquilibriumBranch, or sequence of these
+    sweep : DataFrame, optional
+        From `mems_impact.sweep` over the same parameter, drawn as dots below.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    quantity : str, optional
+        A state, or another column of the branch's table, such as ``"impact speed"``; the first
+        state that the system shows by default, of an actuator v2.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `branch` is none, there is no such quantity, or branches and sweep are over different
+        parameters.
+
+    See Also
+    --------
+    continue_orbit, Branch, plot_sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> mi.plot_branch(branch).figure.savefig("branch.png")
+    """
+    diagrams = list(branch) if isinstance(branch, Sequence) else [branch]
+    for diagram in diagrams:
+        if not hasattr(diagram, "special_table"):
+            allowed = "a Branch, as mems_impact.continue_orbit returns it"
+            raise InvalidParameter("branch", type(diagram).__name__, allowed)
+    first = diagrams[0].table
+    parameter, state = first.columns[0], _ordinate(first, quantity)
+    dots = None if sweep is None else bare(sweep)
+    over = [diagram.table.columns[0] for diagram in diagrams]
+    over += [] if dots is None else [dots.columns[0]]
+    if set(over) != {parameter}:
+        raise InvalidParameter("parameter", ", ".join(over), "the same of all branches and sweep")
+    if ax is None:
+        ax = new_figure(1.1).subplots()
+    if dots is not None:
+        if state not in dots:
+            raise InvalidParameter("quantity", state, f"one of the sweep's {', '.join(dots)}")
+        ax.plot(
+            dots[parameter], dots[state], linestyle="none", marker="o", color=color("dots"),
+            markersize=1.0 if len(dots) > 2000 else 2.0,
+            markeredgewidth=0.0, label="brute force", rasterized=len(dots) > 20_000, zorder=1,
+        )  # fmt: skip
+    drawn: set[str] = set()
+    for diagram in diagrams:
+        _lines(ax, diagram.table, state, drawn)
+    found = [diagram.special_table for diagram in diagrams if len(diagram.special_table)]
+    marks = _points(ax, pd.concat([_marks(table, state) for table in found])) if found else []
+    ax.margins(x=0.02, y=0.08)
+    label_axis(ax.xaxis, parameter_label(first, parameter))
+    shown = state in first.attrs.get("states", ())
+    label_axis(ax.yaxis, on_section(first, state) if shown else label_of(first, state))
+    legend_above(ax)
+    label_points(ax, marks)
+    return ax
+
+
+def _ordinate(table: pd.DataFrame, quantity: str | None) -> str:
+    """Return the column to draw."""
+    states: list[str] = table.attrs.get("states", [])
+    if quantity is None and states:
+        return states[0]
+    known = [name for name in table.columns[1:] if name not in ("stable", "admissible", "piece")]
+    if quantity not in known:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(known)}")
+    return str(quantity)
+
+
+def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
+    """Draw each run of orbits of one stability; it ends where the next one begins."""
+    values = table.iloc[:, 0].to_numpy()
+    kind = np.where(table["stable"], "stable", "unstable")
+    kind = np.where(table["admissible"], kind, "")
+    # One column a crossing of the section: v2, v2 2, v2 3, …
+    columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
+    what, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
+    # Equilibria keep their mode; an orbit's events may change, and a new piece begin.
+    pieces = table.get("piece", pd.Series(0, table.index)).to_numpy()
+    edges = [0, *(np.flatnonzero((kind[1:] != kind[:-1]) | (pieces[1:] != pieces[:-1])) + 1)]
+    for begin, end in zip(edges, [*edges[1:], len(table)], strict=True):
+        if not kind[begin]:
+            continue
+        stable = kind[begin] == "stable"
+        # One orbit more closes the gap to the next line.
+        more = end < len(table) and kind[end] != ""
+        rows = slice(begin, end + more)
+        style: dict[str, Any] = {"color": color("motion"), "linewidth": 1.2 * thickness(thin)}
+        if not stable:
+            style = {"color": color("unstable"), "linewidth": thickness(thin)}
+            style["linestyle"] = (0, (4, 1.5))
+        # Set off from the dots of chaos below.
+        style |= {"zorder": 4 + stable, "path_effects": cased(style["linewidth"])}
+        before = np.full(end + more - begin, np.nan)
+        for column in columns:
+            y = table[column].to_numpy()[rows]
+            # An orbit that repeats itself within the period of its branch is drawn once.
+            if np.isnan(y).all() or np.allclose(y, before, rtol=1e-9):
+                continue
+            before = y
+            text = f"{kind[begin]} {what}"
+            ax.plot(values[rows], y, label=None if text in drawn else text, **style)
+            drawn.add(text)
+
+
+def _marks(table: pd.DataFrame, state: str) -> pd.DataFrame:
+    rows = table[table["admissible"].astype(bool)]
+    return pd.DataFrame({"label": rows["label"], "value": rows.iloc[:, 2], "y": rows[state]})
+
+
+def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
+    """Mark special points; of several at one place, one stands for all. Return their labels."""
+    x, y = (np.diff(ax.get_xlim())[0] or 1.0), (np.diff(ax.get_ylim())[0] or 1.0)
+    taken: list[Mark] = []
+    for row in marks.itertuples():
+        near = (
+            abs(mark.x - row.value) < BRANCH_SAME * x and abs(mark.y - row.y) < BRANCH_SAME * y
+            for mark in taken if mark.text == row.label
+        )  # fmt: skip
+        if any(near):
+            continue
+        marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
+        ax.plot(
+            row.value, row.y, marker=marker, markersize=4.5, linestyle="none", zorder=7,
+            color=color(meaning) if meaning else FACE, markeredgecolor="black", markeredgewidth=0.6,
+        )  # fmt: skip
+        taken.append(Mark(str(row.label), row.value, row.y))
+    return taken
+
+
+# --- Curves of special points over two parameters.
+
+KINDS = {
+    "grazing": "grazing", "fold": "fold", "period-doubling": "doubling", "Neimark-Sacker": "torus",
+}  # fmt: skip
+"""What the colours of kinds of special points mean."""
+
+SOLID = (LINES[0], LINES[1], LINES[3], (0, (8, 2)))  # dots are those of what is inadmissible
+CURVE_SAME = 0.005  # of the width and height of the axes: points that are one
+
+
+class Boundary(Protocol):
+    """What `plot_curve` needs of a `mems_impact.analysis.branch.Curve`."""
+
+    @property
+    def kind(self) -> str:
+        """Of the special point."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row an orbit, the two parameters first."""
+
+    @property
+    def special_table(self) -> pd.DataFrame:
+        """One row a point of codimension two."""
+
+
+@styled
+def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
+    """Draw the first parameter of one or more curves over the second; inadmissible orbits dotted.
+
+    Points of codimension two are marked, with their kinds.
+
+    Parameters
+    ----------
+    curve : Curve or sequence of Curve
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `curve` is none, or the curves are over different parameters.
+
+    See Also
+    --------
+    continue_curve, Curve, plot_chart
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> branch = mi.continue_orbit(orbit, "amplitude", stop=0.17)
+    >>> curve = mi.continue_curve(branch.special_points[0], "omega", stop=0.505)
+    >>> mi.plot_curve(curve).figure.savefig("curve.png")
+    """
+    curves = list(curve) if isinstance(curve, Sequence) else [curve]
+    for each in curves:
+        if not (hasattr(each, "special_table") and hasattr(each, "kind")):
+            allowed = "a Curve, as mems_impact.continue_curve returns it"
+            raise InvalidParameter("curve", type(each).__name__, allowed)
+    first = curves[0].table
+    x, y = first.columns[:2]
+    for each in curves:
+        if list(each.table.columns[:2]) != [x, y]:
+            others = ", ".join(each.table.columns[:2])
+            raise InvalidParameter("parameters", others, f"{x}, {y}, those of the first curve")
+    if ax is None:
+        ax = new_figure(1.1).subplots()
+    kinds = list(dict.fromkeys(each.kind for each in curves))
+    rest = iter(MODE_COLORS * len(kinds))
+    colors = {k: color(KINDS[k]) if k in KINDS else next(rest) for k in kinds}
+    for each in curves:
+        table, own = each.table, colors[each.kind]
+        good = table["admissible"].to_numpy(dtype=bool)
+        # One orbit more on either side, so that the dots reach the line.
+        bad = ~good | ~np.roll(good, 1) | ~np.roll(good, -1) if (~good).any() else ~good
+        ax.plot(table[x], table[y].where(good), color=own, linewidth=thickness(1.2), zorder=3,
+                linestyle=SOLID[kinds.index(each.kind) % len(SOLID)], label=each.kind)  # fmt: skip
+        if bad.any():
+            ax.plot(table[x], table[y].where(bad), color=own, linewidth=thickness(0.8),
+                    linestyle=(0, (1, 1.5)), zorder=2, label="inadmissible")  # fmt: skip
+    ax.margins(x=0.04, y=0.14)
+    found = [each.special_table[["kind", x, y]] for each in curves if len(each.special_table)]
+    marks = _mark(ax, pd.concat(found).drop_duplicates(), x, y) if found else []
+    label_axis(ax.xaxis, parameter_label(first, x))
+    label_axis(ax.yaxis, parameter_label(first, y))
+    legend_above(ax)
+    label_points(ax, marks)
+    return ax
+
+
+def _mark(ax: Any, points: pd.DataFrame, x: str, y: str) -> list[Mark]:
+    """Mark points of codimension two; return their labels."""
+    size = np.array([np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim())])
+    taken: list[Mark] = []
+    for _, row in points.iterrows():
+        # Two curves that meet have the point where they do in common.
+        here = row[[x, y]].to_numpy(dtype=float)
+        if any(
+            row["kind"] == mark.text and np.abs((here - (mark.x, mark.y)) / size).max() < CURVE_SAME
+            for mark in taken
+        ):
+            continue
+        taken.append(Mark(row["kind"], *here))
+        ax.plot(
+            *here, marker="o", markersize=4.5, color="white", linestyle="none",
+            markeredgecolor="black", markeredgewidth=0.8, zorder=6,
+        )  # fmt: skip
+    return taken
+
+
+# --- A sweep over its parameter: the state on the Poincaré section, and statistics below it.
+
+# Rings of the one around dots of the other: where both are the same, both are seen.
+MOTION_MARKS: dict[str, dict[str, Any]] = {
+    "up": {"marker": "o", "markersize": 1.9, "zorder": 3},
+    "down": {"marker": "o", "markersize": 3.6, "fillstyle": "none", "zorder": 2},
+}
+WORDS = {"up": "increased", "down": "decreased"}
+COLUMNS = ("direction", "status")
+"""What a table of a sweep has beside the parameter, what is counted, states and statistics."""
+
+
+@styled
+def plot_sweep(
+    table: pd.DataFrame | StoredStudy, ax: Any = None, *, quantity: str | None = None
+) -> Any:
+    """Draw a sweep over its parameter: the first state where the section cuts it, and statistics.
+
+    Of an actuator v2 on the section x2 = 0, step and speed of the frame; of any system its first
+    shown state and its observables. The first value at which a chain begins or ceases to impact is
+    marked by a thin line. At the foot of the state stand the values without: triangles where the
+    motion never crosses the section, crosses where the value failed. Where nothing strikes there
+    is no step.
+
+    Parameters
+    ----------
+    table : DataFrame or StoredStudy
+        From `mems_impact.sweep`, or read back from a file; then with the state alone by default.
+        Or the store of a sweep, be it still running.
+    ax : matplotlib Axes, optional
+        Where to draw one quantity; a new figure by default.
+    quantity : str, optional
+        What to draw: a column of the table, or a short name such as an actuator's "step" and
+        "speed". By default all that the system shows, one below the other, on a new figure, and
+        the first state on given axes.
+
+    Returns
+    -------
+    Axes
+        The uppermost; ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `table` is none of a sweep, or there is no such quantity.
+
+    See Also
+    --------
+    sweep, sweep_summary, plot_branch
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> mi.plot_sweep(table, quantity="speed").figure.savefig("sweep.png")
+    """
+    table = bare(table.table if isinstance(table, StoredStudy) else table)
+    if not set(COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
+        problem = "not a table of mems_impact.sweep (a summary has no section)"
+        raise InvalidParameter("table", None, "", problem=problem)
+    quantities = _quantities(table)
+    if quantity is not None and quantity not in quantities:
+        raise InvalidParameter("quantity", quantity, f"one of {', '.join(quantities)}")
+    first = next(iter(quantities))
+    shown = [name for name in table.attrs.get("quantities", {}) if name in quantities]
+    drawn = [first, *shown] if quantity is None and ax is None else [quantity or first]
+    if ax is not None:
+        panels = [ax]
+    else:
+        figure = new_figure(1.1 + 0.55 * (len(drawn) - 1))
+        heights = [2.0 if name == first and len(drawn) > 1 else 1.0 for name in drawn]
+        grid = {"height_ratios": heights}
+        panels = figure.subplots(len(drawn), sharex=True, squeeze=False, gridspec_kw=grid)[:, 0]
+    for panel, name in zip(panels, drawn, strict=True):
+        _draw_dots(panel, table, *quantities[name])
+        _draw_switches(panel, table)
+    legend_above(panels[0])
+    label_axis(panels[-1].xaxis, parameter_label(table, table.columns[0]))
+    return panels[0]
+
+
+def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
+    """Return what may be drawn, the first state first: the column and what the axis says."""
+    columns = [name for name in table.columns[3:] if name not in COLUMNS]
+    states: list[str] = table.attrs.get("states", [table.columns[3]])
+    found = {states[0]: (states[0], on_section(table, states[0]))}
+    for name, (column, words) in table.attrs.get("quantities", {}).items():
+        if column in columns:
+            found[name] = (column, label_of(table, column, words))
+    for name in columns:
+        label = on_section(table, name) if name in states else label_of(table, name)
+        found.setdefault(name, (name, label))
+    return found
+
+
+def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
+    """Draw one quantity, and below a state the values without."""
+    summary = sweep_summary(table)
+    of_crossings = column not in summary
+    rows = table if of_crossings else summary
+    parameter = rows.columns[0]
+    sign = _symbol(table)
+    # Many dots are drawn small, or the rings run into a band; those that coincide count once.
+    spread = max(1e-300, rows[column].max() - rows[column].min())
+    places = (rows[column] / spread * 300.0).round()
+    dots = len(pd.DataFrame({"at": rows[parameter], "place": places}).drop_duplicates())
+    scale = min(1.0, max(0.35, math.sqrt(150.0 / max(1, dots))))
+    for direction, style in MOTION_MARKS.items():
+        mark = {**style, "markersize": scale * style["markersize"], "linestyle": "none"}
+        mark["color"] = color(direction)
+        chain = rows[rows["direction"] == direction]
+        if len(chain):
+            ax.plot(
+                chain[parameter], chain[column], label=f"{sign} {WORDS[direction]}",
+                markeredgewidth=0.7 * scale, rasterized=len(chain) > 20_000, **mark,
+            )  # fmt: skip
+    if of_crossings:
+        _draw_feet(ax, rows, column, scale)
+    label_axis(ax.yaxis, label)
+
+
+def _draw_feet(ax: Any, rows: pd.DataFrame, state: str, scale: float) -> None:
+    """Mark the values without a crossing on the axis, as what lies below all that is drawn."""
+    parameter, good = rows.columns[0], rows["status"] == "ok"
+    foot = {"transform": ax.get_xaxis_transform(), "clip_on": False, "linestyle": "none"}
+    label = f"never crosses {crosses(rows.attrs) or 'the section'}"
+    if rows.attrs.get("maxima"):
+        label = "no maximum"
+    # Another state may have more maxima than this one.
+    none = rows.groupby([parameter, "direction"])[state].transform("count") == 0
+    for direction, style in MOTION_MARKS.items():
+        here = good & none & (rows["direction"] == direction)
+        values = rows.loc[here, parameter]
+        if len(values):
+            mark = {**style, "marker": "v", "markersize": 2.0 * scale * style["markersize"]}
+            mark |= {"zorder": style["zorder"] + 3, "color": color(direction)}  # above the axis
+            ax.plot(values, [0.0] * len(values), label=label, **foot, **mark)
+            label = "_"  # one line of the legend is enough
+    failed = rows.loc[~good, parameter].unique()
+    if len(failed):
+        cross = {"marker": "x", "color": color("guide"), "markersize": 4, "label": "failed"}
+        ax.plot(failed, [0.02] * len(failed), **foot, **cross)
+
+
+def _symbol(table: pd.DataFrame) -> str:
+    return symbol(table.columns[0], table.attrs.get("symbols", {}))
+
+
+def _draw_switches(ax: Any, table: pd.DataFrame) -> None:
+    """Draw a line where each chain begins or ceases to impact; the legend has the value."""
+    parameter = _symbol(table)
+    for direction, value, impacting in sorted(switches(table), key=lambda mark: mark[1]):
+        text = f"{'on' if impacting else 'off'} at {parameter} = {value:.5g}"
+        look = DASHES if impacting else {**DASHES, "linestyle": DOTS}
+        ax.axvline(value, color=color(direction), zorder=1, label=text, **look)

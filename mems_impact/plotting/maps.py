@@ -1,0 +1,450 @@
+"""Operating maps and basins of attraction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.labels import label_axis, label_of, legend_above, parameter_label
+from mems_impact.plotting.style import DOTS, LINES, cased, new_figure, styled, thickness
+from mems_impact.studies.attractor_matching import ATTRACTOR, label_partial
+from mems_impact.studies.attractor_study import MOTION, SILENT, in_order, motions, period_of
+from mems_impact.studies.engine.store import StoredStudy
+from mems_impact.studies.operating_map import OperatingMap
+from mems_impact.systems.statistics import CHAOTIC, FAILED, OFF, QUASI_PERIODIC, RESTING, UNSETTLED
+from mems_impact.tables import bare
+
+__all__ = ["plot_basins", "plot_map"]
+
+# --- Basins of attraction: which attractor is reached from where, and where the attractors are.
+
+# Each of a lightness of its own: distinct in grey and to the colour-blind (hues of Okabe and Ito).
+# Further attractors, with small shares, have one grey.
+COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
+OTHER_COLOR, LOST = "0.6", "white"
+MARKERS = "os^Dv<>"
+
+
+class BasinsLike(Protocol):
+    """What `plot_basins` needs of a `Basins`."""
+
+    @property
+    def table(self) -> pd.DataFrame:
+        """One row a point."""
+
+    @property
+    def attractors(self) -> pd.DataFrame:
+        """One row an attractor, the largest share first."""
+
+    @property
+    def returns(self) -> pd.DataFrame:
+        """The states at the returns of each attractor."""
+
+
+@styled
+def plot_basins(
+    basins: BasinsLike | StoredStudy, ax: Any = None, *, x: str | None = None, y: str | None = None
+) -> Any:
+    """Draw which attractor is reached from where, with the attractors over it.
+
+    A grid is drawn as cells, a sample as dots. The legend gives shares; the marks are the states at
+    the returns of each attractor. Points that failed stay white.
+
+    Parameters
+    ----------
+    basins : Basins or StoredStudy
+        Of the store of one, be it still running, kinds of motions: attractors of one kind are told
+        apart once all points are done.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure of a column's width by default.
+    x, y : str, optional
+        Components of the state on the axes; those in which starts differ, in their order. Of one
+        component alone a strip is drawn.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `basins` is none, or starts do not differ in a component.
+
+    See Also
+    --------
+    basins, Basins, plot_map
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [-0.2, 0.0, 0.2]), y=("v2", v2))
+    >>> mi.plot_basins(found).figure.savefig("basins.png")
+    """
+    if isinstance(basins, StoredStudy) and basins.kind == "basins":
+        basins = label_partial(basins.table)
+    if isinstance(basins, StoredStudy) or not hasattr(basins, "returns"):
+        allowed = "Basins, as mems_impact.basins returns them, or their store"
+        raise InvalidParameter("basins", type(basins).__name__, allowed)
+    table = basins.table
+    starts = table.attrs["starts"]
+    for field, name in (("x", x), ("y", y)):
+        if name is not None and name not in starts:
+            raise InvalidParameter(field, name, f"one of {', '.join(starts)}")
+    across = x or next(name for name in starts if name != y)
+    up = y or next((name for name in starts if name != across), None)
+    if ax is None:
+        ax = new_figure(1.4 if up else 0.6).subplots()
+    styles = _styles(basins.attractors)
+    codes = table[ATTRACTOR].map({name: i for i, name in enumerate(styles)}).to_numpy()
+    look = _look([color for color, _ in styles.values()])
+    if up is None:
+        order = np.argsort(table[across].to_numpy(), kind="stable")
+        places, strip = table[across].to_numpy()[order], np.stack([codes[order]] * 2)
+        ax.pcolormesh(places, [0.0, 1.0], strip, shading="nearest", rasterized=True, **look)
+        ax.set(ylim=(0.0, 1.0), yticks=[])
+    else:
+        _draw_plane(ax, table, (across, up), codes, look)
+        _draw_returns(ax, basins.returns, (across, up), styles)
+        label_axis(ax.yaxis, parameter_label(table, up))
+    label_axis(ax.xaxis, parameter_label(table, across))
+    _legend(ax, basins, styles, marked=up is not None)
+    return ax
+
+
+def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
+    """Return colour and marker of each attractor, and of failed points."""
+    styles = {}
+    for i, name in enumerate(attractors[ATTRACTOR]):
+        own = i < len(COLORS)
+        styles[name] = (
+            COLORS[i] if own else OTHER_COLOR,
+            MARKERS[i % len(MARKERS)] if own else ".",
+        )
+    return {**styles, FAILED: (LOST, "")}
+
+
+def _look(colors: list[str]) -> dict[str, Any]:
+    """Return how the numbers of attractors become colours."""
+    from matplotlib.colors import ListedColormap
+
+    return {"cmap": ListedColormap(colors), "vmin": -0.5, "vmax": len(colors) - 0.5}
+
+
+def _draw_plane(
+    ax: Any, table: pd.DataFrame, names: tuple[str, str], codes: Any, look: dict[str, Any]
+) -> None:
+    """Draw cells of a grid, or the dots of a sample."""
+    x, y = (table[name].to_numpy() for name in names)
+    xs, ys = np.unique(x), np.unique(y)
+    if len(xs) * len(ys) == len(table) and min(len(xs), len(ys)) > 1:
+        cells = np.empty((len(ys), len(xs)))
+        cells[np.searchsorted(ys, y), np.searchsorted(xs, x)] = codes
+        ax.pcolormesh(xs, ys, cells, shading="nearest", rasterized=True, **look)
+        return
+    size = float(np.clip(4000.0 / len(table), 1.5, 14.0))
+    ax.scatter(x, y, c=codes, s=size, linewidths=0.0, rasterized=len(x) > 20_000, **look)
+
+
+def _draw_returns(
+    ax: Any, returns: pd.DataFrame, names: tuple[str, str], styles: dict[str, tuple[str, str]]
+) -> None:
+    """Mark where the attractors return, as far as that lies among the starts."""
+    limits = ax.get_xlim(), ax.get_ylim()
+    for name, (color, marker) in styles.items():
+        seen = returns[returns[ATTRACTOR] == name]
+        if not len(seen) or color == OTHER_COLOR:
+            continue
+        many = len(seen) > 20
+        ax.plot(
+            seen[names[0]], seen[names[1]], linestyle="none", marker="." if many else marker,
+            markersize=1.6 if many else 4.5, color="black" if many else color,
+            markeredgecolor="black", markeredgewidth=0.0 if many else 0.8, zorder=4,
+        )  # fmt: skip
+    ax.set_xlim(limits[0])
+    ax.set_ylim(limits[1])
+
+
+def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], marked: bool) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    found = basins.attractors
+    named = found[: len(COLORS)]
+    handles: list[Any] = []
+    for name, share in zip(named[ATTRACTOR], named["share"], strict=True):
+        color, marker = styles[name]
+        handles.append(
+            Line2D([], [], linestyle="none", marker=marker if marked else "s", color=color,
+                   markeredgecolor="black", markersize=5.0, label=f"{name}  {share:.1%}")
+        )  # fmt: skip
+    if len(found) > len(named):
+        share = found["share"][len(named) :].sum()
+        handles.append(
+            Patch(color=OTHER_COLOR, label=f"{len(found) - len(named)} others  {share:.1%}")
+        )
+    lost = float((basins.table[ATTRACTOR] == FAILED).mean())
+    if lost:
+        handles.append(Patch(facecolor=LOST, edgecolor="black", label=f"failed  {lost:.1%}"))
+    legend_above(ax, handles)
+
+
+# --- Maps over two parameters: kinds of motions or a quantity, and curves of continuation.
+
+
+class Paint(NamedTuple):
+    """How the cells of one kind are filled."""
+
+    color: str
+    hatch: str = ""
+    ink: str = "0.4"  # of hatching and, in the legend, of the border
+
+
+# Periods get darker; what does not repeat itself is warm and hatched, so that it is told from them
+# in grey too, and by the colour-blind.
+PERIODS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
+MOTIONS = {
+    OFF: Paint("0.93"),
+    RESTING: Paint("0.93", "..."),
+    QUASI_PERIODIC: Paint("#f0d24a", "////", "#8c6d00"),
+    CHAOTIC: Paint("#e8874a", "xxxx", "#7a2e00"),
+    UNSETTLED: Paint("#ecb0cc", "\\\\\\\\", "#94486d"),
+    FAILED: Paint("black"),
+}
+OTHER_PAINT = Paint("#009e73", "++", "#004d38")
+
+
+class Cells(NamedTuple):
+    """The points of a map on their grid; where there is none yet, `row` is -1."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    row: NDArray[np.int64]  # of the table, shape (len(y), len(x))
+
+
+@styled
+def plot_map(
+    found: OperatingMap | StoredStudy | pd.DataFrame,
+    column: str | None = None,
+    boundaries: Any = (),
+    ax: Any = None,
+) -> Any:
+    """Draw what motions come to over two parameters: their kinds, or one column of the table.
+
+    Parameters
+    ----------
+    found : OperatingMap, StoredStudy or DataFrame
+        A map; the store of one, be it still running; or the table of either. Points that are not
+        there yet stay white.
+    column : str, optional
+        What to draw: a column of numbers. Where it has none, or is 0 since the device is off, the
+        map is grey. Kinds of motions by default; from the fifth on, longer periods share a colour.
+    boundaries : Curve, Chart, DataFrame, or a sequence of these, optional
+        Curves over the same two parameters, or their tables, drawn over the map; inadmissible
+        parts are left out. Of a chart both its boundaries: where it switches on, and off.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default, as wide as a column of a journal.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `found` is no map, there is no such column of numbers, or a boundary is over other
+        parameters.
+
+    See Also
+    --------
+    operating_map, OperatingMap, plot_basins
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> x, y = ("amplitude", [0.2, 0.24]), ("omega", [0.49, 0.5])
+    >>> found = mi.operating_map(actuator, drive, x=x, y=y)
+    >>> mi.plot_map(found).figure.savefig("map.png")
+    """
+    table, cells = _given(found)
+    x, y = table.columns[:2]
+    curves = list(_curves(boundaries, x, y))  # before a figure is begun
+    if ax is None:
+        ax = new_figure(1.3).subplots()
+    edges = _edges(cells.x), _edges(cells.y)
+    if column is None:
+        handles = _draw_motions(ax, edges, table, cells)
+    else:
+        handles = _draw_column(ax, edges, table, cells, column)
+    handles += _draw_curves(ax, curves)
+    ax.set_xlim(edges[0][0], edges[0][-1])
+    ax.set_ylim(edges[1][0], edges[1][-1])
+    label_axis(ax.xaxis, parameter_label(table, x))
+    label_axis(ax.yaxis, parameter_label(table, y))
+    legend_above(ax, handles, handleheight=1.1)
+    return ax
+
+
+def _given(found: Any) -> tuple[pd.DataFrame, Cells]:
+    """Return the table of a map and its cells."""
+    values: list[Any] = [None, None]
+    table = found
+    if isinstance(found, OperatingMap):
+        table, values = found.table, [found.x.values, found.y.values]
+    elif isinstance(found, StoredStudy):
+        table = found.table
+        values = [found.identity.get(name, {}).get("values") for name in ("x", "y")]
+    if not isinstance(table, pd.DataFrame) or MOTION not in tuple(bare(table).columns)[2:]:
+        allowed = "an OperatingMap, as mems_impact.operating_map returns it, or its table or store"
+        raise InvalidParameter("found", type(found).__name__, allowed)
+    table = bare(table)
+    places = []
+    for i, given in enumerate(values):
+        there = table.iloc[:, i].to_numpy(dtype=float)
+        values[i] = np.unique(there if given is None else np.asarray(given, dtype=float))
+        places.append(np.searchsorted(values[i], there))
+    if not all(map(len, values)):
+        raise InvalidParameter("found", None, "", problem="there is no point to draw yet")
+    row = np.full((len(values[1]), len(values[0])), -1)
+    row[places[1], places[0]] = np.arange(len(table))
+    return table, Cells(values[0], values[1], row)
+
+
+def _edges(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the borders of cells about ascending values: halfway between neighbours."""
+    if len(values) == 1:
+        half = 0.05 * (abs(values[0]) or 1.0)
+        return np.array([values[0] - half, values[0] + half])
+    middles = 0.5 * (values[1:] + values[:-1])
+    first, last = 2.0 * values[0] - middles[0], 2.0 * values[-1] - middles[-1]
+    return np.concatenate([[first], middles, [last]])
+
+
+def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> list[Any]:
+    """Draw the kinds of motions; return what the legend shows."""
+    kinds = _shared(motions(table))
+    return [_fill(ax, edges, _where(cells, kinds == kind), kind, _paint(kind))
+            for kind in in_order(kinds)]  # fmt: skip
+
+
+def _shared(kinds: pd.Series) -> pd.Series:
+    """Return kinds of motions, those periods as one that share the last colour."""
+    long = sorted(period for period in map(period_of, kinds.unique()) if period >= len(PERIODS))
+    if len(long) < 2:
+        return kinds
+    return kinds.mask(kinds.map(period_of) >= long[0], f"period {long[0]} and more")
+
+
+def _paint(kind: str) -> Paint:
+    period = period_of(kind)
+    if period:
+        return Paint(PERIODS[min(period, len(PERIODS)) - 1])
+    return MOTIONS.get(kind, OTHER_PAINT)
+
+
+def _where(cells: Cells, chosen: pd.Series) -> NDArray[np.bool_]:
+    """Return the cells whose rows are chosen."""
+    return (cells.row >= 0) & chosen.to_numpy(dtype=bool)[cells.row]
+
+
+def _fill(ax: Any, edges: Any, where: NDArray[np.bool_], label: str, paint: Paint) -> Any:
+    """Fill cells; return what stands for them in the legend."""
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    shown = np.ma.masked_where(~where, np.zeros(where.shape))
+    ax.pcolormesh(*edges, shown, cmap=ListedColormap([paint.color]), rasterized=True)
+    if paint.hatch:
+        # A mesh has no hatching, and contours about the middles of cells do not end at their edges.
+        ax.pcolor(
+            *edges, shown, cmap=ListedColormap(["none"]), hatch=paint.hatch, edgecolor=paint.ink,
+            linewidth=0.0, rasterized=True,
+        )  # fmt: skip
+    return Patch(facecolor=paint.color, hatch=paint.hatch, edgecolor=paint.ink, linewidth=0.4,
+                 label=label)  # fmt: skip
+
+
+def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column: str) -> list[Any]:
+    """Draw a column of numbers, and in grey where it has none; return what the legend shows."""
+    numbers = [str(name) for name in table.columns[2:] if table[name].dtype.kind in "fiub"]
+    if column not in numbers:
+        raise InvalidParameter("column", column, f"one of {', '.join(numbers)}")
+    values = table[column].astype(float)
+    silent = table[MOTION].isin(SILENT)
+    without = values.isna() | (silent & (values == 0.0))
+    shown = np.ma.masked_where(~_where(cells, ~without), values.to_numpy()[cells.row])
+    handles = []
+    if without.any():
+        label = ", ".join(in_order(table[MOTION][without].astype(str)))
+        handles.append(_fill(ax, edges, _where(cells, without), label, MOTIONS["off"]))
+    if shown.count():
+        mesh = ax.pcolormesh(*edges, shown, cmap="viridis", rasterized=True)
+        bar = ax.figure.colorbar(mesh, ax=ax)
+        label_axis(bar.ax.yaxis, label_of(table, column))
+    return handles
+
+
+class Line(NamedTuple):
+    """A boundary: its kind, and points along it, NaN where it is broken."""
+
+    kind: str
+    points: NDArray[np.float64]  # shape (n, 2)
+
+
+def _curves(boundaries: Any, x: str, y: str) -> Iterator[Line]:
+    """Give the lines of all boundaries in the parameters of the map."""
+    single = isinstance(boundaries, pd.DataFrame) or hasattr(boundaries, "table")
+    given: Iterable[Any] = [boundaries] if single else boundaries
+    if not isinstance(given, Sequence):
+        raise _no_boundary(boundaries, x, y)
+    for each in given:
+        table = each if isinstance(each, pd.DataFrame) else getattr(each, "table", None)
+        if not isinstance(table, pd.DataFrame):
+            raise _no_boundary(each, x, y)
+        table = bare(table)
+        if not {x, y} <= set(table.columns):
+            raise _no_boundary(each, x, y)
+        if "boundary" in table:  # of a chart
+            for name, rows in table.groupby("boundary", sort=False):
+                along = rows.sort_values(_abscissa(rows, x, y))
+                yield Line(f"switching {name}", along[[x, y]].to_numpy(dtype=float))
+        else:
+            points = table[[x, y]].astype(float)
+            if "admissible" in table:
+                points = points.where(table["admissible"].astype(bool))
+            yield Line(getattr(each, "kind", "boundary"), points.to_numpy())
+
+
+def _abscissa(rows: pd.DataFrame, x: str, y: str) -> str:
+    """Return the parameter over which a chart is: the first of its columns."""
+    return next(name for name in rows.columns if name in (x, y))
+
+
+def _no_boundary(given: Any, x: str, y: str) -> InvalidParameter:
+    allowed = f"curves over {x} and {y}: of continue_curve or operating_chart, or their tables"
+    return InvalidParameter("boundaries", type(given).__name__, allowed)
+
+
+def _draw_curves(ax: Any, curves: Sequence[Line]) -> list[Any]:
+    """Draw boundaries, black on white; return what the legend shows."""
+    styles = dict.fromkeys(line.kind for line in curves)
+    for i, kind in enumerate(styles):
+        styles[kind] = DOTS if kind == "switching off" else LINES[i % len(LINES)]
+    drawn = {}
+    for kind, points in curves:
+        (drawn[kind],) = ax.plot(
+            *points.T, color="black", linestyle=styles[kind], label=kind, zorder=4,
+            path_effects=cased(thickness(1.0)),
+        )  # fmt: skip
+    return list(drawn.values())

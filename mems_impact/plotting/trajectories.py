@@ -1,0 +1,435 @@
+"""Figures of runs and orbits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from mems_impact.analysis.orbit import Orbit
+from mems_impact.analysis.run import Run
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.labels import Label, crosses, label_axis, label_of, legend_above, symbol
+from mems_impact.plotting.style import (
+    LINES,
+    MODE_COLORS,
+    color,
+    given_axes,
+    new_figure,
+    styled,
+    thickness,
+)
+from mems_impact.systems.system import System
+from mems_impact.tables import captions
+
+__all__ = [
+    "IMPACT",
+    "ORBIT_POINTS_PER_PERIOD",
+    "RUN_POINTS_PER_PERIOD",
+    "SHOWN",
+    "SMALL",
+    "between",
+    "interleaved",
+    "jump",
+    "line",
+    "moves",
+    "plane",
+    "plot_orbit",
+    "plot_run",
+    "spans",
+]
+
+# --- The motion of any system as lines: exact at transitions, broken where it jumps.
+
+IMPACT: dict[str, Any] = {
+    "linestyle": "none", "marker": "o", "markersize": 4.5, "markeredgecolor": "white",
+    "markeredgewidth": 0.6, "zorder": 4,
+}  # fmt: skip
+"""How an impact is marked, beside its colour."""
+
+HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
+SMALL = 1e-9  # a jump that is none, as a part of the largest value
+SAME = 1e-12  # instants that are one, as a part of the time shown
+
+
+def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Return the names of states as a tuple; InvalidParameter where one is none of the system's."""
+    names = (names,) if isinstance(names, str) else tuple(names)
+    for name in names or [""]:
+        if name not in known:
+            raise InvalidParameter(field, name, f"one of {', '.join(known)}")
+    return names
+
+
+def plane(system: System, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the states that span the plane."""
+    free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
+    known = (*system.states, "t")
+    for field, name in (("x", x), ("y", y)):
+        if name is not None:
+            check_states(field, name, known)
+    if x is None:
+        x = next((name for name in free if name != y), "t") if len(free) > 1 else "t"
+    if y is None:
+        y = next(name for name in (*free, *known) if name != x)
+    return x, y
+
+
+def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
+    """Return the transitions from the first sample to the last."""
+    first, last = samples["t"].iloc[0], samples["t"].iloc[-1]
+    return corners[(corners["t"] >= first) & (corners["t"] <= last)]
+
+
+def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
+    """Return at which transitions a state jumps."""
+    size = SMALL * float(samples[name].abs().max())
+    return (corners[f"{name} after"] - corners[f"{name} before"]).abs() > size
+
+
+def line(samples: pd.DataFrame, corners: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Return a line through samples and transitions: t, the states `names`, mode.
+
+    At a transition stand the states before and after it; between them a row of NaN where one jumps.
+    """
+    names, taken = list(names), corners["t"].to_numpy()
+    jumps = np.zeros(len(corners), dtype=bool)
+    for name in names:
+        jumps |= moves(corners, name, samples).to_numpy()
+    kept, order = interleaved(samples["t"].to_numpy(), taken, jumps)
+    sides = []
+    for side in ("before", "after"):
+        rows = {name: corners[f"{name} {side}"].to_numpy() for name in names}
+        modes = corners[f"mode {side}"].astype(str).to_numpy()
+        sides.append(pd.DataFrame({"t": taken, **rows, "mode": modes}))
+    gaps = sides[1][jumps].copy()
+    gaps[names] = np.nan
+    shown = samples.loc[kept, ["t", *names]].assign(mode=samples["mode"].astype(str))
+    parts = [part for part in (shown, sides[0], gaps, sides[1]) if len(part)]
+    return pd.concat(parts, ignore_index=True).iloc[order].reset_index(drop=True)
+
+
+def interleaved(
+    time: np.ndarray, instants: np.ndarray, jumps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return which samples stay, and how a line goes through them and the transitions.
+
+    Parameters
+    ----------
+    time : ndarray
+        Of the samples.
+    instants : ndarray
+        Of the transitions.
+    jumps : ndarray of bool
+        At which of these the line is broken.
+
+    Returns
+    -------
+    tuple of ndarray
+        A mask of the samples that are at no transition, and the order in time of these samples,
+        the sides before transitions, one gap for each jump and the sides after, one behind another.
+    """
+    # A sample at the instant of a transition may stand on either side of it.
+    place, near = np.searchsorted(instants, time), np.full(time.size, np.inf)
+    for beside in (place - 1, place):
+        inside = (beside >= 0) & (beside < instants.size)
+        near[inside] = np.minimum(near[inside], np.abs(time[inside] - instants[beside[inside]]))
+    kept = near > SAME * (time[-1] - time[0])
+    turn = 3 * np.arange(instants.size)
+    ranks = [np.full(int(kept.sum()), -1), turn, turn[jumps] + 1, turn + 2]
+    times = [time[kept], instants, instants[jumps], instants]
+    return kept, np.lexsort((np.concatenate(ranks), np.concatenate(times)))
+
+
+def jump() -> dict[str, Any]:
+    """Return how a jump is drawn."""
+    width = thickness(0.8)
+    return {"color": color("impact"), "linewidth": width, "linestyle": (0, (2, 1.2)), "zorder": 3}
+
+
+def shade(number: int) -> dict[str, Any]:
+    """Return how stretches in the mode of that place among those shaded are filled."""
+    own = MODE_COLORS[number % len(MODE_COLORS)]
+    return {
+        "facecolor": (own, 0.3),
+        "edgecolor": (own, 0.6),
+        "hatch": HATCHES[number % len(HATCHES)],
+    }
+
+
+def mode_styles(spent: pd.Series, modes: Sequence[str]) -> dict[str, tuple[str, Any]]:
+    """Return colour and line style of the modes in which time is spent, in the system's order.
+
+    Parameters
+    ----------
+    spent : Series
+        By mode, the time in it; the longest has the colour of the motion.
+    modes : sequence of str
+        All of the system's.
+    """
+    most = spent.idxmax()
+    others = [mode for mode in modes if mode in spent.index and mode != most]
+    styles = {
+        mode: (MODE_COLORS[i % len(MODE_COLORS)], LINES[(i + 1) % len(LINES)])
+        for i, mode in enumerate(others)
+    }
+    return {str(most): (color("motion"), "-"), **styles}
+
+
+def spans(samples: pd.DataFrame, corners: pd.DataFrame) -> pd.DataFrame:
+    """Return the stretches of time in one mode: mode, start, end; without those of no length."""
+    changes = corners[corners["mode before"].astype(str) != corners["mode after"].astype(str)]
+    first, last = samples["t"].iloc[0], samples["t"].iloc[-1]
+    # The mode of the first sample is that before the first change, if there is one.
+    begin = changes["mode before"].iloc[0] if len(changes) else samples["mode"].iloc[0]
+    borders = np.concatenate([[first], changes["t"].to_numpy(), [last]])
+    found = pd.DataFrame(
+        {
+            "mode": [str(begin), *changes["mode after"].astype(str)],
+            "start": borders[:-1],
+            "end": borders[1:],
+        }
+    )
+    return found[found["end"] > found["start"]].reset_index(drop=True)
+
+
+# --- One periodic orbit in a phase plane.
+
+ORBIT_POINTS_PER_PERIOD = 1000
+
+
+@styled
+def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | None = None) -> Any:
+    """Draw one state of a periodic orbit over another, with impacts and the section.
+
+    A dotted line joins the states before and after a jump. A diamond is where the orbit crosses
+    the Poincaré section, or where a forcing period or the cycle begins if the system has none.
+
+    Parameters
+    ----------
+    orbit : Orbit
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    x, y : str, optional
+        Which states, or ``"t"``; the first two that are not cyclic by default, and of a system that
+        has one alone, this one over time. Of an actuator its block between the stoppers, as it is
+        drawn if neither is given.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `orbit` is none, or has no such state.
+
+    See Also
+    --------
+    find_orbit, Orbit, plot_run
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit.png")
+    """
+    if not isinstance(orbit, Orbit):
+        allowed = "an Orbit, as mems_impact.find_orbit returns it"
+        raise InvalidParameter("orbit", type(orbit).__name__, allowed)
+    if orbit.figure and x is None and y is None:
+        return resolve_name(orbit.figure)(orbit, ax)
+    x, y = plane(orbit.system, x, y)
+    if ax is None:
+        ax = new_figure(1.2).subplots()
+    samples, corners = _closed(orbit), orbit.corners
+    names = [name for name in (x, y) if name != "t"]
+    curve = line(samples, corners, names)
+    system = orbit.system
+    spent = curve["mode"].value_counts()
+    for mode, (shade, dashes) in mode_styles(spent, system.modes).items():
+        here = curve[y].where(curve["mode"] == mode)
+        label = mode if len(system.modes) > 1 else None
+        ax.plot(curve[x], here, color=shade, linestyle=dashes, label=label)
+    jumps = pd.Series(False, index=corners.index)
+    for name in names:
+        jumps |= moves(corners, name, samples)
+    for place, (_, row) in enumerate(corners[jumps].iterrows()):
+        ends = [
+            [row["t"]] * 2 if name == "t" else [row[f"{name} before"], row[f"{name} after"]]
+            for name in (x, y)
+        ]
+        label = None if place else ("impact" if corners["impact"].any() else "jump")
+        ax.plot(*ends, marker="o", label=label, **jump())
+    _mark_section(ax, orbit, x, y)
+    for name, axis in ((x, ax.xaxis), (y, ax.yaxis)):
+        label_axis(axis, label_of(samples, name, "time" if name == "t" else symbol(name)))
+    legend_above(ax)
+    return ax
+
+
+def _closed(orbit: Orbit) -> pd.DataFrame:
+    """Return the samples of an orbit, from its beginning to where it closes."""
+    samples = orbit.samples(ORBIT_POINTS_PER_PERIOD)
+    last = samples.iloc[[0]].copy()
+    last["t"] += orbit.periods * orbit.period
+    for name, gain in orbit.gains.items():
+        last[name] += gain
+    closed = pd.concat([samples, last], ignore_index=True)
+    closed.attrs = samples.attrs
+    return closed
+
+
+def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
+    """Mark the crossings of the section, and the section itself where it is a line."""
+    rows, section = orbit.section(), captions(orbit.system)
+    label = crosses(section) or ("period begins" if orbit.system.forced else "cycle begins")
+    if section["section"]:
+        state, level = section["section"]
+        draw = ax.axvline if state == x else ax.axhline if state == y else None
+        if draw is not None:
+            draw(level, color=color("guide"), linewidth=0.8, linestyle=(0, (1, 2)), zorder=1)
+    ax.plot(
+        rows[x], rows[y], linestyle="none", marker="D", color="white",
+        markeredgecolor="black", markeredgewidth=0.8, zorder=5, label=label,
+    )  # fmt: skip
+
+
+# --- The motion over time: one panel a state, impacts marked, modes shaded.
+
+SHOWN = 6  # forcing periods by default
+RUN_POINTS_PER_PERIOD = 400
+POINTS = 3000  # over a run without forcing
+PANELS = 6  # by default
+
+
+@styled
+def plot_run(
+    run: Run,
+    first: float | None = None,
+    last: float | None = None,
+    ax: Any = None,
+    *,
+    states: Sequence[str] | None = None,
+) -> Any:
+    """Draw the states of a run over time, impacts marked and modes shaded.
+
+    Where an impact makes a state jump, a dotted line joins the values before and after. The mode in
+    which most of the time is spent is not shaded.
+
+    Parameters
+    ----------
+    run : Run
+        With its events kept.
+    first, last : float, optional
+        Forcing periods between which to draw, times where nothing forces the system; the last 6
+        periods of the run by default, or the whole of one without forcing.
+    ax : matplotlib Axes or sequence of these, optional
+        Where to draw, one for each state; a new figure by default.
+    states : sequence of str, optional
+        Which states; all by default, or the first 6. Of an actuator the block between its stoppers
+        and the frame, as they are drawn if this is not given.
+
+    Returns
+    -------
+    Axes
+        The uppermost; ``ax.figure.savefig(…)`` writes the figure, ``ax.figure.axes`` are all.
+
+    Raises
+    ------
+    InvalidParameter
+        If the run kept no events, does not cover those periods, or has no such state.
+
+    See Also
+    --------
+    simulate, Run, plot_orbit
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> run = mi.simulate(actuator, drive, periods=300)
+    >>> axes = mi.plot_run(run, first=296, states=["v2"])
+    >>> axes.figure.savefig("run.png")
+    """
+    if not isinstance(run, Run):
+        allowed = "a Run, as mems_impact.simulate returns it"
+        raise InvalidParameter("run", type(run).__name__, allowed)
+    if run.figure and states is None:
+        return resolve_name(run.figure)(run, first, last, ax)[0]
+    known = run.system.states
+    chosen = known[:PANELS] if states is None else check_states("states", states, known)
+    if ax is None:
+        figure = new_figure(0.55 * len(chosen), 2.5)
+        axes = list(figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0])
+    else:
+        axes = given_axes(ax, len(chosen), "one a state")
+
+    samples = _samples(run, first, last)
+    corners = between(run.corners, samples)
+    curve = line(samples, corners, chosen)
+    unit = run.system.forcing_period or 1.0  # of the axis of time
+    stretches = spans(samples, corners)
+    spent = (stretches["end"] - stretches["start"]).groupby(stretches["mode"]).sum()
+    most, *shaded = mode_styles(spent, run.system.modes)
+    shades = {mode: shade(i) for i, mode in enumerate(shaded)}
+    for panel, name in zip(axes, chosen, strict=True):
+        for stretch in stretches[stretches["mode"] != most].itertuples():
+            # The edge keeps a stretch visible that is thinner than a dot.
+            panel.axvspan(
+                stretch.start / unit, stretch.end / unit, linewidth=0.8, zorder=0,
+                **shades[stretch.mode],
+            )  # fmt: skip
+        panel.plot(curve["t"] / unit, curve[name], color=color("motion"))
+        _mark(panel, name, corners, samples, unit)
+        label_axis(panel.yaxis, label_of(samples, name, symbol(name)))
+    axes[-1].set_xlim(samples["t"].iloc[0] / unit, samples["t"].iloc[-1] / unit)
+    words = Label("time / forcing period") if run.system.forced else label_of(samples, "t", "time")
+    label_axis(axes[-1].xaxis, words)
+    _key(axes[0], most if len(run.system.modes) > 1 else "", shades, corners)
+    return axes[0]
+
+
+def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:
+    """Return the samples to draw: as many as the eye can tell apart."""
+    begin, end = run.extent
+    if run.system.forced:
+        if first is None:
+            first = max(begin, (end if last is None else last) - SHOWN)
+        return run.samples(RUN_POINTS_PER_PERIOD, first, last)
+    return run.samples(max(1, math.ceil(POINTS / max(end - begin, 1e-300))), first, last)
+
+
+def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit: float) -> None:
+    """Mark impacts by dots, and jumps of the state by dotted lines."""
+    jumps = corners[moves(corners, name, samples)]
+    if len(jumps):
+        before, after = jumps[f"{name} before"], jumps[f"{name} after"]
+        broken = np.column_stack([before, after, np.full(len(jumps), np.nan)]).ravel()
+        ax.plot(np.repeat(jumps["t"] / unit, 3), broken, **jump())
+    hits = corners[corners["impact"] & ~moves(corners, name, samples)]
+    if len(hits):  # matplotlib gives a line without points a place, outside the figure
+        ax.plot(
+            hits["t"] / unit, hits[f"{name} after"], color=color("impact"), clip_on=False, **IMPACT
+        )
+
+
+def _key(ax: Any, most: str, shades: dict[str, dict[str, Any]], corners: pd.DataFrame) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    entries: list[Any] = []
+    if corners["impact"].any():
+        entries.append(Line2D([], [], color=color("impact"), label="impact", **IMPACT))
+    entries += [Patch(label=mode, **look) for mode, look in shades.items()]
+    if shades and most:
+        entries.append(Patch(facecolor="none", edgecolor="0.6", label=most))
+    legend_above(ax, entries)  # the motion may be anywhere within the axes

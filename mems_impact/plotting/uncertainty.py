@@ -1,0 +1,365 @@
+"""Figures of tolerance analyses, sensitivities and Pareto fronts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.plotting.labels import Label, label_axis, label_of, legend_above, symbol
+from mems_impact.plotting.style import color, inches, new_figure, styled
+from mems_impact.studies.engine.store import StoredStudy
+from mems_impact.studies.sampling import deviations
+from mems_impact.studies.uncertainty import Spread
+from mems_impact.tables import bare
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from mems_impact.studies.optimize import ParetoFront
+    from mems_impact.studies.sensitivity import Sensitivity
+
+__all__ = ["plot_pareto", "plot_sensitivity", "plot_tolerance_analysis"]
+
+# --- A Pareto front: what two aims cost each other.
+
+
+@styled
+def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
+    """Draw a Pareto front, and where the searches began.
+
+    Each axis says which way is better.
+
+    Parameters
+    ----------
+    front : ParetoFront or DataFrame
+        From `mems_impact.pareto_front`, or its table.
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If a table is none of a front.
+
+    See Also
+    --------
+    pareto_front, ParetoFront
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> front = mi.pareto_front(
+    ...     orbit, {"mean speed": "maximize", "energy lost per period": "minimize"},
+    ...     over={"amplitude": (0.23, 0.25)}, points=3,
+    ... )
+    >>> mi.plot_pareto(front).figure.savefig("pareto.png")
+    """
+    start = getattr(front, "start", None)
+    table = bare(getattr(front, "table", front))
+    aims = table.attrs.get("aims")
+    if not aims:
+        raise InvalidParameter("front", None, "", problem="not of mems_impact.pareto_front")
+    if ax is None:
+        ax = new_figure(1.2).subplots()
+    first, second = aims
+    begin = _begin(start, aims) if start is not None else {}
+    motion, guide = color("motion"), color("guide")
+    ax.plot(table[second], table[first], color=motion, marker="o", label="Pareto front", zorder=3)
+    if begin:
+        ax.plot(
+            begin[second], begin[first], color=guide, marker="s", linestyle="none", label="start",
+            zorder=4,
+        )  # fmt: skip
+    ax.margins(0.08)
+    for name, axis in ((second, ax.xaxis), (first, ax.yaxis)):
+        label_axis(axis, label_of(table, name)._replace(behind=f"\n{_better(aims[name])}"))
+    ax.grid(color=guide, alpha=0.25, linewidth=0.4)
+    legend_above(ax)
+    return ax
+
+
+def _begin(start: Any, aims: Mapping[str, str]) -> dict[str, float]:
+    """Return the aims of the orbit where searches began, as far as they have names."""
+    known = {each.name: each for each in start.system.orbit_quantities}
+    return {name: known[name](start) for name in aims} if set(aims) <= set(known) else {}
+
+
+def _better(sense: str) -> str:
+    return "more is better" if sense == "maximize" else "less is better"
+
+
+# --- Scatter: how quantities are spread, what of it is as specified, and what it is due to.
+
+OUTSIDE = "0.85"  # what is out of specification
+PALE = "#72b2dd"  # a blue on which lines are seen
+MAX_HISTOGRAMS = 4  # quantities that are shown where nobody says which
+
+
+@styled
+def plot_tolerance_analysis(
+    scatter: Spread | StoredStudy,
+    *,
+    quantity: str | Sequence[str] | None = None,
+    ax: Any = None,
+) -> Any:
+    """Draw how quantities are spread, with their specification, and Sobol's indices beside them.
+
+    A panel a quantity: a histogram, blue where it is as specified, grey and hatched where it is
+    not, dashed lines at the bounds and a line at the median, and the yield. Where indices were
+    asked for, a panel below has a bar for each of what was drawn: the index of first order,
+    filled, within the total index, open; lines are their intervals.
+
+    Parameters
+    ----------
+    scatter : Scatter or StoredStudy
+        The store of one, be it still running, tells neither specification nor indices.
+    quantity : str or sequence of str, optional
+        Columns of the table; what is specified by default, or the first that vary.
+    ax : matplotlib Axes, optional
+        Where to draw the histogram of one quantity; a new figure of a column's width by default.
+
+    Returns
+    -------
+    Axes
+        The uppermost; ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If `scatter` is none, or has no such quantity.
+
+    See Also
+    --------
+    scatter, Scatter, plot_sensitivity
+
+    Examples
+    --------
+    >>> from scipy import stats
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.tolerance_analysis(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5), over={"e": stats.norm(0.8, 0.02)},
+    ...     specification={"displacement per period": (1e-4, None)}, samples=16,
+    ...     initial=mi.kicked_state(actuator),
+    ... )
+    >>> ax = mi.plot_tolerance_analysis(found, quantity="displacement per period")
+    >>> ax.figure.savefig("tolerances.png")
+    """
+    if isinstance(scatter, StoredStudy) and scatter.kind == "scatter":
+        scatter = Spread(drawn=tuple(scatter.attrs["drawn"]), table=scatter.table)
+    if isinstance(scatter, StoredStudy) or not hasattr(scatter, "yields"):
+        allowed = "a Scatter, as mems_impact.scatter returns it, or its store"
+        raise InvalidParameter("scatter", type(scatter).__name__, allowed)
+    shown = _shown(scatter, quantity)
+    if ax is not None:
+        _histogram(ax, scatter, shown[0])
+        return ax
+    rows = [kind for _ in shown for kind in _panels(scatter)]
+    bars = 2.6 + len(scatter.points.attrs.get("drawn", ()))
+    figure = new_figure(0.8 * len(shown), bars * rows.count("indices"))
+    ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for kind in rows]
+    panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
+    for i, panel in enumerate(panels):
+        name = shown[i // len(_panels(scatter))]
+        if rows[i] == "spread":
+            _histogram(panel, scatter, name)
+        else:
+            _bars(panel, scatter, name)
+    return panels[0]
+
+
+def _panels(scatter: Spread) -> tuple[str, ...]:
+    return ("spread",) if scatter.indices is None else ("spread", "indices")
+
+
+def _shown(scatter: Spread, quantity: str | Sequence[str] | None) -> list[str]:
+    """Return the quantities to draw."""
+    known = [*scatter.quantities, *(n for n in scatter.specification if n in scatter.points)]
+    if quantity is not None:
+        names = [quantity] if isinstance(quantity, str) else list(quantity)
+        for name in names:
+            if name not in known:
+                raise InvalidParameter("quantity", name, f"one of {', '.join(known)}")
+        return names
+    spreads = scatter.points[scatter.quantities].agg(np.ptp)
+    size = scatter.points[scatter.quantities].abs().max()
+    varying = [name for name in scatter.quantities if spreads[name] > 1e-9 * size[name]]
+    return list(scatter.specification) or varying[:MAX_HISTOGRAMS] or scatter.quantities[:1]
+
+
+def _histogram(ax: Any, scatter: Spread, name: str) -> None:
+    """Draw how a quantity is spread."""
+    points = scatter.points
+    values = points[name].dropna().to_numpy()
+    low, high = scatter.specification.get(name, (-math.inf, math.inf))
+    ends = _ends(values, low, high)
+    count = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 8, 40))
+    bins = np.linspace(*ends, count + 1)
+    fine = (values >= low) & (values <= high)
+    _, _, (_, outside) = ax.hist(
+        [values[fine], values[~fine]], bins, color=[color("motion"), OUTSIDE], stacked=True
+    )
+    for bar in outside:
+        bar.set(hatch="////", edgecolor="0.5", linewidth=0.0)
+    for bound in (low, high):
+        if math.isfinite(bound):
+            ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)))
+    if len(values):
+        ax.axvline(float(np.median(values)), color="black", linewidth=1.0)
+    if name in scatter.specification:
+        row = scatter.yields.set_index("quantity").loc[name]
+        ax.set_title(
+            f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})",
+        )  # fmt: skip
+    ax.set_xlim(ends)
+    unit = points.attrs.get("units", {}).get(name, "")
+    label_axis(ax.xaxis, Label(name, unit))
+    label_axis(ax.yaxis, Label("points"))
+    ax.yaxis.get_major_locator().set_params(integer=True)
+
+
+def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
+    """Return the ends of the axis: all values, and bounds that lie near them."""
+    if not len(values):
+        return 0.0, 1.0
+    first, last = float(values.min()), float(values.max())
+    width = last - first
+    first = low if first - width < low < first else first
+    last = high if last < high < last + width else last
+    margin = 0.04 * (last - first) or 0.5 * abs(first) or 0.5
+    return first - margin, last + margin
+
+
+def _bars(ax: Any, scatter: Spread, name: str) -> None:
+    """Draw indices of one quantity."""
+    assert scatter.indices is not None
+    table = scatter.indices
+    rows = table[table["quantity"] == name]
+    symbols = table.attrs.get("symbols", {})
+    places = np.arange(len(rows))[::-1]
+    style, guide = {"capsize": 0.0, "elinewidth": 1.0}, color("guide")
+    for what, face, edge, shift in (
+        ("total", "none", guide, 0.13),
+        ("first", PALE, PALE, -0.13),
+    ):
+        middle = rows[what].to_numpy()
+        ax.barh(places, middle, height=0.62, color=face, edgecolor=edge, linewidth=0.9)
+        reach = np.stack([middle - rows[f"{what} low"], rows[f"{what} high"] - middle])
+        ax.errorbar(
+            middle, places + shift, xerr=np.maximum(reach, 0.0), fmt="none",
+            ecolor="black" if what == "first" else guide, **style,
+        )  # fmt: skip
+    if rows["missing"].any():
+        ax.text(0.5, 0.5, f"{rows['missing'].iloc[0]} points have no number", fontsize="small",
+                ha="center", va="center", transform=ax.transAxes)  # fmt: skip
+    ax.set_yticks(places, [symbol(each, symbols) for each in rows["parameter"]])
+    ax.set_xlim(min(0.0, *ax.get_xlim()), max(1.0, ax.get_xlim()[1]))
+    label_axis(ax.xaxis, Label("first-order (filled) and total index"))
+
+
+# --- A tornado chart: by how much each parameter moves a quantity of an orbit.
+
+NOTHING = 1e-9  # part of the longest bar: rounding
+MAX_BARS = 15  # bars that are read at a glance
+
+
+@styled
+def plot_sensitivity(
+    found: Sensitivity,
+    quantity: str,
+    ax: Any = None,
+    *,
+    tolerances: Mapping[str, float | str] | None = None,
+) -> Any:
+    """Draw by how much a quantity of an orbit changes with each parameter, the most moving first.
+
+    To first order, so that a bar to one side is as long as that to the other. Parameters that
+    change nothing are left out.
+
+    Parameters
+    ----------
+    found : Sensitivity
+        From `mems_impact.sensitivity`.
+    quantity : str
+    ax : matplotlib Axes, optional
+        Where to draw; a new figure by default.
+    tolerances : mapping of str to float, optional
+        By how much each parameter changes, in its units; 1 % of its value by default.
+
+    Returns
+    -------
+    Axes
+        ``ax.figure.savefig(…)`` writes the figure.
+
+    Raises
+    ------
+    InvalidParameter
+        If there is no such quantity or parameter, or none changes it.
+
+    See Also
+    --------
+    sensitivity, Sensitivity, plot_tolerance_analysis
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> orbit = mi.find_orbit(actuator, drive, transient=300, guess=mi.kicked_state(actuator))
+    >>> mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("tornado.png")
+    """
+    gradient = found.gradient(quantity)
+    system, symbols = found.system, found.system.symbols
+    if tolerances is None:
+        sizes = {name: 0.01 * abs(system.value(name)) for name in found.parameters}
+    else:
+        sizes = deviations(tolerances, system, found.parameters)
+        for name, size in sizes.items():
+            if not size > 0.0:
+                raise InvalidParameter(f"tolerance of {name}", tolerances[name], "> 0")
+    change = np.array([gradient[name] * size for name, size in sizes.items()])
+    longest = np.nanmax(np.abs(change), initial=0.0)
+    if not longest > 0.0:
+        raise InvalidParameter("quantity", quantity, "one that a parameter changes")
+    order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > NOTHING * longest][
+        :MAX_BARS
+    ]
+    names, change = [list(sizes)[i] for i in order], change[order]
+    if ax is None:
+        ax = new_figure(0.0, 5.0 + len(names)).subplots()
+    places = np.arange(len(names))
+    words = ("+1 %", "-1 %") if tolerances is None else ("+ tolerance", "- tolerance")
+    for sign, direction, label in ((1.0, "up", words[0]), (-1.0, "down", words[1])):
+        ax.barh(
+            places, sign * change, label=label.replace("-", "\N{MINUS SIGN}"),
+            color=color(direction), hatch="" if sign > 0.0 else "////", edgecolor="white",
+        )  # fmt: skip
+    ax.axvline(0.0, color="black", linewidth=0.8)
+    labels = {name: symbol(name, symbols) for name in names}
+    if tolerances is not None:
+        labels = {
+            name: f"{sign} ± {sizes[name]:.3g} {system.unit(name)}".rstrip()
+            for name, sign in labels.items()
+        }
+    ax.set_yticks(places, list(labels.values()))
+    ax.tick_params(axis="y", length=0)
+    ax.set(ylim=(len(names) - 0.4, -0.6), xlim=(-1.08 * longest, 1.08 * longest))
+    row = found.row(quantity)
+    unit = found.units[row]
+    start = f"{found.values[row]:.4g} {unit}".rstrip()
+    label_axis(ax.xaxis, Label(f"change of {quantity}", unit, f"\nfrom {start}"))
+    legend_above(ax)
+    ax.spines["left"].set_visible(False)
+    return ax

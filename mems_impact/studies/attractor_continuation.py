@@ -1,0 +1,509 @@
+"""Continuation of attractors and their basins over a parameter."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from mems_impact._util.warning_scopes import at_study_point
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    InitialCondition,
+    RecurrenceOptions,
+)
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
+from mems_impact.studies.attractor_matching import (
+    ATTRACTOR,
+    AttractorMatcher,
+    bounds_of,
+    unique_labels,
+)
+from mems_impact.studies.attractor_study import AttractorEvaluator, motions
+from mems_impact.studies.basins import Basins, BasinsStudy
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, places_of
+from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
+from mems_impact.systems.result import Result
+from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.state import State, state_from
+from mems_impact.systems.statistics import FAILED
+from mems_impact.systems.system import System
+
+__all__ = ["AttractorBranches", "AttractorContinuationStudy", "continue_attractors"]
+
+# --- Which stretches of attractors, followed over a parameter, are of one branch.
+
+Integers = NDArray[np.int64]
+FOLLOWS = "follows"  # whether the motion, led back by one value, is what it was
+
+
+def match_branches(
+    rows: pd.DataFrame, chains: Sequence[range], rules: AttractorMatcher
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the table of branches at the values, and that of the branches.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        Of all chains, as they were followed: the parameter first.
+    chains : sequence of range
+    rules : Recognition
+    """
+    parameter = str(rows.columns[0])
+    stretch, origins, jumps = _stretches(rows, chains)
+    branch = merge_segments(rows, stretch, set(origins), rules)[stretch]
+    names = _names(rows, branch, origins, parameter)
+    fine = (rows[STATUS] == OK).to_numpy()
+    table = rows.assign(**{ATTRACTOR: [names[b] for b in branch]})[fine].drop(columns=FOLLOWS)
+    table = table.drop_duplicates([ATTRACTOR, parameter]).sort_values(
+        [ATTRACTOR, parameter], key=lambda column: _order(column, list(names.values()))
+    )
+    table = table.reset_index(drop=True)
+    table.attrs = dict(rows.attrs)
+    ends: dict[tuple[str, int], str] = {}
+    for before, after, way in jumps:
+        ends.setdefault((names[branch[before]], way), names[branch[after]])
+    return table, _summary(table, ends, parameter)
+
+
+def count_in(
+    table: pd.DataFrame,
+    value: float,
+    points: pd.DataFrame,
+    starts: InitialConditions,
+    rules: AttractorMatcher,
+) -> None:
+    """Put into a table of branches the share of the points that come to each at one value."""
+    here = table.index[table.iloc[:, 0] == value]
+    columns = {
+        name: np.concatenate([points[name].to_numpy(), table.loc[here, name].to_numpy()])
+        for name in points
+        if name in table
+    }
+    labels = rules.labels(columns, {name: points[name].to_numpy() for name in starts.names})
+    count = len(points)
+    for row, label in zip(here, labels[count:].tolist(), strict=True):
+        own = labels[:count] == label
+        table.loc[row, ["share", "low", "high"]] = [own.mean(), *bounds_of(own, starts)]
+
+
+def _stretches(
+    rows: pd.DataFrame, chains: Sequence[range]
+) -> tuple[Integers, dict[int, str], list[tuple[int, int, int]]]:
+    """Return the stretch of each row, whose stretches attractors begin with, and all jumps.
+
+    The two chains of one attractor begin with one stretch. A jump is the row before, that after,
+    and the way, 1 or -1.
+    """
+    follows, failed = rows[FOLLOWS].to_numpy(), (rows[STATUS] != OK).to_numpy()
+    names, values = rows[ATTRACTOR].to_numpy(), rows.iloc[:, 0].to_numpy()
+    stretch: Integers = np.empty(len(rows), dtype=np.int64)
+    first: dict[str, int] = {}
+    jumps: list[tuple[int, int, int]] = []
+    count = 0
+    for chain in chains:
+        name = names[chain.start]
+        if name not in first:
+            first[name], count = count, count + 1
+        here, last = first[name], None
+        for i in chain:
+            if not failed[i] and not follows[i]:
+                here, count = count, count + 1
+                if last is not None:
+                    jumps.append((last, i, 1 if values[i] > values[last] else -1))
+            stretch[i] = here
+            last = last if failed[i] else i
+    return stretch, {number: name for name, number in first.items()}, jumps
+
+
+def merge_segments(
+    rows: pd.DataFrame, stretch: Integers, begun: set[int], rules: AttractorMatcher
+) -> Integers:
+    """Return the branch of each stretch: those that are the same at some value are one.
+
+    Those that attractors begin with are not, as these were told apart.
+    """
+    own: Integers = np.arange(max(stretch.max(), *begun) + 1)
+    for _, group in rows.groupby(rows.columns[0]):
+        labels = rules.labels({name: group[name].to_numpy() for name in group}, {})
+        for label in sorted(set(labels.tolist()) - {-1}):
+            same = {int(number) for number in own[stretch[group.index[labels == label]]]}
+            one, *others = sorted(same, key=lambda number: (number not in begun, number))
+            for other in others:
+                if other not in begun:
+                    own[own == other] = one
+    return own
+
+
+def _names(
+    rows: pd.DataFrame, branch: Integers, origins: dict[int, str], parameter: str
+) -> dict[int, str]:
+    """Return names of branches: those of attractors, or where another was seen first."""
+    kinds, names = motions(rows), {}
+    for number in dict.fromkeys(branch.tolist()):
+        i = int(np.flatnonzero(branch == number)[0])
+        seen = f"{kinds.iloc[i]} at {parameter} = {rows.iloc[i, 0]:g}"
+        names[number] = origins.get(number, seen)
+    return dict(zip(names, unique_labels(list(names.values())), strict=True))
+
+
+def _order(column: pd.Series, names: list[str]) -> pd.Series:
+    return column.map(names.index) if column.name == ATTRACTOR else column
+
+
+def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: str) -> pd.DataFrame:
+    kinds = motions(table)
+    found = []
+    for name, rows in table.groupby(ATTRACTOR, sort=False):
+        told = dict.fromkeys(kinds[rows.index])
+        values = rows[parameter]
+        before, after = ends.get((name, -1), ""), ends.get((name, 1), "")
+        found.append((name, values.min(), values.max(), ", ".join(told), before, after))
+    columns = [ATTRACTOR, f"{parameter} min", f"{parameter} max", "motion", "before", "after"]
+    result = pd.DataFrame(found, columns=columns)
+    unit = table.attrs.get("units", {}).get(parameter, "")
+    units = dict.fromkeys(columns[1:3], unit) if unit else {}
+    result.attrs = {**table.attrs, "units": units}
+    return result
+
+
+# --- Attractors followed over a parameter: each slowly, from value to value, side by side.
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttractorContinuationStudy(Study):
+    """Each attractor followed upwards, then downwards, from the system's own value.
+
+    Attributes
+    ----------
+    over : Axis
+        The parameter, and its values in ascending order.
+    names : tuple of str
+        Of the attractors.
+    states : tuple of State
+        One of each.
+    measuring : Measuring
+        Of the system at its own value.
+    recognition : Recognition
+    """
+
+    over: Axis
+    names: tuple[str, ...]
+    states: tuple[State, ...]
+    measuring: AttractorEvaluator
+    recognition: AttractorMatcher
+
+    kind: ClassVar[str] = "continue_attractors"
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return len(self.names) * len(self.over.values)
+
+    @property
+    def chunk(self) -> int:
+        """How many values of a chain go together."""
+        return 16
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads may compute points at the same time."""
+        return self.measuring.threaded
+
+    @property
+    def upwards(self) -> tuple[float, ...]:
+        """The values above the system's own, and that."""
+        here = self.measuring.system.value(self.over.name)
+        return tuple(value for value in self.over.values if value >= here)
+
+    @property
+    def chains(self) -> tuple[range, ...]:
+        """Up and down, of each attractor."""
+        count, up = len(self.over.values), len(self.upwards)
+        ends = [(i * count, i * count + up, (i + 1) * count) for i in range(len(self.names))]
+        parts = [part for a, b, c in ends for part in (range(a, b), range(b, c))]
+        return tuple(part for part in parts if part)
+
+    def identity(self) -> Mapping[str, Any]:
+        """Return what the numbers depend on."""
+        states = zip(self.names, self.states, strict=True)
+        return {
+            **self.measuring.identity(),
+            "parameter": identity_of_axis(self.over),
+            "attractors": {name: identity_of_state(state) for name, state in states},
+            "distance": self.recognition.distance,
+        }
+
+    @property
+    def schema(self) -> Mapping[str, str]:
+        """The columns of the table."""
+        told = self.measuring.schema
+        status = {STATUS: told.pop(STATUS)}
+        first = {self.over.name: "float", ATTRACTOR: "str", FOLLOWS: "bool"}
+        return {**first, **told, **self.recognition.schema, **status}
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Units and captions of the table."""
+        return self.measuring.attrs(tuple(self.schema))
+
+    def prepare(self) -> None:
+        """Compile what points need."""
+        self.measuring.prepare()
+
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute some values of a chain; see `Study`."""
+        state, value = self._start(first) if carried is None else _restored(carried)
+        rows, follows = [], []
+        before = self._at(value, state)
+        for number in range(first, last):
+            if watch is not None:
+                watch(float(number - first))
+            here = self._value(number)
+            with at_study_point(number):
+                found = self._at(here, self._phased(state, value, here))
+                back = found.motion != FAILED and self._comes_back(found, here, before, value)
+            follows.append(back)
+            rows.append(found)
+            if found.final is not None:
+                state, value, before = found.final, here, found
+        columns = {**self.measuring.columns(rows), **self.recognition.columns(rows)}
+        places = self._places(first, last)
+        return {**places, **columns, FOLLOWS: np.array(follows)}, _kept(state, value)
+
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return rows of points that could not be computed."""
+        found = self.measuring.lost(last - first, reason)
+        columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
+        follows = np.full(last - first, False)
+        return {**self._places(first, last), **columns, FOLLOWS: follows}
+
+    def _places(self, first: int, last: int) -> Columns:
+        numbers = range(first, last)
+        names = [self.names[number // len(self.over.values)] for number in numbers]
+        values = np.array([self._value(number) for number in numbers])
+        return {self.over.name: values, ATTRACTOR: np.array(names, dtype=object)}
+
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return places_of(self._places(number, number + 1))
+
+    def _value(self, number: int) -> float:
+        place, up = number % len(self.over.values), len(self.upwards)
+        if place < up:
+            return self.upwards[place]
+        return self.over.values[len(self.over.values) - 1 - place]
+
+    def _start(self, number: int) -> tuple[State, float]:
+        state = self.states[number // len(self.over.values)]
+        return state, self.measuring.system.value(self.over.name)
+
+    def _at(self, value: float, state: State) -> Attractor:
+        """Return what the motion from a state comes to at a value of the parameter."""
+
+        def case(_number: int) -> InitialCondition:
+            return InitialCondition(self.measuring.system.changed(**{self.over.name: value}), state)
+
+        return self.measuring.follow_some(range(1), case)[0]
+
+    def _comes_back(self, found: Attractor, here: float, before: Attractor, value: float) -> bool:
+        """Return whether the motion, led back, is what it was: else it has jumped."""
+        assert found.final is not None
+        back = self._at(value, self._phased(found.final, here, value))
+        both = [before, back]
+        columns = {**self.measuring.columns(both), **self.recognition.columns(both)}
+        labels = self.recognition.labels(columns, {})
+        return bool(labels[0] == labels[1] >= 0)
+
+    def _phased(self, state: State, old: float, new: float) -> State:
+        """Return a state at the same phase of a forcing whose period may have changed."""
+        system, name = self.measuring.system, self.over.name
+        if not system.forced or old == new:
+            return state
+        periods = [system.shifted({name: value}).forcing_period for value in (old, new)]
+        before, after = (period or 1.0 for period in periods)
+        return state.replace(time=min(state.time / before * after, math.nextafter(after, 0.0)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AttractorBranches(Result):
+    """Attractors over a parameter.
+
+    Attributes
+    ----------
+    system : System
+        At the value at which they were found.
+    parameter : str
+    table : DataFrame
+        One row a branch and a value at which it was seen: the parameter, the name of the
+        ``attractor``, what it comes to and what is measured, as `basins` tells it.
+    branches : DataFrame
+        One row a branch: its name, the first and the last value at which it was seen, its kinds
+        of ``motion`` on the way, and what becomes of it ``before`` and ``after``: the branch to
+        which the motion jumps, nothing where the values end.
+
+    See Also
+    --------
+    continue_attractors, basins
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> over = mi.continue_attractors(found, "amplitude", np.linspace(0.16, 0.24, 5))
+    >>> over.parameter, sorted(over.branches["attractor"])
+    ('amplitude', ['off', 'period 1'])
+    """
+
+    system: System = field(repr=False)
+    parameter: str
+    table: pd.DataFrame = field(repr=False)
+    branches: pd.DataFrame = field(repr=False)
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.branches[ATTRACTOR])
+        return f"AttractorBranches({self.parameter}: {names})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was followed over what."""
+        values = self.table[self.parameter]
+        return {
+            "system": repr(self.system),
+            self.system.label(self.parameter): f"{values.min():g} to {values.max():g}",
+            "branches": ", ".join(self.branches[ATTRACTOR]),
+        }
+
+
+def continue_attractors(
+    basins: Basins,
+    parameter: str,
+    values: ArrayLike,
+    *,
+    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    distance: float = 1e-3,
+    shares: bool = False,
+    options: Options = STUDY_OPTIONS,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[float], None] = False,
+) -> AttractorBranches:
+    """Follow attractors that coexist over a parameter, to where they begin and end.
+
+    Each is followed upwards and downwards from the system's own value, every value from the state
+    at the one before. Where a motion, led back by one value, is not what it was there, it has
+    jumped: its branch has ended in between, and what it has come to is another branch, be it one of
+    those that are known. A period doubling does not end a branch. What no attractor leads to is not
+    found: run `basins` at other values.
+
+    Parameters
+    ----------
+    basins : Basins
+        The attractors, as `basins` has found them.
+    parameter : str
+    values : array_like of float
+        In any order.
+    settle : RecurrenceOptions, optional
+    distance : float, optional
+        Within which two motions are one, as of `basins`.
+    shares : bool, optional
+        Whether at each value the motions from the starts of `basins` are followed, too: then the
+        table has ``share``, ``low`` and ``high``. What is left to one has gone elsewhere.
+    options : Options, optional
+    store, executor, workers, progress
+        As of `basins`. An attractor is followed by one worker at a time.
+
+    Returns
+    -------
+    AttractorBranches
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range. A value that is not allowed is a row with its reason in no
+        branch.
+    StudyInterrupted
+        On Ctrl-C; its ``table`` holds the points done.
+
+    See Also
+    --------
+    AttractorBranches, basins, continue_orbit
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mems_impact as mi
+    >>> actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.2, omega=0.5)
+    >>> v2 = np.linspace(-1.2, 1.2, 9)
+    >>> found = mi.basins(actuator, drive, x=("x2", [0.0]), y=("v2", v2))
+    >>> over = mi.continue_attractors(found, "amplitude", np.linspace(0.16, 0.24, 5))
+    >>> rows = over.branches.set_index("attractor")
+    >>> rows.loc["off", "after"], rows.loc["period 1", "before"]
+    ('period 1', 'off')
+    """
+    if not isinstance(basins, Basins):
+        allowed = "Basins, as mems_impact.basins returns them"
+        raise InvalidParameter("basins", type(basins).__name__, allowed)
+    if not isinstance(settle, RecurrenceOptions):
+        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    system = basins.system
+    system.check_parameter(parameter)
+    over = axis("values", (parameter, values), (parameter,))
+    names = tuple(basins.attractors[ATTRACTOR])
+    if not names:
+        raise InvalidParameter("basins", None, "", problem="holds no attractor: all points failed")
+    study = AttractorContinuationStudy(
+        over=Axis(parameter, tuple(sorted(over.values))),
+        names=names,
+        states=tuple(basins.state(name) for name in names),
+        measuring=AttractorEvaluator(
+            system=system, settle=replace(settle, exponents="none"), options=options
+        ),
+        recognition=AttractorMatcher(system=system, options=options, distance=distance),
+    )
+    rows = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
+    table, branches = match_branches(rows, study.chains, study.recognition)
+    if shares:
+        for number, value in enumerate(study.over.values):
+            one = BasinsStudy(
+                starts=basins.starts,
+                measuring=replace(study.measuring, system=system.changed(**{parameter: value})),
+                recognition=study.recognition,
+                initial=basins.initial,
+            )
+            place = None if store is None else os.path.join(store, f"shares-{number}")
+            points = run_study(
+                one, store=place, executor=executor, workers=workers, progress=progress
+            )
+            count_in(table, value, points, basins.starts, study.recognition)
+    return AttractorBranches(system=system, parameter=parameter, table=table, branches=branches)
+
+
+def _kept(state: State, value: float) -> dict[str, Any]:
+    """Return what the next part of a chain goes on from."""
+    told = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
+    return {**told, "value": value}
+
+
+def _restored(carried: Mapping[str, Any]) -> tuple[State, float]:
+    state = state_from(carried["components"], carried["time"], carried["mode"])
+    return state, carried["value"]

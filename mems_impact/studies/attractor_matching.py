@@ -1,0 +1,414 @@
+"""Matching of attractors: which points share one, and its name.
+
+Of every motion the mean, the smallest and the largest value of each component at its returns are
+kept: numbers that do not depend on the return at which it was left. Cyclic components tell nothing.
+Which motions are the same does not depend on the order of points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.attractor import Attractor, InitialCondition
+from mems_impact.integrators.options import Options
+from mems_impact.studies.attractor_study import (
+    ERROR,
+    EXPONENT,
+    MOTION,
+    PERIOD,
+    RETURNS,
+    AttractorEvaluator,
+    motions,
+)
+from mems_impact.studies.engine.study import STATUS, Columns
+from mems_impact.studies.sampling import Grid, InitialConditions, wilson
+from mems_impact.systems.state import State, state_from
+from mems_impact.systems.statistics import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    RESTING,
+    UNSETTLED,
+    counted_periods,
+)
+from mems_impact.systems.system import System
+
+__all__ = [
+    "ATTRACTOR",
+    "AttractorMatcher",
+    "bounds_of",
+    "followed",
+    "label_partial",
+    "label_points",
+    "match_attractors",
+    "representatives",
+    "returns",
+    "state_of",
+    "unique_labels",
+]
+
+# --- Which motions have come to the same attractor, by what is kept of where they return.
+
+KEPT = ("mean", "min", "max")
+LEFT = "final"  # suffix of where a motion was left
+MODE = f"mode {LEFT}"
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttractorMatcher:
+    """What is kept of motions, and how they are told apart.
+
+    Attributes
+    ----------
+    system : System
+    options : Options
+        Its ``atol / rtol`` is the smallest size to which the numerics look.
+    distance : float
+        Relative to the size of each component, that within which two motions are the same.
+    """
+
+    system: System
+    options: Options
+    distance: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The components that are looked at."""
+        system = self.system
+        hidden = {system.states[i] for i in system.automaton.cyclic}
+        return tuple(name for name in system.states if name not in hidden)
+
+    @property
+    def schema(self) -> dict[str, str]:
+        """The columns of what is kept."""
+        kept = [f"{name} {what}" for name in self.names for what in KEPT]
+        left = [f"{name} {LEFT}" for name in (*self.system.states, "time")]
+        return {**dict.fromkeys([*kept, *left], "float"), MODE: "str"}
+
+    def columns(self, found: Sequence[Attractor]) -> Columns:
+        """Return the columns of `schema`."""
+        rows = np.array([self._row(each) for each in found])
+        columns: Columns = dict(zip(self.schema, rows.T, strict=False))
+        modes = ["" if each.final is None else str(each.final.mode or "") for each in found]
+        columns[MODE] = np.array(modes, dtype=object)
+        return columns
+
+    def nudged(self, state: State) -> State:
+        """Return a state a tenth of the distance away in each component."""
+        least = self.options.atol / self.options.rtol
+        sizes = {
+            name: max(abs(state[name]), float(self.system.out(name, least))) for name in self.names
+        }
+        off = {name: state[name] + 0.1 * self.distance * size for name, size in sizes.items()}
+        return state.replace(**off)
+
+    def labels(self, columns: Columns, starts: Columns) -> Integers:
+        """Return a number for each motion, the same for the same attractor; -1 if it has failed.
+
+        Periodic motions and those at rest are the same if their kind and period are, and what is
+        kept of them lies within the distance, from one to the next. Unsettled ones are the same if
+        the boxes around their returns meet.
+
+        Parameters
+        ----------
+        columns : dict of array
+            What is kept, motions and periods.
+        starts : dict of array
+            Where the motions started: components that were large once are told no better.
+        """
+        kind = columns[MOTION]
+        labels: Integers = np.full(len(kind), -1, dtype=np.int64)
+        at_rest = np.where(kind == RESTING, columns[MODE], "")
+        kinds = sorted(set(zip(kind, columns[PERIOD].tolist(), at_rest, strict=True)))
+        size = self._sizes(columns, starts)
+        for motion, period, mode in kinds:
+            if motion == FAILED:
+                continue
+            here = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
+            kept = {what: self._kept(columns, what)[here] for what in KEPT}
+            if motion == UNSETTLED:
+                own = _meeting(kept["min"], kept["max"])
+            else:
+                own = _near(np.hstack(list(kept.values())) / np.tile(size, len(KEPT)))
+            labels[here] = own + labels.max() + 1
+        return labels
+
+    def _kept(self, columns: Columns, what: str) -> Floats:
+        return np.stack([columns[f"{name} {what}"] for name in self.names], axis=1)
+
+    def _sizes(self, columns: Columns, starts: Columns) -> Floats:
+        """Return the distance in each component, in its unit."""
+        least = self.options.atol / self.options.rtol
+        sizes = [float(self.system.out(name, least)) for name in self.names]
+        for i, name in enumerate(self.names):
+            values = [columns[f"{name} min"], columns[f"{name} max"], starts.get(name, np.empty(0))]
+            known = np.abs(np.concatenate(values))
+            sizes[i] = max(sizes[i], np.max(known, initial=0.0, where=~np.isnan(known)))
+        return self.distance * np.array(sizes)
+
+    def _row(self, found: Attractor) -> list[float]:
+        count = len(self.schema) - 1
+        if found.states is None or found.final is None:
+            return [np.nan] * count
+        places = [self.system.states.index(name) for name in self.names]
+        seen = found.states[:, places]
+        if not len(seen):  # at rest before the first return
+            seen = np.array([[found.final[name] for name in self.names]])
+        kept = np.stack([seen.mean(axis=0), seen.min(axis=0), seen.max(axis=0)], axis=1)
+        final = found.final
+        return [*kept.ravel(), *(final[name] for name in self.system.states), final.time]
+
+
+def _near(places: Floats) -> Integers:
+    """Return groups of points, in which each is near another: in the next cell of a grid."""
+    cells, which = np.unique(np.rint(places), axis=0, return_inverse=True)
+    pairs = cKDTree(cells).query_pairs(1.5, p=np.inf, output_type="ndarray")
+    ones = np.ones(len(pairs))
+    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(cells), len(cells)))
+    _, groups = connected_components(graph, directed=False)
+    return np.asarray(groups[which.ravel()], dtype=np.int64)
+
+
+def _meeting(low: Floats, high: Floats) -> Integers:
+    """Return groups of boxes, the finest ones of which no two have hulls that meet."""
+    hulls: list[tuple[Floats, Floats]] = []
+    for below, above in zip(low, high, strict=True):
+        grown = True
+        while grown:  # a hull that has grown may meet others
+            met = [hull for hull in hulls if ((hull[0] <= above) & (below <= hull[1])).all()]
+            hulls = [hull for hull in hulls if not any(hull is other for other in met)]
+            below = np.min([below, *(hull[0] for hull in met)], axis=0)
+            above = np.max([above, *(hull[1] for hull in met)], axis=0)
+            grown = bool(met)
+        hulls.append((below, above))
+    labels: Integers = np.empty(len(low), dtype=np.int64)
+    for number, (below, above) in enumerate(hulls):
+        labels[((below <= low) & (high <= above)).all(axis=1)] = number
+    return labels
+
+
+# --- A census of attractors: their names, their shares of the points, and where they return.
+
+ATTRACTOR = "attractor"
+FEW = 0.01  # of all points: attractors of fewer are looked at again
+
+
+class Seen(NamedTuple):
+    """What is told of points before all are done: as of `Basins`."""
+
+    table: pd.DataFrame
+    attractors: pd.DataFrame
+    returns: pd.DataFrame
+
+
+def representatives(table: pd.DataFrame, labels: NDArray[np.int64]) -> pd.DataFrame:
+    """Return the row of the first point of each attractor, that of the most points first."""
+    known, firsts, counts = np.unique(labels, return_index=True, return_counts=True)
+    order = np.lexsort((firsts, -counts))
+    return table.iloc[firsts[order[known[order] >= 0]]]
+
+
+def match_attractors(
+    table: pd.DataFrame,
+    names: Sequence[str],
+    rules: AttractorMatcher,
+    measuring: AttractorEvaluator,
+) -> NDArray[np.int64]:
+    """Return a number for each point, the same for the same attractor; -1 if it has failed.
+
+    A start that lies near enough to the stable manifold of a saddle stays there for as long as it
+    is followed. So periodic motions that few points come to are followed once more, from beside
+    them: those that lead elsewhere attract nothing, and their points count as where they lead.
+
+    Parameters
+    ----------
+    table : DataFrame
+    names : sequence of str
+        The components in which starts differ.
+    rules : Recognition
+    measuring : Measuring
+    """
+    system, count = measuring.system, len(table)
+    columns = {name: table[name].to_numpy() for name in table}
+    starts = {name: columns[name] for name in names}
+    labels = rules.labels(columns, starts)
+    rows = representatives(table, labels)
+    few = np.array([(labels == labels[i]).sum() <= max(1.0, FEW * count) for i in rows.index])
+    rows = rows[few & rows[MOTION].isin([PERIODIC, OFF]).to_numpy()]
+    beside = [
+        InitialCondition(system, rules.nudged(state_of(system, row))) for _, row in rows.iterrows()
+    ]
+    if not beside:
+        return labels
+    found = measuring.follow(beside)
+    more = {**measuring.columns(found), **rules.columns(found)}
+    both = rules.labels(
+        {name: np.concatenate([columns[name], values]) for name, values in more.items()}, starts
+    )
+    labels, led = both[:count], both[count:]
+    known = set(labels.tolist()) - {-1}
+    for i, label in zip(rows.index, led.tolist(), strict=True):
+        if label in known:
+            labels[labels == labels[i]] = label
+    return labels
+
+
+def followed(rows: pd.DataFrame, measuring: AttractorEvaluator) -> list[Attractor]:
+    """Return the motions that go on from where those of rows were left.
+
+    With the states at as many returns as are measured, of those that do not repeat themselves.
+    """
+    settle = measuring.settle
+    longest = max(settle.longest, int(settle.periods))
+    further = replace(measuring, settle=replace(settle, longest=longest))
+    system = measuring.system
+    return further.follow(
+        [InitialCondition(system, state_of(system, row)) for _, row in rows.iterrows()]
+    )
+
+
+def label_points(
+    table: pd.DataFrame,
+    labels: NDArray[np.int64],
+    found: Sequence[Attractor],
+    starts: InitialConditions,
+    longest: int,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the table of all points with the names of their attractors, and that of attractors.
+
+    Parameters
+    ----------
+    table : DataFrame
+    labels : array of int
+        Of each point, as `Recognition` tells them.
+    found : sequence of Attractor
+        As `followed` returns them of the `representatives`.
+    starts : Starts
+        Bounds of shares depend on whether they are a grid.
+    longest : int
+        Returns after which motions were looked at for whether they repeat themselves.
+    """
+    rows = representatives(table, labels)
+    own = labels[rows.index]
+    kinds = [
+        _told_later(one, longest) if motion == UNSETTLED else (motion, period)
+        for motion, period, one in zip(rows[MOTION], rows[PERIOD], found, strict=True)
+    ]
+    names = unique_labels([_kind(*each) for each in kinds])
+    members = [labels == label for label in own]
+    bounds = [bounds_of(each, starts) for each in members]
+    told = {
+        ATTRACTOR: np.array(names, dtype=object),
+        MOTION: np.array([motion for motion, _ in kinds], dtype=object),
+        PERIOD: np.array([period for _, period in kinds], dtype=np.int64),
+        "points": np.array([each.sum() for each in members], dtype=np.int64),
+        "share": np.array([each.mean() for each in members]),
+        "low": np.array([low for low, _ in bounds]),
+        "high": np.array([high for _, high in bounds]),
+        EXPONENT: np.array([one.exponent for one in found]),
+        ERROR: np.array([one.error for one in found]),
+    }
+    more = [name for name in rows if name not in (*told, *starts.names, RETURNS, STATUS)]
+    attractors = pd.DataFrame({**told, **{name: rows[name].to_numpy() for name in more}})
+    named = table.copy(deep=False)
+    column = np.full(len(table), FAILED, dtype=object)
+    for name, each in zip(names, members, strict=True):
+        column[each] = name
+    named.insert(len(starts.names), ATTRACTOR, column)
+    named.attrs, attractors.attrs = dict(table.attrs), dict(table.attrs)
+    return named, attractors
+
+
+def label_partial(table: pd.DataFrame) -> Seen:
+    """Return what some of the points come to: kinds of motions, in place of attractors.
+
+    Those of one kind are told apart over all points, and none of them is followed again.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Of the points that are done.
+    """
+    kinds = motions(table)
+    counts = kinds[kinds != FAILED].value_counts()
+    told = {ATTRACTOR: counts.index.to_numpy(dtype=object), "points": counts.to_numpy()}
+    attractors = pd.DataFrame({**told, "share": told["points"] / max(1, len(table))})
+    named = table.assign(**{ATTRACTOR: kinds})
+    named.attrs = dict(table.attrs)
+    return Seen(named, attractors, pd.DataFrame({ATTRACTOR: []}))
+
+
+def state_of(system: System, row: Any) -> State:
+    """Return where the motion of a row was left."""
+    components = {name: float(row[f"{name} {LEFT}"]) for name in system.states}
+    return state_from(components, float(row[f"time {LEFT}"]), row[MODE] or None)
+
+
+def returns(attractors: pd.DataFrame, found: Sequence[Attractor], system: System) -> pd.DataFrame:
+    """Return the table of the states at the returns of attractors."""
+    none = np.empty((0, len(system.states)))
+    seen = [none if one.states is None else one.states for one in found]
+    names = np.repeat(attractors[ATTRACTOR].to_numpy(), [len(states) for states in seen])
+    columns = dict(zip(system.states, np.concatenate([none, *seen]).T, strict=True))
+    table = pd.DataFrame({ATTRACTOR: names.astype(object), **columns})
+    table.attrs = dict(attractors.attrs)
+    return table
+
+
+def _told_later(found: Attractor, longest: int) -> tuple[str, int]:
+    """Return motion and period of an attractor that was unsettled as it was reached.
+
+    One that repeats itself as soon as others was on its way to them.
+    """
+    if found.motion in (CHAOTIC, QUASI_PERIODIC) or found.period > longest:
+        return found.motion, found.period
+    return UNSETTLED, 0
+
+
+def _kind(motion: str, period: int) -> str:
+    if motion == PERIODIC:
+        return counted_periods(period)
+    return f"{motion}, {counted_periods(period)}" if motion == OFF and period > 1 else motion
+
+
+def unique_labels(kinds: list[str]) -> list[str]:
+    """Return a name for each of some attractors: its kind, and a letter where there are several."""
+    names, seen = [], dict.fromkeys(kinds, 0)
+    for kind in kinds:
+        names.append(kind if kinds.count(kind) == 1 else f"{kind} {_letters(seen[kind])}")
+        seen[kind] += 1
+    return names
+
+
+def _letters(number: int) -> str:
+    """Return the letters of a number: a, b, …, z, aa, ab."""
+    before, letter = divmod(number, 26)
+    return (_letters(before - 1) if before else "") + chr(ord("a") + letter)
+
+
+def bounds_of(own: NDArray[np.bool_], starts: InitialConditions) -> tuple[float, float]:
+    """Return between what the share of an attractor lies; see `basins`."""
+    if not isinstance(starts, Grid):
+        return wilson(int(own.sum()), len(own))
+    cells = own.reshape(starts.shape)
+    inner, outer = cells.copy(), cells.copy()
+    for place in range(cells.ndim):
+        ahead = tuple(slice(1, None) if i == place else slice(None) for i in range(cells.ndim))
+        behind = tuple(slice(None, -1) if i == place else slice(None) for i in range(cells.ndim))
+        for here, there in ((ahead, behind), (behind, ahead)):
+            inner[here] &= cells[there]
+            outer[here] |= cells[there]
+    return float(inner.mean()), float(outer.mean())

@@ -1,0 +1,300 @@
+"""The base of studies whose points are attractors."""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact.analysis.attractor import (
+    STUDY_OPTIONS,
+    Attractor,
+    InitialCondition,
+    RecurrenceOptions,
+    map_attractors,
+)
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.problem import is_compiled
+from mems_impact.integrators.options import Options
+from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of
+from mems_impact.systems.serialization.file import identity, identity_of_options
+from mems_impact.systems.statistics import (
+    CHAOTIC,
+    FAILED,
+    OFF,
+    PERIODIC,
+    QUASI_PERIODIC,
+    RESTING,
+    UNSETTLED,
+    counted_periods,
+)
+from mems_impact.systems.system import System
+from mems_impact.tables import bare, captions, unit_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = [
+    "ERROR",
+    "EXPONENT",
+    "MOTION",
+    "PERIOD",
+    "RETURNS",
+    "SILENT",
+    "AttractorEvaluator",
+    "AttractorStudy",
+    "in_order",
+    "map_summary",
+    "motions",
+    "period_of",
+]
+
+# --- Kinds of motions in tables of studies: their names, their order, how many there are and
+# where.
+
+MOTION, PERIOD = "motion", "period"  # columns
+SILENT = (OFF, RESTING)  # motions of which there is nothing to measure
+_IRREGULAR = (QUASI_PERIODIC, CHAOTIC, UNSETTLED, FAILED)
+
+
+def motions(table: pd.DataFrame) -> pd.Series:
+    """Return the kind of motion in each row: a periodic one with its period, ``"period 2"``."""
+    kinds = table[MOTION].astype(str)
+    counted = table[PERIOD].astype(int).map(counted_periods)
+    return kinds.where((kinds != PERIODIC) | (table[PERIOD] <= 0), counted)
+
+
+def period_of(motion: str) -> int:
+    """Return the period in the name of a kind of motion; 0 if there is none."""
+    found = re.match(r"period (\d+)", motion)
+    return int(found[1]) if found else 0
+
+
+def in_order(kinds: Iterable[str]) -> list[str]:
+    """Return kinds of motions from the simplest to the last: off, period 1, 2, …, chaotic."""
+    known = (*SILENT, PERIODIC, *_IRREGULAR)
+
+    def place(kind: str) -> tuple[int, int, str]:
+        period = period_of(kind)
+        name = PERIODIC if period else kind
+        return known.index(name) if name in known else len(known), period, kind
+
+    return sorted(set(kinds), key=place)
+
+
+def map_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each kind of motion in a map: how many points, and where they lie.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `operating_map`, whole or in part, or read back from a file: its first two columns are
+        the parameters.
+
+    Returns
+    -------
+    DataFrame
+        Motion ("off", "period 1", "chaotic", …), the number of points, their share of those in the
+        table, and the smallest and largest value of each parameter among them.
+
+    See Also
+    --------
+    operating_map, OperatingMap
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.operating_map(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
+    ...     x=("amplitude", [0.2, 0.24]), y=("omega", [0.49, 0.5]),
+    ... )
+    >>> summary = mi.map_summary(found.table)
+    >>> summary[["motion", "points"]].values.tolist()
+    [['off', 1], ['period 1', 3]]
+    """
+    table = bare(table)
+    x, y = table.columns[:2]
+    groups = table.groupby(motions(table).rename(None))
+    ends = {f"{name} {which}": (name, which) for name in (x, y) for which in ("min", "max")}
+    summary = groups.agg(points=(STATUS, "size"), **ends)
+    summary = summary.reindex(in_order(summary.index)).rename_axis(MOTION).reset_index()
+    summary.insert(2, "share", summary["points"] / len(table))
+    units = table.attrs.get("units", {})
+    told = {name: units[source] for name, (source, _) in ends.items() if source in units}
+    summary.attrs = {**table.attrs, "units": told}
+    return summary
+
+
+# --- What studies of attractors share: how points are followed, and the columns that tell of
+# them.
+
+EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
+RETURNS = "returns"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttractorEvaluator:
+    """How the motions of a system are followed and told.
+
+    Attributes
+    ----------
+    system : System
+    settle : RecurrenceOptions
+    options : Options
+    """
+
+    system: System
+    settle: RecurrenceOptions = field(default_factory=RecurrenceOptions)
+    options: Options = STUDY_OPTIONS
+
+    @property
+    def threaded(self) -> bool:
+        """Whether points hold no lock of Python's."""
+        return is_compiled(self.system.problem(self.options).options)
+
+    @property
+    def schema(self) -> dict[str, str]:
+        """The columns that tell of a motion."""
+        names = dict.fromkeys(self.system.measure_names, "float")
+        told = {EXPONENT: "float", ERROR: "float"} if self.settle.exponents != "none" else {}
+        return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
+
+    def identity(self) -> dict[str, Any]:
+        """Return what the numbers depend on."""
+        return {
+            **identity(self.system),
+            **asdict(self.settle),
+            "options": identity_of_options(self.system.problem(self.options).options),
+        }
+
+    def attrs(self, columns: Sequence[str]) -> dict[str, Any]:
+        """Return the ``attrs`` of a table with these columns."""
+        units = {name: unit_of(name, self.system.units) for name in columns}
+        if time := self.system.unit("time"):
+            units |= {name: f"1/{time}" for name in (EXPONENT, ERROR) if name in columns}
+        return {
+            "units": {name: unit for name, unit in units.items() if unit},
+            "system": repr(self.system),
+            **captions(self.system),
+        }
+
+    def follow(
+        self,
+        cases: Sequence[InitialCondition],
+        watch: Callable[[float], None] | None = None,
+        numbers: Sequence[int] | None = None,
+    ) -> list[Attractor]:
+        """Return what the motions from many points come to."""
+        return map_attractors(cases, self.settle, self.options, watch, numbers)
+
+    def follow_some(
+        self,
+        numbers: range,
+        case: Callable[[int], InitialCondition],
+        watch: Callable[[float], None] | None = None,
+    ) -> list[Attractor]:
+        """Return what the motions of numbered points come to; one that is refused has failed."""
+        cases: list[InitialCondition] = []
+        refused: dict[int, str] = {}
+        for number in numbers:
+            try:
+                cases.append(case(number))
+            except InvalidParameter as error:
+                refused[number] = str(error)
+        allowed = [number for number in numbers if number not in refused]
+        followed = iter(self.follow(cases, watch, allowed))
+        return [
+            Attractor(motion=FAILED, status=refused[number])
+            if number in refused
+            else next(followed)
+            for number in numbers
+        ]
+
+    def columns(self, found: Sequence[Attractor]) -> Columns:
+        """Return the columns of `schema`."""
+        columns: Columns = {
+            MOTION: _words([each.motion for each in found]),
+            PERIOD: np.array([each.period for each in found], dtype=np.int64),
+        }
+        for name in self.system.measure_names:
+            columns[name] = np.array([each.measures.get(name, math.nan) for each in found])
+        if self.settle.exponents != "none":
+            columns[EXPONENT] = np.array([each.exponent for each in found])
+            columns[ERROR] = np.array([each.error for each in found])
+        columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
+        columns[STATUS] = _words([each.status for each in found])
+        return columns
+
+    def lost(self, count: int, reason: str) -> list[Attractor]:
+        """Return what stands for points that could not be computed."""
+        return [Attractor(motion=FAILED, status=reason)] * count
+
+    def prepare(self) -> None:
+        """Compile what points need, once in a process."""
+        problem = self.system.problem(self.options)
+        brief = replace(self.settle, transient=0.0, periods=1.0)
+        if problem.refusal == "":
+            map_attractors([InitialCondition(self.system)], brief, self.options)
+
+
+def _words(words: Sequence[str]) -> Any:
+    return np.array(words, dtype=object)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AttractorStudy(Study):
+    """A study whose points are motions, each told by what it comes to."""
+
+    measuring: AttractorEvaluator
+
+    @property
+    def chunk(self) -> int:
+        """How many go together: about a second of work."""
+        return 256
+
+    @property
+    def threaded(self) -> bool:
+        """Whether threads may compute points at the same time."""
+        return self.measuring.threaded
+
+    def prepare(self) -> None:
+        """Compile what points need."""
+        self.measuring.prepare()
+
+    def compute(
+        self,
+        first: int,
+        last: int,
+        carried: Any = None,
+        watch: Callable[[float], None] | None = None,
+    ) -> tuple[Columns, Any]:
+        """Compute some points; see `Study`."""
+        found = self.measuring.follow_some(range(first, last), self._case, watch)
+        return {**self._places(first, last), **self._told(found)}, None
+
+    def failed(self, first: int, last: int, reason: str) -> Columns:
+        """Return rows of points that could not be computed."""
+        found = self.measuring.lost(last - first, reason)
+        return {**self._places(first, last), **self._told(found)}
+
+    @abstractmethod
+    def _case(self, number: int) -> InitialCondition:
+        """Return a point; InvalidParameter if it is not allowed."""
+
+    def place(self, number: int) -> str:
+        """Return what a point is called in messages."""
+        return places_of(self._places(number, number + 1))
+
+    @abstractmethod
+    def _places(self, first: int, last: int) -> Columns:
+        """Return the columns that tell points apart."""
+
+    def _told(self, found: Sequence[Attractor]) -> Columns:
+        """Return the columns that tell what motions come to."""
+        return self.measuring.columns(found)

@@ -1,0 +1,310 @@
+"""Studies in files and on the command line: the arguments of the functions in Python.
+
+A word of the table ``[study]`` is an argument of the verb of its kind, and has its default. What is
+no plain value there has a reader here; a settings object, such as `RecurrenceOptions`, is a table
+of what differs from the default.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+
+from mems_impact.analysis.orbit import ORBIT_OPTIONS, Orbit, find_orbit
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
+from mems_impact.studies.engine.executors import cores
+from mems_impact.studies.optimize import Optimum, ParetoFront, optimize, pareto_front
+from mems_impact.studies.sensitivity import Sensitivity, sensitivity
+from mems_impact.systems.observables import Quantity
+from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.system import System
+
+__all__ = [
+    "distributions",
+    "executor_named",
+    "optimize_from",
+    "orbit_sensitivity_study",
+    "range_axis",
+    "verb_arguments",
+    "verb_of",
+]
+
+# --- Sensitivities and optima of the orbit to which a run leads, as study files tell them.
+
+TRANSIENT = 300.0  # forcing periods before an orbit is looked for
+
+Limits = Mapping[str, tuple[float | None, float | None]]
+
+
+def orbit_sensitivity_study(
+    system: System,
+    *,
+    initial: State | Mapping[str, float] | None = None,
+    transient: float = TRANSIENT,
+    periods: int | None = None,
+    options: Options = ORBIT_OPTIONS,
+    parameters: Sequence[str] | None = None,
+    quantities: Sequence[str | Quantity] | None = None,
+) -> Sensitivity:
+    """Return the `sensitivity` of the orbit to which a run leads.
+
+    Parameters
+    ----------
+    system : System
+    initial, transient, periods, options
+        Of the run and of `find_orbit`.
+    parameters, quantities
+        As of `sensitivity`.
+    """
+    orbit = _orbit(system, initial, transient, periods, options)
+    return sensitivity(orbit, parameters, quantities)
+
+
+def optimize_from(
+    system: System,
+    *,
+    over: Mapping[str, tuple[float, float]],
+    maximize: str | Sequence[str] = (),
+    minimize: str | Sequence[str] = (),
+    subject_to: Limits | None = None,
+    tolerances: Mapping[str, float | str] | None = None,
+    points: int = 12,
+    initial: State | Mapping[str, float] | None = None,
+    transient: float = TRANSIENT,
+    periods: int | None = None,
+    options: Options = ORBIT_OPTIONS,
+    progress: bool | Callable[[float], None] = False,
+) -> Optimum | ParetoFront:
+    """Return what `optimize` makes of the orbit to which a run leads; of two aims the front.
+
+    Parameters
+    ----------
+    system : System
+    over, subject_to, tolerances
+        As of `optimize`.
+    maximize, minimize : str or sequence of str
+        One quantity in all, or two.
+    points : int
+        On the front of two.
+    initial, transient, periods, options
+        Of the run and of `find_orbit`.
+    progress : bool or callable, optional
+    """
+    names = [*_several(maximize), *_several(minimize)]
+    if not 1 <= len(names) <= 2 or len(set(names)) != len(names):
+        allowed = "one quantity, maximize or minimize, or two for a front"
+        raise InvalidParameter("maximize", maximize or None, allowed)
+    aims: dict[str, Any] = dict.fromkeys(_several(maximize), "maximize")
+    aims |= dict.fromkeys(_several(minimize), "minimize")
+    orbit = _orbit(system, initial, transient, periods, options)
+    given: dict[str, Any] = {"over": over, "subject_to": subject_to, "tolerances": tolerances}
+    if len(aims) == 2:
+        return pareto_front(orbit, aims, points=points, progress=progress, **given)
+    given[aims[names[0]]] = names[0]
+    return optimize(orbit, progress=progress, **given)
+
+
+def _several(names: str | Sequence[str]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _orbit(
+    system: System,
+    initial: State | Mapping[str, float] | None,
+    transient: float,
+    periods: int | None,
+    options: Options,
+) -> Orbit:
+    return find_orbit(system, guess=initial, periods=periods, transient=transient, options=options)
+
+
+# --- Studies in words, as files and the command line tell them: the arguments of the verbs in
+# Python.
+
+KINDS = {
+    "map": "mems_impact.studies.operating_map:operating_map",
+    "basins": "mems_impact.studies.basins:basins",
+    "scatter": "mems_impact.studies.uncertainty:scatter",
+    "sensitivity": "mems_impact.studies.engine.config:sensitivity_from",
+    "optimize": "mems_impact.studies.engine.config:optimize_from",
+}
+"""What a study may be, and the verb that runs it."""
+
+EXECUTORS = ("threads", "processes")
+
+_AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
+
+
+def verb_of(kind: Any) -> Callable[..., Any]:
+    """Return the verb that runs studies of a kind; InvalidParameter if there is none."""
+    if not isinstance(kind, str) or kind not in KINDS:
+        problem = f"missing, must be one of {', '.join(KINDS)}" if kind is None else None
+        raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}", problem=problem)
+    verb: Callable[..., Any] = resolve_name(KINDS[kind])
+    return verb
+
+
+def verb_arguments(kind: Any, table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the arguments of a verb that a table tells.
+
+    Parameters
+    ----------
+    kind : str
+    table : mapping
+        Arguments by name, in values of TOML.
+    folder : Path
+        To which paths in it are relative.
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is unknown, missing or of the wrong kind.
+    """
+    known = {
+        name: parameter.default
+        for name, parameter in inspect.signature(verb_of(kind)).parameters.items()
+        if parameter.kind is inspect.Parameter.KEYWORD_ONLY
+    }
+    for name in table:
+        if name not in known:
+            raise _unknown(name, table[name], known)
+    for name, default in known.items():
+        if default is inspect.Parameter.empty and name not in table:
+            allowed = _AXIS if _READERS.get(name) is _axis else "given"
+            raise InvalidParameter(name, None, allowed, problem=f"missing, must be {allowed}")
+    readers = {**_READERS, **_OF_KIND.get(kind, {})}
+    given = {
+        name: _argument(name, value, known[name], readers.get(name))
+        for name, value in table.items()
+    }
+    if "store" in given:
+        given["store"] = folder / given["store"]
+    if "executor" in given:
+        given["executor"] = executor_named(given["executor"], given.get("workers"))
+    return given
+
+
+def range_axis(name: str, start: float, stop: float, points: int) -> tuple[str, Any]:
+    """Return an axis of evenly spaced values, ends included."""
+    return name, np.linspace(start, stop, points)
+
+
+def executor_named(name: str, workers: int | None) -> Callable[[], Executor] | None:
+    """Return what makes the executor of that name; None for the threads that there are anyway."""
+    if name not in EXECUTORS:
+        raise InvalidParameter("executor", name, f"one of {', '.join(EXECUTORS)}")
+    if name == "threads":
+        return None
+    return partial(ProcessPoolExecutor, workers or cores(), get_context("spawn"))
+
+
+def _argument(name: str, value: Any, default: Any, reader: _Reader | None) -> Any:
+    if reader is not None:
+        return reader(name, value)
+    if is_dataclass(default) and not isinstance(default, type):
+        return _settings(name, value, default)
+    return value
+
+
+def _axis(name: str, value: Any) -> tuple[str, Any]:
+    match value:
+        case [str(parameter), list(values)]:
+            return parameter, values
+        case [str(parameter), start, stop, points] if is_number(start) and is_number(stop):
+            if isinstance(points, int) and points > 0:
+                return range_axis(parameter, start, stop, points)
+    raise InvalidParameter(name, value, _AXIS)
+
+
+def distributions(name: str, value: Any) -> dict[str, Any]:
+    """Return distributions, each written as its name in scipy.stats and its arguments."""
+    from scipy import stats
+
+    allowed = 'distributions of scipy.stats by parameter: {e = ["norm", 0.62, 0.02], d = "5%"}'
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, allowed)
+    found = {}
+    for parameter, words in value.items():
+        if isinstance(words, str):  # a part of the parameter's own value
+            found[parameter] = words
+            continue
+        match words:
+            case [str(kind), *numbers] if all(map(is_number, numbers)):
+                made = getattr(stats, kind, None)
+            case _:
+                made = None
+        if not isinstance(made, stats.rv_continuous | stats.rv_discrete):
+            raise InvalidParameter(f"{name}.{parameter}", words, allowed)
+        found[parameter] = made(*numbers)
+    return found
+
+
+def _state(name: str, value: Any) -> State:
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, "a table of components of the state: {x2 = 0.1}")
+    return state_from(value)
+
+
+def _text(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise InvalidParameter(name, value, "a text")
+    return value
+
+
+def _settings(name: str, value: Any, default: Any) -> Any:
+    known = [each.name for each in fields(default)]
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, f"a table of some of {', '.join(known)}")
+    for word in value:
+        if word not in known:
+            raise _unknown(f"{name}.{word}", value[word], known)
+    try:
+        return replace(default, **value)
+    except InvalidParameter as error:
+        raise error.located(owner=name) from None
+
+
+def _unknown(name: str, value: Any, known: Any) -> InvalidParameter:
+    allowed = f"one of {', '.join(known)}"
+    return InvalidParameter(name, value, allowed, problem=f"unknown name, must be {allowed}")
+
+
+def _ranges(name: str, value: Any) -> dict[str, tuple[float | None, float | None]]:
+    """Return lowest and highest values by name; an infinity is none."""
+    allowed = "pairs of numbers by name: {amplitude = [0.2, 0.3]}, of which one may be inf"
+    if not isinstance(value, dict):
+        raise InvalidParameter(name, value, allowed)
+    found = {}
+    for word, pair in value.items():
+        if not (isinstance(pair, list) and len(pair) == 2 and all(map(_is_real, pair))):
+            raise InvalidParameter(f"{name}.{word}", pair, allowed)
+        low, high = (float(end) if math.isfinite(end) else None for end in pair)
+        found[word] = low, high
+    return found
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+_Reader = Callable[[str, Any], Any]
+_READERS: dict[str, _Reader] = {
+    "x": _axis,
+    "y": _axis,
+    "initial": _state,
+    "over": distributions,
+    "store": _text,
+    "executor": _text,
+}
+_OF_KIND: dict[str, dict[str, _Reader]] = {"optimize": {"over": _ranges, "subject_to": _ranges}}

@@ -1,0 +1,23 @@
+"""Results of studies that result files may contain."""
+
+from mems_impact.studies.attractor_continuation import AttractorBranches
+from mems_impact.studies.basins import Basins
+from mems_impact.studies.operating_map import OperatingMap
+from mems_impact.studies.optimize import Optimum, ParetoFront
+from mems_impact.studies.sampling import Axis, Grid, Sample
+from mems_impact.studies.sensitivity import Sensitivity
+from mems_impact.studies.uncertainty import ToleranceAnalysis
+from mems_impact.systems.serialization.codec import register
+
+__all__: list[str] = []
+
+register(Axis)
+register(Grid)
+register(Sample)
+register(OperatingMap)
+register(Basins)
+register(AttractorBranches)
+register(ToleranceAnalysis)
+register(Optimum)
+register(ParetoFront)
+register(Sensitivity)

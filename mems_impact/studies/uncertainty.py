@@ -1,0 +1,480 @@
+"""Tolerance analysis: Monte Carlo statistics, Sobol indices, yield."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
+from scipy.stats import sobol_indices
+
+from mems_impact._util.arrays import Floats
+from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
+from mems_impact.studies.attractor_study import (
+    MOTION,
+    AttractorEvaluator,
+    AttractorStudy,
+    in_order,
+    motions,
+)
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.study import Columns
+from mems_impact.studies.sampling import (
+    FIRST,
+    LEVEL,
+    SECOND,
+    Making,
+    ParameterSample,
+    Sampling,
+    check_sample,
+    distributions,
+    draw,
+    matrices,
+    wilson,
+)
+from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.result import Result
+from mems_impact.systems.serialization.file import identity_of_state
+from mems_impact.systems.state import State, is_number, state_from
+from mems_impact.systems.system import System
+
+__all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
+
+# --- Sobol' indices: how much of the variance of a quantity is due to each of what is drawn.
+
+RESAMPLES = 999
+ROUNDING = 1e-9  # relative spread of a quantity that does not vary
+
+
+def indices_table(
+    draws: ParameterSample, quantities: Sequence[str], values: Floats, seed: int
+) -> pd.DataFrame:
+    """Return first-order and total indices, each with an interval.
+
+    Parameters
+    ----------
+    draws : Draws
+        With the samples that indices need.
+    quantities : sequence of str
+    values : float array, shape (points, quantities)
+    seed : int
+        Of the bootstrap.
+
+    Returns
+    -------
+    DataFrame
+        See `mems_impact.scatter`.
+    """
+    missing = np.isnan(values).sum(axis=0)
+    whole = missing == 0
+    spread = np.ptp(values, axis=0)
+    varies = whole & (spread > ROUNDING * np.abs(values).max(axis=0))
+    shape = (len(quantities), len(draws.names))
+    found = np.full((6, *shape), np.nan)  # first-order and its ends, total and its ends
+    found[:, whole] = 0.0
+    if varies.any():
+        found[:, varies] = _estimated(matrices(draws, values[:, varies]), seed)
+    columns = ("first", "first low", "first high", "total", "total low", "total high")
+    return pd.DataFrame(
+        {
+            "quantity": np.repeat(np.array(quantities, dtype=object), shape[1]),
+            "parameter": np.tile(np.array(draws.names, dtype=object), shape[0]),
+            **{name: part.ravel() for name, part in zip(columns, found, strict=True)},
+            "missing": np.repeat(missing, shape[1]),
+        }
+    )
+
+
+def _estimated(parts: tuple[Floats, Floats, Floats], seed: int) -> Floats:
+    """Return indices and ends of their intervals, by resampling rows."""
+    n = parts[0].shape[1]
+    rows = np.random.default_rng(seed).integers(n, size=(RESAMPLES, n))
+    resampled = np.array([_indices([part[..., chosen] for part in parts]) for chosen in rows])
+    outside = (1.0 - LEVEL) / 2.0
+    low, high = np.quantile(resampled, [outside, 1.0 - outside], axis=0)
+    first, total = _indices(parts)
+    return np.stack([first, low[0], high[0], total, low[1], high[1]])
+
+
+def _indices(parts: Sequence[Floats]) -> Floats:
+    """Return first-order and total indices, shape (2, quantities, drawn)."""
+    first, second, between = parts
+    found = sobol_indices(func={"f_A": first, "f_B": second, "f_AB": between}, n=first.shape[1])
+    shape = (len(first), len(between))
+    return np.stack([found.first_order.reshape(shape), found.total_order.reshape(shape)])
+
+
+# --- What the points of a scatter tell: how their quantities are spread, and the yield.
+
+SAMPLE = "sample"  # column: to which of the samples that indices need a row belongs
+ALL = "all"  # in the last row of yields
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Spread:
+    """Points with parameters that were drawn; all of a scatter, or those that are done.
+
+    Attributes
+    ----------
+    drawn : tuple of str
+        What was drawn.
+    specification : dict of str to (float, float)
+    table : DataFrame
+        One row a point.
+    indices : DataFrame or None
+    """
+
+    drawn: tuple[str, ...]
+    table: pd.DataFrame = field(repr=False)
+    specification: dict[str, tuple[float, float]] = field(repr=False, default_factory=dict)
+    indices: pd.DataFrame | None = field(repr=False, default=None)
+
+    @property
+    def points(self) -> pd.DataFrame:
+        """The rows that are drawn independently: all, or without those that indices need."""
+        rows = self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
+        rows.attrs = dict(self.table.attrs)
+        return rows
+
+    @property
+    def quantities(self) -> list[str]:
+        """The columns of what is measured."""
+        begin = list(self.table.columns).index(MOTION)
+        numbers = self.table.iloc[:, begin:].select_dtypes("float").columns
+        return [str(name) for name in numbers]
+
+    @property
+    def yields(self) -> pd.DataFrame:
+        """How many points are as specified.
+
+        One row a quantity: ``from`` and ``to``, the number of ``points`` and their ``share`` with
+        the interval of Wilson (95 %), ``low`` and ``high``. In the last row those that are so in
+        all. A point that has failed, or has no number, is not as specified.
+        """
+        import pandas as pd
+
+        points, rows = self.points, []
+        good = np.full(len(points), True)
+        for name, (low, high) in self.specification.items():
+            fine = points[name].between(low, high).to_numpy()
+            good &= fine
+            rows.append((name, low, high, fine))
+        rows.append((ALL, math.nan, math.nan, good))
+        found = []
+        for name, low, high, fine in rows:
+            count = int(fine.sum())
+            found.append((name, low, high, count, count / len(fine), *wilson(count, len(fine))))
+        headings = ["quantity", "from", "to", "points", "share", "low", "high"]
+        return pd.DataFrame(found, columns=headings)
+
+    def quantiles(self, q: Sequence[float] = (0.05, 0.5, 0.95)) -> pd.DataFrame:
+        """Return quantiles of what is measured, over the points that have a number.
+
+        Parameters
+        ----------
+        q : sequence of float, optional
+            Between 0 and 1.
+
+        Returns
+        -------
+        DataFrame
+            One row a quantity, one column a quantile, and the number of ``points``.
+        """
+        values = np.atleast_1d(np.asarray(q, dtype=float))
+        if not ((values >= 0.0) & (values <= 1.0)).all():
+            raise InvalidParameter("q", q, "between 0 and 1")
+        points = self.points[self.quantities]
+        found = points.quantile(values.tolist()).T
+        found["points"] = points.notna().sum()
+        found.attrs = dict(self.table.attrs)
+        return found
+
+    def _counted(self) -> str:
+        kinds = motions(self.points)
+        counts = kinds.value_counts()
+        return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(kinds))
+
+
+# --- Scatter: what tolerances of parameters make of the motions of a system.
+
+Specification = Mapping[str, tuple[float | None, float | None]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScatterStudy(AttractorStudy):
+    """Motions of a system with parameters that are drawn."""
+
+    draws: ParameterSample
+    initial: State | None = None
+
+    kind: ClassVar[str] = "scatter"
+
+    @property
+    def points(self) -> int:
+        """How many points there are."""
+        return len(self.draws.values)
+
+    def identity(self) -> Mapping[str, Any]:
+        """Return what the numbers depend on."""
+        return {
+            **self.measuring.identity(),
+            **self.draws.identity,
+            "initial": identity_of_state(self.initial),
+        }
+
+    @property
+    def schema(self) -> Mapping[str, str]:
+        """The columns of the table."""
+        drawn = dict.fromkeys((*self.draws.names, *self.draws.parameters), "float")
+        return {**drawn, SAMPLE: "str", **self.measuring.schema}
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """Units and captions of the table."""
+        told = self.measuring.attrs(tuple(self.schema))
+        return {**told, "drawn": list(self.draws.names)}
+
+    def _case(self, number: int) -> InitialCondition:
+        row = self.draws.settings[number].tolist()
+        values = dict(zip(self.draws.parameters, row, strict=True))
+        return InitialCondition(self.measuring.system.changed(**values), self.initial)
+
+    def _places(self, first: int, last: int) -> Columns:
+        draws, block = self.draws, self.points // len(self.draws.blocks)
+        made = dict(zip(draws.parameters, draws.settings[first:last].T, strict=True))
+        drawn = dict(zip(draws.names, draws.values[first:last].T, strict=True))
+        which = [draws.blocks[number // block] for number in range(first, last)]
+        return {**made, **drawn, SAMPLE: np.array(which, dtype=object)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToleranceAnalysis(Spread, Result):
+    """What tolerances make of the motions of a system.
+
+    Attributes
+    ----------
+    system : System
+        At its nominal parameters.
+    drawn : tuple of str
+        What was drawn.
+    specification : dict of str to (float, float)
+        What a good device does.
+    table : DataFrame
+        One row a point: what was drawn, the parameters made of it, to which ``sample`` it belongs;
+        ``motion``, ``period`` and what is measured, as `operating_map` tells it; and ``status``.
+    indices : DataFrame or None
+        One row a quantity and a ``parameter`` that was drawn: its index of first order, ``first``
+        (the share of the variance that would be gone if it were known), and ``total`` (the share
+        that would be left if all others were known), each with the ends of an interval in which
+        95 % of resamples lie. They need numbers: of a quantity for which some are ``missing``
+        nothing is told. One that does not vary has indices of zero.
+
+    See Also
+    --------
+    scatter, plot_tolerance_analysis
+
+    Examples
+    --------
+    >>> from scipy import stats
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.tolerance_analysis(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5), over={"e": stats.norm(0.8, 0.02)},
+    ...     specification={"displacement per period": (1e-4, None)}, samples=16,
+    ...     initial=mi.kicked_state(actuator),
+    ... )
+    >>> found.drawn, len(found.points)
+    (('e',), 16)
+    """
+
+    system: System = field(repr=False)
+
+    def __repr__(self) -> str:
+        drawn, counted = ", ".join(self.drawn), self._counted()
+        told = f"ToleranceAnalysis({drawn}: {len(self.points)} points, {counted}"
+        if self.specification:
+            told += f", yield {self.yields['share'].iloc[-1]:.1%}"
+        return told + ")"
+
+    def summary(self) -> dict[str, Any]:
+        """Return what was drawn, what motions there are, and the yield."""
+        rows = {"system": repr(self.system), "drawn": ", ".join(self.drawn)}
+        rows |= {"points": str(len(self.points)), "motions": self._counted()}
+        if self.specification:
+            last = self.yields.iloc[-1]
+            rows["yield"] = f"{last['share']:.1%} ({last['low']:.1%} to {last['high']:.1%})"
+        return rows
+
+
+@takes_system(start="initial")
+def tolerance_analysis(
+    system: System,
+    *,
+    over: Mapping[str, Any],
+    parameters: Making | None = None,
+    samples: int = 256,
+    sampling: Sampling = "sobol",
+    seed: int = 0,
+    specification: Specification | None = None,
+    indices: bool = False,
+    initial: State | Mapping[str, float] | None = None,
+    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    options: Options = STUDY_OPTIONS,
+    store: str | os.PathLike[str] | None = None,
+    executor: Executor | Callable[[], Executor] | None = None,
+    workers: int | None = None,
+    progress: bool | Callable[[float], None] = False,
+) -> ToleranceAnalysis:
+    """Tell what tolerances make of a system; ``scatter(actuator, drive, over=…)``.
+
+    Every point is a system with parameters of its own, drawn from their distributions, and is
+    followed until it repeats itself, as in `operating_map`.
+
+    Parameters
+    ----------
+    system : System, or Actuator and Drive
+    over : mapping of str to distribution
+        Frozen distributions of ``scipy.stats`` by the names of parameters, in the units of the
+        system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other. ``"5%"`` is
+        the normal distribution about the system's own value with 5 % of it as standard deviation,
+        ``"uniform: 5%"`` the uniform one of as much to either side.
+    parameters : callable, optional
+        What depends on one thing together is made of it here: a function that takes what is drawn
+        by name and returns parameters by name. `over` may then have any names, such as that of a
+        line width, which stiffness, masses and gap depend on.
+    samples : int, optional
+        Number of points; a power of two suits Sobol's sequence, and indices need one.
+    sampling : {"sobol", "lhs", "random"}, optional
+        Sobol's sequence, scrambled; a Latin hypercube; or independent points. Intervals of shares
+        are those of independent points: the others, which are spread more evenly, do better.
+    seed : int, optional
+    specification : mapping of str to (float, float), optional
+        Between what a column of the table shall lie: ``{"displacement per period": (1e-5, 2e-5)}``;
+        None for no bound.
+    indices : bool, optional
+        Whether Sobol's indices are told. They take d + 2 times as many points, of d
+        distributions.
+    initial : State or mapping of str to float, optional
+        Where every motion starts; the system's own start by default. Of an actuator, `kicked_state`
+        shows where it walks once it has begun to.
+    settle : RecurrenceOptions, optional
+        How long motions are given, and when they count as periodic.
+    options : Options, optional
+        How they are integrated; method "auto" by default.
+    store : str or os.PathLike, optional
+        A directory in which chunks of points are kept as they are done: a study that is
+        interrupted or killed goes on from there.
+    executor : concurrent.futures.Executor or callable, optional
+        What computes: threads by default; processes, a cluster's, or a function that makes one.
+    workers : int, optional
+        How many threads. No number depends on it.
+    progress : bool or callable, optional
+
+    Returns
+    -------
+    Scatter
+
+    Raises
+    ------
+    InvalidParameter
+        If an argument is out of range. Parameters that are not allowed, or a run that fails, are a
+        row with its reason.
+    StudyInterrupted
+        On Ctrl-C; its ``table`` holds the points done.
+
+    See Also
+    --------
+    Scatter, plot_tolerance_analysis, sensitivity
+
+    Notes
+    -----
+    Indices are estimated after Saltelli et al. (*Computer Physics Communications* 181, 259, 2010),
+    by ``scipy.stats.sobol_indices``; their intervals by 999 resamples of the rows, with `seed`.
+
+    Examples
+    --------
+    >>> from scipy import stats
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> found = mi.tolerance_analysis(
+    ...     actuator, mi.Sine(amplitude=0.24, omega=0.5),
+    ...     over={"e": stats.norm(0.8, 0.02), "mu_d": stats.uniform(0.25, 0.04)},
+    ...     specification={"displacement per period": (1e-4, None)}, samples=16,
+    ...     initial=mi.kicked_state(actuator),
+    ... )
+    >>> steps = found.quantiles([0.1, 0.9]).loc["displacement per period"]
+    >>> f"{steps[0.1]:.2e}", f"{steps[0.9]:.2e}"
+    ('3.48e-04', '3.88e-04')
+    >>> found.yields["share"].tolist()
+    [1.0, 1.0]
+    """
+    given = distributions(over, system)
+    count = check_sample(samples, sampling, seed)
+    if indices and count & (count - 1):
+        nearest = 2 ** round(math.log2(count))
+        raise InvalidParameter("samples", samples, f"a power of two for indices, such as {nearest}")
+    start = initial
+    if start is not None and not isinstance(start, State):
+        start = state_from(start)
+    if not isinstance(settle, RecurrenceOptions):
+        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    system.instant(start, system.problem(options))
+    if parameters is not None and not callable(parameters):
+        allowed = "a function that takes what is drawn by name and returns parameters by name"
+        raise InvalidParameter("parameters", parameters, allowed)
+    draws = draw(
+        system,
+        given,
+        parameters,
+        samples=count,
+        sampling=sampling,
+        seed=int(seed),
+        indices=bool(indices),
+    )
+    study = ScatterStudy(
+        draws=draws,
+        measuring=AttractorEvaluator(system=system, settle=settle, options=options),
+        initial=start,
+    )
+    wanted = _specification(specification or {}, study.schema)
+    table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
+    found = ToleranceAnalysis(system=system, drawn=draws.names, specification=wanted, table=table)
+    if not indices:
+        return found
+
+    names = found.quantities
+    told = indices_table(draws, names, table[names].to_numpy(), int(seed))
+    told.attrs = dict(table.attrs)
+    return ToleranceAnalysis(
+        system=system, drawn=draws.names, specification=wanted, table=table, indices=told
+    )
+
+
+def _specification(
+    given: Specification, schema: Mapping[str, str]
+) -> dict[str, tuple[float, float]]:
+    """Return what is specified, without None; InvalidParameter unless it is columns and ends."""
+    known = [name for name, kind in schema.items() if kind in ("float", "int")]
+    if not isinstance(given, Mapping):
+        raise InvalidParameter("specification", given, "columns and what they shall lie between")
+    found = {}
+    for name, ends in given.items():
+        if name not in known:
+            raise InvalidParameter("specification", name, f"of columns among {', '.join(known)}")
+        field, allowed = f"specification.{name}", "two numbers, low and high, or None for either"
+        try:
+            low, high = ends
+        except (TypeError, ValueError):
+            raise InvalidParameter(field, ends, allowed) from None
+        low, high = -math.inf if low is None else low, math.inf if high is None else high
+        if not all(is_number(end) or abs(end) == math.inf for end in (low, high)) or low > high:
+            raise InvalidParameter(field, ends, allowed)
+        found[name] = (float(low), float(high))
+    return found

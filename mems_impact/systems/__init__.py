@@ -1,0 +1,1 @@
+"""Systems that users define, and what all systems have in common."""

@@ -1,0 +1,326 @@
+"""Validation of the arguments of `System`."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Integral
+from types import FunctionType
+from typing import Any
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Guard
+from mems_impact.hybrid.definition import named_tuple, writes_into_arrays
+from mems_impact.hybrid.diagnostics.user_functions import UserFunction
+from mems_impact.hybrid.problem import Section
+from mems_impact.systems.observables import Observable
+from mems_impact.systems.state import Mode, State, is_number, state_from
+
+__all__ = [
+    "ARGUMENTS",
+    "check_flow",
+    "check_optional",
+    "constraints",
+    "function",
+    "guards",
+    "initial",
+    "mode_names",
+    "number",
+    "numbers",
+    "observables",
+    "reject_with_components",
+    "section",
+    "sizes",
+    "state_indices",
+    "states",
+    "times",
+    "transition_arguments",
+    "units",
+]
+
+PLAIN = "a function, written with def or lambda"
+ARGUMENTS = ("mode", "t", "y", "p")
+
+
+def states(given: Sequence[str] | int) -> tuple[str, ...]:
+    """Return the names of the states; u0, u1, … for so many."""
+    count: Any = given
+    if _is_whole(count) and count > 0:
+        return tuple(f"u{i}" for i in range(count))
+    found = as_tuple("states", given, "names, or how many there are")
+    if not found:
+        raise InvalidParameter("states", given, "one or more")
+    for name in found:
+        if not isinstance(name, str):
+            raise InvalidParameter("states", name, "each a name")
+    named_tuple("State", found)
+    return found
+
+
+def numbers(values: Mapping[str, float]) -> dict[str, float]:
+    """Return finite numbers by name."""
+    if not isinstance(values, Mapping):
+        raise InvalidParameter("parameters", values, "numbers by name: {'g': 9.81}")
+    for name, value in values.items():
+        if not isinstance(name, str):
+            raise InvalidParameter("parameters", name, "each called by a name")
+        if not is_number(value):
+            raise InvalidParameter(name, value, "a finite number")
+    return {name: float(value) for name, value in values.items()}
+
+
+def function(field: str, value: Any, *arguments: str) -> Any:
+    """Return a plain function that takes these arguments."""
+    if not isinstance(getattr(value, "py_func", value), FunctionType):
+        raise InvalidParameter(field, value, PLAIN)
+    if arguments and not _takes(value, len(arguments)):
+        count = len(inspect.signature(value).parameters)
+        problem = f"takes {count} arguments; it is called with ({', '.join(arguments)})"
+        raise InvalidParameter(field, getattr(value, "__name__", value), "", problem=problem)
+    return value
+
+
+def check_flow(value: Any) -> Any:
+    """Return the flow, in either form."""
+    writes_into_arrays(function("flow", value))
+    return value
+
+
+def transition_arguments(flow: Callable[..., Any]) -> tuple[str, ...]:
+    """Return the arguments of what changes a state, beside such a flow."""
+    return (*ARGUMENTS, "new") if writes_into_arrays(flow) else ARGUMENTS
+
+
+def check_optional(field: str, value: Any, *arguments: str) -> Any:
+    """Return a plain function that takes these arguments, or None."""
+    return None if value is None else function(field, value, *arguments)
+
+
+def guards(given: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]:
+    """Return guards that each have a name and a margin, and functions of the right kind.
+
+    `changing` are the arguments of transitions.
+    """
+    found = as_tuple("guards", given, "a list of Guard and Impact")
+    for guard in found:
+        if not isinstance(guard, Guard):
+            raise InvalidParameter("guards", guard, "each a Guard or an Impact")
+        if not (isinstance(guard.name, str) and guard.name):
+            raise InvalidParameter("name of a guard", guard.name, "a text")
+        for kind in ("margin", "rate", "transition", "rest"):
+            value = getattr(guard, kind)
+            if kind == "margin" or value is not None:
+                arguments = changing if kind in ("transition", "rest") else ARGUMENTS
+                function(f"{kind} of {guard.name!r}", value, *arguments)
+        if guard.rest is not None and not guard.impact:
+            raise InvalidParameter(f"rest of {guard.name!r}", guard.rest, "of an Impact")
+        if guard.order is not None and not _is_whole(guard.order):
+            raise InvalidParameter(f"order of {guard.name!r}", guard.order, "a whole number")
+    names = [guard.name for guard in found]
+    if len(set(names)) != len(names):
+        raise InvalidParameter("guards", names, "a name of its own for each")
+    return found
+
+
+def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
+    """Return the names of all modes, from what is given or from what guards name."""
+    if given is None:
+        watched = [(guard, _modes_of(guard)) for guard in guards]
+        found = {mode.names for _, modes in watched for mode in modes if isinstance(mode, Mode)}
+        if len(found) > 1:
+            known = [", ".join(names) for names in found]
+            raise InvalidParameter("modes", known, "those of one call of mems_impact.modes")
+        names = next(iter(found), ("free",))
+    else:
+        names = _mode_names(given)
+    for guard in guards:
+        for mode in _modes_of(guard):
+            if not 0 <= mode < len(names):
+                allowed = f"one of the {len(names)} modes, {', '.join(names)}, from 0"
+                raise InvalidParameter(f"modes of {guard.name!r}", int(mode), allowed)
+            if isinstance(mode, Mode) and mode.name != names[mode]:
+                allowed = f"called {names[mode]}, as in the modes of the system"
+                raise InvalidParameter(f"modes of {guard.name!r}", mode.name, allowed)
+    return names
+
+
+def constraints(
+    given: Mapping[Any, Any] | None, flow: Callable[..., Any], modes: tuple[str, ...]
+) -> tuple[tuple[int, Callable[..., Any]], ...]:
+    """Return what holds for as long as modes last: each a mode, and a function."""
+    if not given:
+        return ()
+    if not isinstance(given, Mapping):
+        raise InvalidParameter("constraints", given, "a mapping of modes to functions")
+    if writes_into_arrays(flow):
+        allowed = "left out where the flow writes into an array"
+        raise InvalidParameter("constraints", list(given), allowed)
+    found = []
+    for mode, functions in given.items():
+        number = modes.index(mode) if mode in modes else mode
+        if not (_is_whole(number) and 0 <= number < len(modes)):
+            raise InvalidParameter("constraints", mode, f"of modes among {', '.join(modes)}")
+        several = functions if isinstance(functions, tuple | list) else [functions]
+        label = f"constraints of {modes[number]!r}"
+        found += [(int(number), function(label, each, *ARGUMENTS)) for each in several]
+    return tuple(found)
+
+
+def state_indices(field: str, given: Sequence[str], states: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the numbers of states."""
+    found = as_tuple(field, given, f"a list of names among {', '.join(states)}")
+    if len(set(found)) != len(found):
+        raise InvalidParameter(field, list(found), "names that differ")
+    return tuple(_place(field, state, states) for state in found)
+
+
+def sizes(given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return typical sizes."""
+    if given is not None and not isinstance(given, Mapping):
+        raise InvalidParameter("typical", given, "sizes by the names of states, units, or 'time'")
+    found = dict(given or {})
+    for name, size in found.items():
+        if not (is_number(size) and size > 0.0):
+            raise InvalidParameter(f"typical {name}", size, "a finite number > 0")
+    return found
+
+
+def reject_with_components(**others: Any) -> None:
+    """Raise InvalidParameter if something is given that parts say."""
+    for field, value in others.items():
+        if value is not None:
+            raise InvalidParameter(field, value, "left out where parts are given, which say it")
+
+
+def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Section | None:
+    """Return a section with the number of its state; in either direction."""
+    if section is None:
+        return None
+    pair = isinstance(section, Sequence) and not isinstance(section, str) and len(section) == 2
+    if not (pair and is_number(section[1])):
+        raise InvalidParameter("section", section, f"a state and its value: ({states[0]!r}, 0.0)")
+    return _place("section", section[0], states), float(section[1]), 0
+
+
+def units(given: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
+    """Return units by the names of states and parameters, and of time."""
+    if given is not None and not isinstance(given, Mapping):
+        raise InvalidParameter("units", given, f"units by name: {{{known[0]!r}: 'm'}}")
+    for name, unit in (given or {}).items():
+        if name not in (*known, "time"):
+            raise InvalidParameter("units", name, f"names among {', '.join(known)}, time")
+        if not isinstance(unit, str):
+            raise InvalidParameter(f"unit of {name}", unit, "a text")
+    return dict(given or {})
+
+
+def observables(
+    given: Sequence[Observable], states: Sequence[str], guards: Sequence[Guard]
+) -> tuple[Observable, ...]:
+    """Return observables with names of their own, at guards that there are."""
+    found = as_tuple("observables", given, "a list of Observable")
+    taken = set(states)
+    events = [guard.name for guard in guards]
+    for each in found:
+        if not isinstance(each, Observable):
+            raise InvalidParameter("observables", each, "each an Observable")
+        if not isinstance(each.name, str) or each.name in taken:
+            raise InvalidParameter("observables", each.name, "a name of its own for each")
+        taken.add(each.name)
+        field = f"at of {each.name!r}"
+        for name in as_tuple(field, each.at, "a list of names of guards"):
+            if name not in events:
+                raise InvalidParameter(field, name, f"one of {', '.join(events) or 'no guards'}")
+        arguments = ("mode", "t", "before", "after", "p") if each.at else ("y", "p")
+        if not callable(each.function) or not _takes(each.function, len(arguments)):
+            allowed = f"a function ({', '.join(arguments)})"
+            raise InvalidParameter(f"function of {each.name!r}", each.function, allowed)
+    return found
+
+
+def initial(given: Mapping[str, float] | State | None) -> State:
+    """Return the state from which runs start."""
+    if given is None or isinstance(given, State):
+        return given or state_from({})
+    if not isinstance(given, Mapping):
+        raise InvalidParameter("initial", given, "a State, or numbers by the names of states")
+    return state_from(given)
+
+
+def number(field: str, given: Any, p: Any) -> float | None:
+    """Return a number, or that which a function of the parameters gives."""
+    value = _called(field, given, p) if callable(given) else given
+    if value is not None and not is_number(value):
+        raise InvalidParameter(field, value, "a finite number, or a function of the parameters")
+    return None if value is None else float(value)
+
+
+def times(field: str, given: Any, p: Any) -> tuple[float, ...]:
+    """Return times, or those which a function of the parameters gives."""
+    value = _called(field, given, p) if callable(given) else given
+    numbers = isinstance(value, Iterable) and not isinstance(value, str | Mapping)
+    found = tuple(value) if numbers else (None,)
+    if not all(map(is_number, found)):
+        raise InvalidParameter(field, value, "times, or a function of the parameters")
+    return tuple(float(time) for time in found)
+
+
+def _called(field: str, function: Callable[..., Any], p: Any) -> Any:
+    try:
+        return function(p)
+    except Exception as error:
+        raise UserFunction(field, function).blamed(error)[0] from error
+
+
+def as_tuple(field: str, given: Any, allowed: str) -> tuple[Any, ...]:
+    """Return what is given as a list or the like; a text is none."""
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        raise InvalidParameter(field, given, allowed)
+    return tuple(given)
+
+
+def _takes(function: Callable[..., Any], count: int) -> bool:
+    try:
+        inspect.signature(function).bind(*range(count))
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
+
+
+def _modes_of(guard: Guard) -> tuple[Any, ...]:
+    """Return the modes in which a guard watches, none for all."""
+    if guard.modes is None:
+        return ()
+    field, allowed = (
+        f"modes of {guard.name!r}",
+        "a tuple of modes as mems_impact.modes gives them, or None for all of them",
+    )
+    found = as_tuple(field, guard.modes, allowed)
+    if not found or not all(map(_is_whole, found)) or len(set(found)) != len(found):
+        raise InvalidParameter(field, guard.modes, allowed)
+    return found
+
+
+def _mode_names(given: Any) -> tuple[str, ...]:
+    allowed = "the modes of the system: mems_impact.modes('free', 'held')"
+    found = as_tuple("modes", given, allowed)
+    names = tuple(mode.name if isinstance(mode, Mode) else mode for mode in found)
+    if not names or not all(isinstance(name, str) and name for name in names):
+        raise InvalidParameter("modes", given, allowed)
+    if len(set(names)) != len(names):
+        raise InvalidParameter("modes", list(names), "a name of its own for each")
+    for i, mode in enumerate(found):
+        if isinstance(mode, Mode) and mode != i:
+            raise InvalidParameter("modes", list(names), "in the order of their numbers")
+    return names
+
+
+def _place(field: str, state: Any, states: tuple[str, ...]) -> int:
+    """Return the number of a state."""
+    if state not in states:
+        raise InvalidParameter(field, state, f"one of {', '.join(states)}")
+    return states.index(state)

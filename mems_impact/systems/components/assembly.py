@@ -1,0 +1,508 @@
+"""Assembly of components to one flow with guards and transitions.
+
+Modes multiply: the mode of the system is a number, of which each part's own is a digit. In every
+mode the flow is that of the user with the forces of the parts; what contacts hold is `holding`.
+
+After an event that mode is chosen that fits the state, by the mechanics of all parts at once: what
+sticks or rests is borne by contacts within their limits, what slides or separates does so as its
+acceleration has it, whatever the order of the parts and of their bodies. Where several modes fit,
+as with a static limit above the dynamic one, that one is chosen which leaves most parts as they
+are, the one whose event it is counted last; and among such the one that moves least.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Guard, Impact
+from mems_impact.hybrid.constraints import STEPS, elimination
+from mems_impact.hybrid.definition import (
+    GENERATED,
+    function,
+    indented,
+    named_tuple,
+    writes_into_arrays,
+)
+from mems_impact.hybrid.event_loop.workspace import NO_FIT
+from mems_impact.systems.components.base import (
+    CodeNames,
+    Contact,
+    ContactSides,
+    GuardSpec,
+    Part,
+    Quantity,
+)
+from mems_impact.systems.components.statics import Holding
+from mems_impact.systems.components.switching import ABOVE, BELOW, SLIDING, SwitchingSurface
+
+__all__ = ["assemble"]
+
+# --- The flow of parts put together, and the choice of their modes, as source.
+
+LESS = "0.999999999"  # of a motion: what is no smaller is no less
+
+
+class FlowWriter:
+    """The source of what parts make of a flow.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    states, parameters : tuple of str
+    masses : mapping of str to Quantity
+    flow : callable
+        ``flow(mode, t, y, p)``, with the modes of the parts by name.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        states: tuple[str, ...],
+        parameters: tuple[str, ...],
+        masses: Mapping[str, Quantity],
+        flow: Callable[..., Any],
+    ) -> None:
+        self.parts, self.states = parts, states
+        self.counts = [len(part.modes) for part in parts]
+        self.count = 1
+        self.strides: list[int] = []
+        for count in self.counts:
+            self.strides.append(self.count)
+            self.count *= count
+        self.space: dict[str, Any] = {
+            "__name__": __name__,
+            "math": math,
+            "flow_of": flow,
+            "State": named_tuple("State", states),
+            "Modes": named_tuple("Modes", tuple(part.name for part in parts)),
+        }
+        contacts = [i for i, part in enumerate(parts) if isinstance(part, Contact)]
+        self.words = [
+            CodeNames(
+                part,
+                i,
+                states,
+                parameters,
+                masses,
+                contacts.index(i) if i in contacts else None,
+                self.space,
+            )
+            for i, part in enumerate(parts)
+        ]
+        self.contacts: list[tuple[CodeNames, Contact, ContactSides]] = [
+            (words, part, part.sides(words))
+            for words, part in zip(self.words, parts, strict=True)
+            if isinstance(part, Contact)
+        ]
+        self.holding = Holding(self.contacts, len(states))
+        self.surfaces = [
+            (words, part)
+            for words, part in zip(self.words, parts, strict=True)
+            if isinstance(part, SwitchingSurface)
+        ]
+
+    def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
+        """Return the lines that take a mode apart."""
+        return [
+            f"{name}{i} = {mode} // {stride} % {count}"
+            for i, (stride, count) in enumerate(zip(self.strides, self.counts, strict=True))
+        ]
+
+    def own_modes(self) -> str:
+        """Return the modes of the parts by name, as functions of the user find them."""
+        signs = []
+        for i, part in enumerate(self.parts):
+            *some, last = part.signs
+            tests = (f"{sign} if m{i} == {mode} else " for mode, sign in enumerate(some))
+            signs.append(f"({''.join(tests)}{last})")
+        return f"Modes({', '.join(signs)})"
+
+    def field(self) -> str:
+        """Return the source of the flow where no surface slides, and of the forces that hold."""
+        n = len(self.states)
+        lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
+        lines += [f"d{j} = d[{j}]" for j in range(n)]
+        for words, part, both in self.contacts:
+            for mode, force in part.law(words).items():
+                lines += [f"if {words.mode} == {mode}:", f"    force = {force}"]
+                lines.append(f"    d{both.on} += force * (1.0 / {both.mass})")
+                if both.other is not None:
+                    lines.append(f"    d{both.against} -= force * (1.0 / {both.other})")
+        lines += self.holding.field()
+        results = [*(f"d{j}" for j in range(n)), *self.holding.forces()]
+        return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
+
+    def alike(self) -> str:
+        """Return the source of the state in which what moves alike does so to the last bit."""
+        new = (f"v{j}" if j in self.holding.place else f"y[{j}]" for j in range(len(self.states)))
+        lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
+        return function("alike(mode, fired, t, y, p)", lines)
+
+    def projection(self) -> tuple[tuple[int, ...], list[str]]:
+        """Return the modes that hold constraints, and the source that puts a state onto them.
+
+        ``projection(mode, t, y, p)`` returns mode and state: the next one, by distance, of those
+        that fulfil all equations of the mode together.
+        """
+        held = [
+            (words.place, constraint)
+            for words in self.words
+            for constraint in words.part.constraints(words)
+        ]
+        if not held:
+            return (), []
+        modes = tuple(
+            mode
+            for mode in range(self.count)
+            if any(
+                mode // self.strides[i] % self.counts[i] == constraint.mode
+                for i, constraint in held
+            )
+        )
+        moved = [f"y[{j}]" for j in range(len(self.states))]
+        lines = self.digits()
+        for i, (place, constraint) in enumerate(held):
+            lines.append(f"holds{i} = m{place} == {constraint.mode}")
+            lines.append(f"r{i} = -{constraint.value} if holds{i} else 0.0")
+            lines += [f"a{i}_{s} = {slope}" for s, slope in constraint.slopes.items()]
+            for j, (_, other) in enumerate(held[: i + 1]):
+                shared = [f"a{j}_{s} * a{i}_{s}" for s in constraint.slopes if s in other.slopes]
+                gain = " + ".join(shared) or "0.0"
+                lines.append(f"g{j}_{i} = {gain} if holds{i} and holds{j} else 0.0")
+            for s in constraint.slopes:
+                moved[s] += f" + a{i}_{s} * f{i}"
+        lines += [*elimination(len(held)), f"return State({', '.join(moved)})"]
+        steps = 1 if all(constraint.linear for _, constraint in held) else STEPS
+        whole = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
+        return modes, [
+            function("nearer(mode, t, y, p)", lines),
+            function("projection(mode, t, y, p)", whole),
+        ]
+
+    def slopes(self) -> str:
+        """Return the source of the flow in every mode: on a surface, Filippov's."""
+        lines = [*self.digits()]
+        for words, surface in self.surfaces:
+            size = len(self.states) + len(self.holding.place)
+            mixed = (f"share * up[{j}] + (1.0 - share) * down[{j}]" for j in range(size))
+            sliding = [
+                *self.both_sides(words, surface, "mode", SLIDING),
+                f"gap = {words.lower} - {words.upper}",
+                f"share = {words.lower} / gap if gap != 0.0 else 0.5",
+                f"return ({', '.join(mixed)},)",
+            ]
+            lines += [f"if {words.mode} == {SLIDING}:", *indented(sliding)]
+        lines.append("return field(mode, t, y, p)")
+        return function("slopes(mode, t, y, p)", lines)
+
+    def both_sides(
+        self, words: CodeNames, surface: SwitchingSurface, mode: str, own: int | str
+    ) -> list[str]:
+        """Return the lines that find the flow on both sides, and how fast it leads away."""
+        stride, lines = self.strides[words.place], []
+        for side, name, rate in ((ABOVE, "up", words.upper), (BELOW, "down", words.lower)):
+            step = f"{mode} + ({side} - {own}) * {stride}"
+            lines += [f"{name} = field({step}, t, y, p)", f"{rate} = {surface.along(words, name)}"]
+        return lines
+
+    def fits(self) -> str:
+        """Return the source that says whether a mode fits a state."""
+        lines = [*self.digits(), *self.digits("before", "last")]
+        if len(self.surfaces) > 1:
+            sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
+            lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
+        lines.append("x = slopes(mode, t, y, p)")
+        for words, part in zip(self.words, self.parts, strict=True):
+            own: list[str] = []
+            if isinstance(part, SwitchingSurface):
+                own += self.both_sides(words, part, "mode", words.mode)
+            if isinstance(part, Contact):
+                own += self.holding.room(words)
+            for mode, condition in enumerate(part.fits(words)):
+                test = f"if {words.mode} == {mode} and not ({condition}):"
+                own += [test, "    return False"]
+            lines += [f"if given != {words.place}:", *indented(own)]
+        return function(
+            "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
+        )
+
+    def settled(self) -> str:
+        """Return the source that chooses the mode of a state.
+
+        ``settled(mode, fired, own, jumped, t, y, p)``: the mode before, the part whose event it is
+        (-1 for none), the own mode in which that leaves it (-1 for any), 1 if the state may have
+        been moved.
+        """
+        parts = range(len(self.parts))
+        # What leaves its mode counts most, then what does not come to rest though it could. Whether
+        # stops bear anything follows from the others.
+        many = len(self.parts) + 1
+        moved = []
+        for i, part in enumerate(self.parts):
+            weight = 1 if isinstance(part, Contact) and part.pushes else many**2
+            moved.append(f"{weight} * (fired != {i} and m{i} != stays{i})")
+            if weight > 1:
+                moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
+        taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
+        # Where a contact reaches its limit, a stop in its way may take over.
+        rubs = [words.place for words, part, _ in self.contacts if not part.pushes]
+        taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
+        slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
+        motion = [
+            f"if {both.near}:\n    motion += abs({both.relative('x[{}]')})".splitlines()
+            for _, _, both in self.contacts
+        ]
+        search = [
+            *self.digits("candidate"),
+            f"moved = {' + '.join(moved)}",
+            f"if moved <= most and {' and '.join(taken)}:",
+            "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
+            "        if moved == 0:",
+            "            return candidate",
+            "        x = slopes(candidate, t, y, p)",
+            "        motion = 0.0",
+            *indented(indented([line for lines in motion for line in lines])),
+            f"        if moved < most or best < 0 or motion < {LESS} * least:",
+            "            best, most, least = candidate, moved, motion",
+        ]
+        lines = [*self.digits("mode", "last")]
+        lines += [
+            f"stays{words.place} = {part.stays(words)}"
+            for words, part in zip(self.words, self.parts, strict=True)
+        ]
+        # What an event leads to fits but for rounding, which is asked of it last.
+        lines += [
+            f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",
+            "    led = own if turn > 0 else 0",
+            "    given = fired if own >= 0 and turn == 2 else -1",
+            "    best, least = -1, 0.0",
+            "    for most in range(2):",
+            f"        most *= {many**3}",
+            f"        for candidate in range({self.count}):",
+            *indented(indented(indented(search))),
+            "        if best >= 0:",
+            "            return best",
+        ]
+        if len(self.surfaces) > 1:
+            # Along two surfaces at a time Filippov's method defines no flow.
+            lines.append(f"return {NO_FIT}")
+            return function("settled(mode, fired, own, jumped, t, y, p)", lines)
+        # Some mode fits, but for rounding.
+        for i, stride in enumerate(self.strides):
+            lines += [
+                f"if fired == {i} and own >= 0:",
+                f"    return mode + (own - last{i}) * {stride}",
+            ]
+        return function("settled(mode, fired, own, jumped, t, y, p)", [*lines, "return mode"])
+
+    def watch(self, i: int, words: CodeNames, watch: GuardSpec) -> str:
+        """Return the source of margin, rate and transitions of a guard, by its number."""
+        text = []
+        for name, value in (("margin", watch.margin), ("rate", watch.rate)):
+            if value is not None:
+                lines = [*self.head(words, value), f"return {value}"]
+                text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
+        for name, changes in (("transition", watch.changes), ("rest", watch.rest)):
+            if changes is None:
+                continue
+            jumped = int(watch.rest is not None)
+            new = (changes.get(j, f"y[{j}]") for j in range(len(self.states)))
+            lines = [
+                f"y = alike(mode, {words.place if watch.rests else -1}, t, y, p)",
+                *self.head(words, watch.leads),
+                f"new = State({', '.join(new)})",
+                f"own = {watch.leads}",
+                f"return settled(mode, {words.place}, own, {jumped}, t, new, p), new",
+            ]
+            text.append(function(f"{name}_{i}(mode, t, y, p)", lines))
+        return "\n\n".join(text)
+
+    def users(self, i: int, guard: Guard) -> str:
+        """Return the source of a guard of the user, who finds the modes of the parts by name."""
+        text = []
+        for role in ("margin", "rate", "transition", "rest"):
+            given = getattr(guard, role)
+            if given is None:
+                continue
+            call = self.words[0].call(given, f"{self.own_modes()}, t, y, p")
+            lines = [*self.digits()]
+            if role in ("margin", "rate"):
+                lines.append(f"return {call}")
+            else:
+                new = ", ".join(f"found[{j}]" for j in range(len(self.states)))
+                lines.append("y = alike(mode, -1, t, y, p)")
+                lines += [f"_, found = {call}", f"new = State({new})"]
+                lines.append("return settled(mode, -1, -1, 1, t, new, p), new")
+            text.append(function(f"users_{role}_{i}(mode, t, y, p)", lines))
+        return "\n\n".join(text)
+
+    def head(self, words: CodeNames, expression: str) -> list[str]:
+        """Return the lines that provide what an expression of a guard uses."""
+        lines = [*self.digits()]
+        names = (words.back, words.front, words.needed)
+        room = isinstance(words.part, Contact) and any(name in expression for name in names)
+        if "x[" in expression or room:
+            lines.append("x = slopes(mode, t, y, p)")
+        if room:
+            lines += self.holding.room(words)
+        asks = words.upper in expression or words.lower in expression
+        if isinstance(words.part, SwitchingSurface) and asks:
+            lines += self.both_sides(words, words.part, "mode", words.mode)
+        return lines
+
+
+# --- Parts and a flow, made into what a system is written of.
+
+
+class AssembledSystem(NamedTuple):
+    """What a `System` is written of, made from parts.
+
+    Attributes
+    ----------
+    flow, settle : callable
+    guards : tuple of Guard
+    modes : tuple of str
+        Those of the parts, joined by dashes.
+    begin : callable
+        ``begin(mode, t, y, p)`` returns the mode of a state; where several fit, `mode` if it does.
+    constrained : tuple of int
+        The modes in which contacts hold, or a surface slides.
+    projection : callable or None
+        ``projection(mode, t, y, p)`` puts a state onto what holds in its mode.
+    """
+
+    flow: Callable[..., Any]
+    settle: Callable[..., Any]
+    guards: tuple[Guard, ...]
+    modes: tuple[str, ...]
+    begin: Callable[..., int]
+    constrained: tuple[int, ...]
+    projection: Callable[..., Any] | None
+
+
+def check(
+    parts: Sequence[Part],
+    flow: Callable[..., Any],
+    states: tuple[str, ...],
+    masses: Mapping[str, Quantity],
+    guards: Sequence[Guard],
+) -> None:
+    """Raise InvalidParameter where something cannot be put together."""
+    for part in parts:
+        if not isinstance(part, Part):
+            raise InvalidParameter("parts", part, "each a part, such as Friction or Stopper")
+    names = [part.name for part in parts]
+    if len(set(names)) != len(names):
+        raise InvalidParameter("parts", names, "a name of its own for each")
+    if writes_into_arrays(flow):
+        allowed = "flow(mode, t, y, p) that returns, where parts are given"
+        raise InvalidParameter("flow", getattr(flow, "__name__", flow), allowed)
+    for velocity in masses:
+        if velocity not in states:
+            raise InvalidParameter("masses", velocity, f"velocities among {', '.join(states)}")
+    for guard in guards:
+        if guard.modes is not None:
+            allowed = "none: with parts, a margin finds their modes as mode.name"
+            raise InvalidParameter(f"modes of {guard.name!r}", guard.modes, allowed)
+
+
+def assemble(
+    parts: Sequence[Part],
+    *,
+    flow: Callable[..., Any],
+    states: tuple[str, ...],
+    parameters: tuple[str, ...],
+    masses: Mapping[str, Quantity],
+    guards: Sequence[Guard],
+) -> AssembledSystem:
+    """Put parts together.
+
+    Parameters
+    ----------
+    parts : sequence of Part
+    flow : callable
+        ``flow(mode, t, y, p)`` returns the derivatives without the parts.
+    states, parameters : tuple of str
+    masses : mapping of str to Quantity
+        By velocity.
+    guards : sequence of Guard
+        The user's own, which find the modes of the parts by name.
+
+    Raises
+    ------
+    InvalidParameter
+        If parts do not fit the system.
+    """
+    check(parts, flow, states, masses, guards)
+    text = FlowWriter(parts, states, parameters, masses, flow)
+    driven = {both.on for _, _, both in text.contacts}
+    for words, _, both in text.contacts:
+        if both.against in driven and both.other is None:
+            velocity = states[both.against]
+            allowed = f"given for {velocity!r}, on which {words.part.name!r} and another part act"
+            raise InvalidParameter("masses", dict(masses), allowed)
+    n = len(states)
+    sources = [text.field(), text.slopes(), text.alike(), text.fits(), text.settled()]
+    sources.append(
+        function(
+            "flow(mode, t, y, p)",
+            ["x = slopes(mode, t, y, p)", f"return ({', '.join(f'x[{j}]' for j in range(n))},)"],
+        )
+    )
+    sources.append(
+        function("settle(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"])
+    )
+    sources.append(function("begin(mode, t, y, p)", ["return settled(mode, -1, -1, 1, t, y, p)"]))
+    constrained, lines = text.projection()
+    sources += lines
+    watches = [
+        (words, watch)
+        for words, part in zip(text.words, parts, strict=True)
+        for watch in part.watches(words)
+    ]
+    sources += [text.watch(i, words, watch) for i, (words, watch) in enumerate(watches)]
+    sources += [text.users(i, guard) for i, guard in enumerate(guards)]
+    space = text.space
+    exec(compile("\n\n".join(sources), GENERATED, "exec"), space)
+    # Where it is told what a system is made of, that is the user's own.
+    space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
+    made = []
+    for i, (words, watch) in enumerate(watches):
+        kind = Guard if watch.rest is None else Impact
+        place, stride = words.place, text.strides[words.place]
+        made.append(
+            kind(
+                watch.name,
+                space[f"margin_{i}"],
+                space[f"transition_{i}"],
+                modes=tuple(
+                    mode
+                    for mode in range(text.count)
+                    if mode // stride % text.counts[place] in watch.modes
+                ),
+                rate=space.get(f"rate_{i}"),
+                rest=space.get(f"rest_{i}"),
+            )
+        )
+    for i, guard in enumerate(guards):
+        found: dict[str, Any] = {
+            role: space.get(f"users_{role}_{i}")
+            for role in ("margin", "transition", "rate", "rest")
+        }
+        made.append(replace(guard, **found))
+    names = itertools.product(*(part.modes for part in reversed(parts)))
+    modes = tuple("-".join(reversed(each)) for each in names)
+    return AssembledSystem(
+        space["flow"],
+        space["settle"],
+        tuple(made),
+        modes,
+        space["begin"],
+        constrained,
+        space.get("projection"),
+    )

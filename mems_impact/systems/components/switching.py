@@ -1,0 +1,244 @@
+"""Relays and switching surfaces (Filippov systems)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.systems.components.base import CodeNames, Constraint, GuardSpec, Part, Quantity
+
+__all__ = ["Relay", "SwitchingSurface"]
+
+# --- A relay with hysteresis.
+
+LOW, HIGH = 0, 1
+
+
+@dataclass(frozen=True)
+class Relay(Part):
+    """A relay: high once its input has risen to `upper`, low once it has fallen to `lower`.
+
+    In between it stays as it is. What it does is said by the flow, which finds 0 or 1 in
+    ``mode.name``. A run starts low between the two; ``State(mode="high")`` says otherwise.
+
+    Parameters
+    ----------
+    name : str
+    input : str or callable
+        A state, or ``input(t, y, p)``.
+    lower, upper : float, str or callable
+        Numbers, parameters or functions of ``p``, `lower` below `upper`.
+
+    See Also
+    --------
+    Surface, Part, System
+
+    Notes
+    -----
+    Modes: low and high. Events: ``NAME rises`` and ``NAME falls``. A relay without hysteresis
+    slides along its threshold: that is a `SwitchingSurface`.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def room(mode, t, y, p):
+    ...     return (-y.T + (0.0 if mode.thermostat == 1 else p.power),)
+    >>> heated = mi.System(
+    ...     states=("T",), flow=room, parameters={"power": 2.0}, time_scale=1.0,
+    ...     parts=[mi.Relay("thermostat", "T", lower=0.9, upper=1.1)],
+    ... )
+    >>> len(mi.simulate(heated, duration=2.0).events)
+    6
+    """
+
+    input: str | Callable[..., float]
+    lower: Quantity = field(kw_only=True)
+    upper: Quantity = field(kw_only=True)
+
+    modes: ClassVar[tuple[str, ...]] = ("low", "high")
+    signs: ClassVar[tuple[int, ...]] = (0, 1)
+
+    def terms(self, words: CodeNames) -> tuple[str, str, str, str | None]:
+        """Return the input, the thresholds, and how fast the input rises if that is known."""
+        lower, upper = words.value("lower", self.lower), words.value("upper", self.upper)
+        if callable(self.input):
+            return words.call(self.input, "t, y, p"), lower, upper, None
+        place = words.index("input", self.input)
+        return f"y[{place}]", lower, upper, f"x[{place}]"
+
+    def fits(self, words: CodeNames) -> list[str]:
+        """Return when it is low, and when it is high."""
+        signal, lower, upper, _ = self.terms(words)
+        return [
+            f"{signal} <= {lower} or ({signal} < {upper} and {words.last} == {LOW})",
+            f"{signal} >= {upper} or ({signal} > {lower} and {words.last} == {HIGH})",
+        ]
+
+    def watches(self, words: CodeNames) -> list[GuardSpec]:
+        """Return both changes."""
+        signal, lower, upper, rate = self.terms(words)
+        return [
+            GuardSpec(
+                name=f"{self.name} rises",
+                modes=(LOW,),
+                margin=f"{upper} - {signal}",
+                rate=None if rate is None else f"-{rate}",
+                leads=str(HIGH),
+            ),
+            GuardSpec(
+                name=f"{self.name} falls",
+                modes=(HIGH,),
+                margin=f"{signal} - {lower}",
+                rate=rate,
+                leads=str(LOW),
+            ),
+        ]
+
+
+# --- A surface in the space of states at which the flow jumps, and along which it may slide.
+
+ABOVE, BELOW, SLIDING = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class SwitchingSurface(Part):
+    """A switching surface ``h = 0`` with sliding, by Filippov's convex method.
+
+    The flow finds 1 in ``mode.name`` where ``h > 0`` and -1 where ``h < 0``. A state that comes to
+    the surface crosses it if the flow beyond leads away. If both flows lead towards it, the state
+    slides: on ``(f+ L- - f- L+)/(L- - L+)``, with L+ and L- the derivatives of h along both flows,
+    until one of them changes its sign.
+
+    Parameters
+    ----------
+    name : str
+    h : str, mapping of str to float or str, or callable
+        A state; or a sum, ``{"x": "c", "v": 1.0}`` for c x + v, of states times numbers or
+        parameters; or ``h(t, y, p)``.
+    level : float, str or callable, optional
+        What is taken from h: a number (0 by default), a parameter or a function of ``p``.
+    rate : callable, optional
+        Of a callable `h`: ``rate(t, y, d, p)``, its time derivative where the states have the
+        derivatives ``d.x``.
+
+    See Also
+    --------
+    Relay, Friction, Part, System
+
+    Notes
+    -----
+    Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
+    up`` and ``NAME leaves down``. Where both flows lead away the state stays on the side that it is
+    on. Sliding along two surfaces at a time is not defined by this method.
+
+    References
+    ----------
+    .. [1] A. F. Filippov, "Differential Equations with Discontinuous Righthand Sides", Kluwer,
+       1988.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def control(mode, t, y, p):
+    ...     return y.v, -p.u * mode.line
+    >>> braked = mi.System(
+    ...     states=("x", "v"), flow=control, parameters={"u": 1.0, "c": 1.0}, initial={"x": 2.0},
+    ...     parts=[mi.SwitchingSurface("line", {"x": "c", "v": 1.0})],
+    ... )
+    >>> mi.simulate(braked, duration=10.0).final.mode
+    'sliding'
+    """
+
+    h: str | Mapping[str, float | str] | tuple[tuple[str, float | str], ...] | Callable[..., float]
+    level: Quantity = field(default=0.0, kw_only=True)
+    rate: Callable[..., float] | None = field(default=None, kw_only=True)
+
+    modes: ClassVar[tuple[str, ...]] = ("above", "below", "sliding")
+    signs: ClassVar[tuple[int, ...]] = (1, -1, 0)
+
+    def __post_init__(self) -> None:
+        if callable(self.h) == (self.rate is None):
+            allowed = "a function rate(t, y, d, p) where h is a function, and only there"
+            raise InvalidParameter(f"rate of {self.name!r}", self.rate, allowed)
+        if isinstance(self.h, Mapping):
+            object.__setattr__(self, "h", tuple(self.h.items()))  # which has a hash
+
+    def height(self, words: CodeNames) -> str:
+        """Return h as an expression."""
+        level = words.value("level", self.level)
+        if callable(self.h):
+            return f"({words.call(self.h, 't, y, p')} - {level})"
+        return f"({self.along(words, 'y')} - {level})"
+
+    def along(self, words: CodeNames, slopes: str) -> str:
+        """Return the derivative of h along slopes, ``slopes[j]``, as an expression."""
+        if self.rate is not None:
+            return self.rate_of(words, [f"{slopes}[{j}]" for j in range(len(words.states))])
+        terms = self.terms(words)
+        return " + ".join(f"{factor} * {slopes}[{place}]" for place, factor in terms)
+
+    def terms(self, words: CodeNames) -> list[tuple[int, str]]:
+        """Return the components of the state of which h is a sum, each with its factor."""
+        terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
+        return [
+            (words.index("h", state), words.value(f"factor of {state}", factor))
+            for state, factor in terms
+        ]
+
+    def rate_of(self, words: CodeNames, slopes: Sequence[str]) -> str:
+        """Return the rate of a callable h where the states have these slopes."""
+        assert self.rate is not None
+        return words.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
+
+    def constraints(self, words: CodeNames) -> list[Constraint]:
+        """Return that it slides along the surface."""
+        height = self.height(words)
+        if self.rate is None:
+            slopes: dict[int, str] = {}
+            for place, factor in self.terms(words):
+                slopes[place] = f"{slopes[place]} + {factor}" if place in slopes else factor
+            return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
+        n = len(words.states)
+        # The rate is linear in the slopes of the states, but for what depends on time itself.
+        still = self.rate_of(words, ["0.0"] * n)
+        units = (["1.0" if i == j else "0.0" for i in range(n)] for j in range(n))
+        slopes = {j: f"({self.rate_of(words, unit)} - {still})" for j, unit in enumerate(units)}
+        return [Constraint(mode=SLIDING, value=height, slopes=slopes, linear=False)]
+
+    def fits(self, words: CodeNames) -> list[str]:
+        """Return when the state is above, below, or slides."""
+        h, up, down = self.height(words), words.upper, words.lower
+        # Where nothing has moved the state, it is where it was, whatever rounding says of h.
+        stayed = "jumped == 0"
+        on = f"({words.fired} or {h} == 0.0 or ({stayed} and {words.last} == {SLIDING}))"
+        return [
+            f"{up} >= 0.0 if {on} else ({words.last} == {ABOVE} if {stayed} else {h} > 0.0)",
+            f"{down} <= 0.0 if {on} else ({words.last} == {BELOW} if {stayed} else {h} < 0.0)",
+            f"{on} and {up} < 0.0 and {down} > 0.0",
+        ]
+
+    def watches(self, words: CodeNames) -> list[GuardSpec]:
+        """Return that the surface is reached, and the two ways to leave it."""
+        sign = f"(1.0 if {words.mode} == {ABOVE} else -1.0)"
+        return [
+            GuardSpec(
+                name=self.name,
+                modes=(ABOVE, BELOW),
+                margin=f"{sign} * {self.height(words)}",
+                rate=f"{sign} * ({self.along(words, 'x')})",
+            ),
+            GuardSpec(
+                name=f"{self.name} leaves up",
+                modes=(SLIDING,),
+                margin=f"-{words.upper}",
+                leads=str(ABOVE),
+            ),
+            GuardSpec(
+                name=f"{self.name} leaves down",
+                modes=(SLIDING,),
+                margin=words.lower,
+                leads=str(BELOW),
+            ),
+        ]

@@ -1,0 +1,97 @@
+"""Functions that accept a system, or an actuator and a drive."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overload
+
+from mems_impact._util.warning_scopes import warned_once
+from mems_impact.errors import InvalidParameter, RunError
+from mems_impact.systems.system import System
+
+__all__ = ["Verb", "takes_system"]
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Result = TypeVar("Result", covariant=True)
+
+
+class Drivable(Protocol):
+    """What makes a system, given what drives it."""
+
+    def under(self, drive: Any) -> System:
+        """Return the system."""
+
+
+class Done(Protocol):
+    """A run or an orbit, which stands for its system and for where it ended."""
+
+    @property
+    def system(self) -> System:
+        """Its system."""
+
+
+class Verb(Protocol[P, Result]):
+    """What takes a system, or what makes one, before its other arguments."""
+
+    __name__: str
+
+    @overload
+    def __call__(self, system: System | Done, /, *rest: P.args, **named: P.kwargs) -> Result: ...
+
+    @overload
+    def __call__(
+        self, model: Drivable, drive: Any, /, *rest: P.args, **named: P.kwargs
+    ) -> Result: ...
+
+    @overload
+    def __call__(self, model: Drivable, /, *, drive: Any, **named: Any) -> Result: ...
+
+    @overload
+    def __call__(self, /, **named: Any) -> Result: ...
+
+
+def takes_system(
+    start: str,
+) -> Callable[[Callable[Concatenate[System, P], R]], Verb[P, R]]:
+    """Let a verb be called with what makes a system in place of its first argument.
+
+    ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
+    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run
+    or an orbit stands for its system, and for where it ended: the verb's argument `start`.
+    """
+
+    def decorated(verb: Callable[Concatenate[System, P], R]) -> Verb[P, R]:
+        first = next(iter(inspect.signature(verb).parameters))
+
+        @functools.wraps(verb)
+        def called(*arguments: Any, **named: Any) -> Any:
+            rest = list(arguments)
+            typed = "actuator" if "actuator" in named else first
+            model = rest.pop(0) if rest else named.pop(typed, None)
+            if isinstance(getattr(model, "system", None), System):
+                here = getattr(model, "final", getattr(model, "state", None))
+                if here is None:
+                    allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
+                    raise InvalidParameter(typed, model, allowed)
+                system, named = model.system.unended, {start: here, **named}
+            elif isinstance(model, System):
+                system = model
+            elif hasattr(model, "under"):
+                drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None
+                system = model.under(drive)
+            else:
+                allowed = "a System, or an Actuator (see load_actuator) and a Drive"
+                raise InvalidParameter(typed, model, allowed)
+            try:
+                with warned_once():
+                    return verb(system, *rest, **named)
+            except RunError as error:
+                system.convert(error)
+                raise
+
+        return cast("Verb[P, R]", called)
+
+    return decorated

@@ -1,0 +1,142 @@
+"""The base class of results."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from numbers import Number
+from os import PathLike
+from types import FunctionType, MappingProxyType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mems_impact._util.formatting import html_table
+from mems_impact.hybrid.pickling import same_function
+
+__all__ = ["Result", "SummaryRepr", "deep_equal"]
+
+KEPT = "_kept"  # what a result that came without its system's functions brought along
+
+
+class SummaryRepr:
+    """What a notebook shows as a small table, and Python as a line."""
+
+    si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    """Units of its numbers where its field `si` is true: of a device in SI."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return what matters of it, by name, for a small table: numbers and words by default."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        return {name: each for name, each in values.items() if isinstance(each, Number | str)}
+
+    def __repr__(self) -> str:
+        parts = (
+            f"{name}={f'{value:.6g}' if isinstance(value, float) else repr(value)} "
+            f"{self._si_unit(name)}".rstrip()
+            for name, value in self.summary().items()
+            if name != "si"
+        )
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+    def _si_unit(self, name: str) -> str:
+        return self.si_units.get(name, "") if getattr(self, "si", False) else ""
+
+    def _repr_html_(self) -> str:
+        rows = {
+            f"{name} [{self._si_unit(name)}]" if self._si_unit(name) else name: value
+            for name, value in self.summary().items()
+            if name != "si"
+        }
+        return html_table(type(self).__name__, rows)
+
+
+class Result(SummaryRepr):
+    """What a result can do beside what it tells.
+
+    Two results are equal if they are of one kind, and their systems, options and arrays are. They
+    have no hash, as arrays have none. A copy or a pickle holds what the result was made of; its
+    tables are made again when they are asked for.
+    """
+
+    kept: ClassVar[tuple[str, ...]] = ()
+    """What needs the system's functions, and is saved where these cannot be."""
+
+    def __eq__(self, other: object) -> bool:
+        if type(self) is not type(other):
+            return NotImplemented
+        return _same_fields(self, other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __getstate__(self) -> dict[str, Any]:
+        brought = vars(self).get(KEPT, ())
+        return {
+            **{each.name: getattr(self, each.name) for each in fields(self)},  # type: ignore[arg-type]
+            **{name: vars(self)[name] for name in (*brought, KEPT) if brought},
+        }
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Save in one file, from which `mems_impact.load` makes it again.
+
+        A zip file of arrays (``.npy``) and one ``header.json``: all numbers exactly, the system's
+        definition and options, versions. Functions of your own are named in it, not kept: see
+        `mems_impact.load`.
+
+        Parameters
+        ----------
+        path : str or os.PathLike
+            An older file is replaced when the new one is whole.
+
+        Raises
+        ------
+        InvalidFile
+            If a file cannot stand there.
+        FileNotWritten
+            If it cannot be written, because the disk is full for example.
+
+        Examples
+        --------
+        >>> run.save("run.zip")
+        >>> mi.load("run.zip") == run
+        True
+        """
+        from mems_impact.systems.serialization.file import save  # which need not be read for a run
+
+        save(self, path)
+
+    def take_over(self, tables: Mapping[str, Any]) -> None:
+        """Take over what was saved since it cannot be made here."""
+        vars(self).update(tables)
+        vars(self)[KEPT] = tuple(tables)
+
+
+def deep_equal(one: Any, other: Any) -> bool:
+    """Return whether two values are equal through and through: arrays, numbers, functions."""
+    if one is other:
+        return True
+    if isinstance(one, FunctionType) and isinstance(other, FunctionType):
+        return same_function(one, other)
+    if isinstance(one, Number) and isinstance(other, Number):
+        return bool(one == other or (one != one and other != other))
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        numeric = one.dtype.kind in "fc" and other.dtype.kind in "fc"
+        return np.array_equal(one, other, equal_nan=numeric)
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(
+            deep_equal(one[name], other[name]) for name in one
+        )
+    if type(one) is not type(other):
+        return False
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(deep_equal, one, other))
+    if is_dataclass(one):
+        return _same_fields(one, other)
+    if hasattr(one, "equals"):  # a table, whose == is a table
+        return bool(one.equals(other))
+    return bool(one == other)
+
+
+def _same_fields(one: Any, other: Any) -> bool:
+    names = [each.name for each in fields(one) if each.compare]
+    return all(deep_equal(getattr(one, name), getattr(other, name)) for name in names)

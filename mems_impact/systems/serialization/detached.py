@@ -1,0 +1,244 @@
+"""Systems loaded without their functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.units import Scales
+from mems_impact.errors import FunctionsMissing, InvalidParameter
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.problem import Problem, Section
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.systems.observables import Observable
+from mems_impact.systems.state import State
+from mems_impact.systems.statistics import TimeWindow
+from mems_impact.systems.system import System
+
+__all__ = ["DetachedSystem", "check_same_system", "describe"]
+
+COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
+SAME = 1e-12  # relative difference of times that are the same, calculated elsewhere
+
+
+def describe(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
+    """Return what can be told of a system without its functions.
+
+    Parameters
+    ----------
+    system : System
+    functions : mapping of str to str
+        Where its functions are defined.
+    """
+    problem = system.problem(Options())
+    automaton = system.automaton
+    return {
+        "name": system.name,
+        "states": automaton.states,
+        "modes": automaton.modes,
+        "guards": [
+            {"name": guard.name, "order": guard.order, "impact": guard.impact}
+            for guard in automaton.guards
+        ],
+        "cyclic": automaton.cyclic,
+        "parameters": system.parameters,
+        "units": dict(system.units),
+        "scales": system.scales,
+        "typical": system._typical,
+        "section": system.section,
+        "initial": system.initial,
+        "shown": system.shown,
+        "told": system.told,
+        "observables": [
+            {"name": each.name, "at": each.at, "reduce": each.reduce, "unit": each.unit}
+            for each in system.observables
+        ],
+        "forcing_period": system.forcing_period,
+        "period": problem.period,
+        "switches": problem.switches,
+        "time_scale": problem.time_scale,
+        "functions": dict(functions),
+    }
+
+
+def check_same_system(given: System, told: Mapping[str, Any], path: str) -> None:
+    """Raise InvalidParameter unless a system is the one that a description tells of."""
+    if _fits(given, told):
+        given = given.restored(told["parameters"], told["scales"], told.get("typical"))
+    own = describe(given, {})
+    for what in COMPARED:
+        mine, its = _names(own[what]), _names(told[what])
+        if mine != its:
+            _refuse(what, mine, its, path)
+    for what in ("period", "time_scale", "switches"):
+        times, others = (np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, told))
+        alike = times.shape == others.shape and np.allclose(
+            times, others, SAME, 0.0, equal_nan=True
+        )
+        if not alike:
+            _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)
+
+
+def _fits(given: System, told: Mapping[str, Any]) -> bool:
+    return tuple(given.parameters) == tuple(told["parameters"])
+
+
+def _names(parts: Iterable[Any]) -> list[Any]:
+    return [each["name"] if isinstance(each, Mapping) else each for each in parts]
+
+
+def _refuse(what: str, mine: list[Any], its: list[Any], path: str) -> NoReturn:
+    listed = [", ".join(map(str, each)) or "none" for each in (mine, its)]
+    remedy = "give the system of the result"
+    if its[-1:] == ["until"]:
+        remedy += ", which its run made: system.ending(until)"
+    problem = f"its {what} are {listed[0]}, those of {path} are {listed[1]}; {remedy}"
+    raise InvalidParameter("system", None, "", problem=problem)
+
+
+def _missing_function(*arguments: Any) -> NoReturn:
+    raise FunctionsMissing("the functions of the system")
+
+
+class DetachedSystem(System):
+    """A system that is described in a file, whose functions are elsewhere.
+
+    It has names, units and numbers. What needs the functions raises `FunctionsMissing`.
+    """
+
+    def __init__(self, told: Mapping[str, Any], path: str) -> None:
+        self._told, self._path, self._moved = dict(told), path, False
+        self.name = told["name"]
+        self._parameters = dict(told["parameters"])
+        self._typical = told.get("typical")
+        observables = told["observables"]
+        self.observables = tuple(
+            Observable(function=_missing_function, **each) for each in observables
+        )
+
+    def _refusal(self) -> str:
+        return f"{self._path} does not hold the functions of its system"
+
+    def _key(self) -> tuple[Any, ...]:
+        return self._told, self._parameters
+
+    @property
+    def description(self) -> dict[str, Any]:
+        """What the file tells of the system."""
+        return dict(self._told)
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where its functions were defined, as ``module:name``."""
+        return dict(self._told["functions"])
+
+    def summary(self) -> dict[str, Any]:
+        """Return names and numbers, and which functions are elsewhere."""
+        places = ", ".join(dict.fromkeys(self.functions.values()))
+        return {**super().summary(), "functions, not at hand": places}
+
+    @property
+    def automaton(self) -> Automaton:
+        """States, modes and guards by name, with no functions to run."""
+        told = self._told
+        return Automaton(
+            states=told["states"],
+            modes=told["modes"],
+            guards=tuple(Guard(**each) for each in told["guards"]),
+            cyclic=told["cyclic"],
+            flow=_missing_function,
+            margins=_missing_function,
+            transition=_missing_function,
+        )
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of states, parameters, observables and times."""
+        units: dict[str, str] = self._told["units"]
+        return units
+
+    @property
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+        scales: Scales = self._told["scales"]
+        return scales
+
+    @property
+    def initial(self) -> State:
+        """Where runs started if nothing else was said."""
+        initial: State = self._told["initial"]
+        return initial
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section."""
+        section: Section | None = self._told["section"]
+        return section
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The states by which sweeps and branches show an orbit."""
+        shown: tuple[str, ...] = self._told["shown"]
+        return shown
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The statistics that a sweep tells of every value."""
+        told: tuple[str, ...] = self._told["told"]
+        return told
+
+    @property
+    def forcing_period(self) -> float | None:
+        """The forcing period at the parameters of the file."""
+        period: float | None = self._told["forcing_period"]
+        return period
+
+    def shifted(self, values: Mapping[str, float]) -> DetachedSystem:
+        """Return the system at other values."""
+        other: Any = self._copy()
+        other._parameters = {**self._parameters, **values}
+        other._moved = True
+        return other
+
+    def problem(self, options: Options) -> Problem:
+        """Return what was integrated, which now refuses to be."""
+        if self._moved:
+            raise FunctionsMissing(self._refusal())
+        told = self._told
+        return Problem(
+            automaton=self.automaton,
+            parameters=np.array(list(self._parameters.values())),
+            period=told["period"],
+            switches=told["switches"],
+            time_scale=told["time_scale"],
+            section=self.section,
+            options=options,
+            refusal=self._refusal(),
+        )
+
+    def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
+        """Refuse: period and switches may be functions."""
+        raise FunctionsMissing(self._refusal())
+
+    def ending(self, until: Callable[..., float]) -> System:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
+    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
+    def measure_event(
+        self, observable: Observable, events: Events, i: int, problem: Problem
+    ) -> float:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
+    def gatherer(self, problem: Problem, start: HybridState, window: TimeWindow) -> NoReturn:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())

@@ -1,0 +1,201 @@
+"""States and modes of a system."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from itertools import islice
+from numbers import Real
+from typing import Any
+
+from mems_impact.errors import InvalidParameter
+
+__all__ = ["Mode", "State", "is_number", "modes", "state_from", "whole"]
+
+# --- Modes: numbers with names.
+
+
+class Mode(int):
+    """A mode: its number, which functions compare and return, its name, and those beside it."""
+
+    names: tuple[str, ...]
+
+    def __new__(cls, number: int, names: tuple[str, ...]) -> Mode:
+        """Return one of the modes that are called `names`."""
+        mode = super().__new__(cls, number)
+        mode.names = names
+        return mode
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.names[self]
+
+    def __reduce__(self) -> Any:
+        return Mode, (int(self), self.names)
+
+
+def modes(*names: str) -> tuple[Mode, ...]:
+    """Return one mode a name, numbered from 0.
+
+    Parameters
+    ----------
+    *names : str
+
+    Returns
+    -------
+    tuple of Mode
+        Integers that know their names.
+
+    See Also
+    --------
+    System, Guard
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> FREE, HELD = mi.modes("free", "held")
+    >>> HELD == 1, HELD.name
+    (True, 'held')
+    """
+    return tuple(Mode(number, names) for number in range(len(names)))
+
+
+# --- A state of a system, as users give it and get it.
+
+SHOWN = 8  # components, of a state with more of them
+
+
+class State:
+    """A state of a system and the phase of the forcing at which it holds.
+
+    In the units of the system that it is used with. Components that are not given are those of the
+    system's own start.
+
+    Parameters
+    ----------
+    time : float, optional
+        Time since the start of the forcing period, 0 <= time < period.
+    mode : str or int, optional
+        The mode; where it is not given the system says in which one it is.
+    **components : float
+        By the names of the system's states.
+
+    Raises
+    ------
+    InvalidParameter
+        If a number is not finite, or `time` is negative.
+
+    See Also
+    --------
+    kicked, simulate, System
+
+    Examples
+    --------
+    >>> from mems_impact import State
+    >>> start = State(x2=0.0, v2=1.0)
+    >>> start.v2
+    1.0
+    >>> start.replace(v2=0.5)
+    State(x2=0.0, v2=0.5)
+    """
+
+    __slots__ = ("_values", "mode", "time")
+    _values: dict[str, float]
+    time: float
+    mode: str | int | None
+
+    def __init__(
+        self, /, *, time: float = 0.0, mode: str | int | None = None, **components: float
+    ) -> None:
+        for name, value in {**components, "time": time}.items():
+            if not is_number(value):
+                raise InvalidParameter(name, value, "a finite number")
+        if time < 0.0:
+            raise InvalidParameter("time", time, ">= 0 and below the forcing period")
+        object.__setattr__(self, "_values", components)
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "mode", mode)
+
+    def __getattr__(self, name: str) -> float:
+        if not name.startswith("_") and name in self._values:
+            return float(self._values[name])
+        known = ", ".join(self._values) if not name.startswith("_") else ""
+        raise AttributeError(f"the state has no component {name!r}; it has {known or 'none'}")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"a State does not change: state.replace({name}=…) makes another")
+
+    def __getitem__(self, name: str) -> float:
+        return float(self._values[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._values]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, State):
+            return NotImplemented
+        return self._key() == other._key()
+
+    def __hash__(self) -> int:
+        return hash(self._key())
+
+    def __repr__(self) -> str:
+        return self._line({name: repr(value) for name, value in self._numbers()})
+
+    def __str__(self) -> str:
+        return self._line({name: f"{value:.6g}" for name, value in self._numbers()})
+
+    def _numbers(self) -> Iterator[tuple[str, float]]:
+        yield from islice(self._values.items(), SHOWN)
+        yield "time", self.time
+
+    def _line(self, numbers: Mapping[str, str]) -> str:
+        parts = [f"{name}={number}" for name, number in numbers.items() if name != "time"]
+        parts += ["…"] if len(self._values) > SHOWN else []
+        parts += [f"time={numbers['time']}"] if self.time else []
+        parts += [f"mode={self.mode!r}"] if self.mode is not None else []
+        return f"State({', '.join(parts)})"
+
+    def __reduce__(self) -> Any:
+        return state_from, (self.as_dict(), self.time, self.mode)
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the components by name."""
+        return dict(self._values)
+
+    def replace(self, /, **changes: Any) -> State:
+        """Return the state with some components, the time or the mode changed."""
+        return State(**{**self._values, "time": self.time, "mode": self.mode, **changes})
+
+    def _key(self) -> Any:
+        return frozenset(self._values.items()), self.time, self.mode
+
+
+def with_units(state: State, units: Mapping[str, str]) -> str:
+    """Return a state in a line, with six digits and units."""
+    numbers = state._numbers()
+    return state._line({name: f"{v:.6g} {units.get(name, '')}".rstrip() for name, v in numbers})
+
+
+def state_from(
+    components: Mapping[str, float], time: float = 0.0, mode: str | int | None = None
+) -> State:
+    """Return the state with components of these names."""
+    given: dict[str, Any] = dict(components)
+    return State(**{"time": time, "mode": mode, **given})
+
+
+def is_number(value: Any) -> bool:
+    """Return whether `value` is one finite real number."""
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def whole(field: str, value: Any, least: int) -> int:
+    """Return `value` as an int; InvalidParameter unless it is a whole number >= `least`."""
+    if not (is_number(value) and value >= least and value == int(value)):
+        raise InvalidParameter(field, value, f"a whole number >= {least}")
+    return int(value)

@@ -1,0 +1,559 @@
+"""Statistics of runs, orbits and attractors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.hybrid.attractors.mapper import RecurrenceResult
+from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
+from mems_impact.hybrid.definition import NO_GUARD
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.state import HybridState
+from mems_impact.orbits.period_detection import flow_at
+
+if TYPE_CHECKING:
+    from mems_impact.systems.system import System
+
+__all__ = [
+    "CHAOTIC",
+    "FAILED",
+    "OFF",
+    "PERIODIC",
+    "QUASI_PERIODIC",
+    "RESTING",
+    "UNSETTLED",
+    "EventObserver",
+    "Moments",
+    "RunStatistics",
+    "StatisticsAccumulator",
+    "TimeWindow",
+    "closest_approach",
+    "counted_periods",
+    "evaluate_observables",
+    "largest_values",
+    "maxima",
+    "measure_names",
+    "measures",
+]
+
+# --- The largest values that the states reach, between samples too: of an arc, or all of a run.
+
+SAMPLES = 200  # in a period
+STILL = 1e-9  # part of the largest value by which a state moves that stands still
+
+
+def largest_values(arc: Trajectory) -> Floats:
+    """Return the largest value of each state along an arc without events, shape (n,).
+
+    Around the largest sample a state is the cubic that has its values and its rates.
+    """
+    grid = arc.samples(SAMPLES)
+    found = np.maximum(arc.start.y, arc.final.y)
+    if not len(grid.y):
+        return np.asarray(found)
+    at = grid.cycle * arc.period + grid.time
+    for state, i in enumerate(np.argmax(grid.y, axis=0).tolist()):
+        found[state] = max(found[state], grid.y[i, state])
+        for j in (i - 1, i):
+            if j >= 0 and j + 1 < len(grid.y):
+                length = float(at[j + 1] - at[j])
+                rates = [
+                    length * flow_at(arc.problem, HybridState(0, at[k], arc.start.mode, grid.y[k]))
+                    for k in (j, j + 1)
+                ]
+                ends = grid.y[j, state], grid.y[j + 1, state]
+                top = _top(*ends, rates[0][state], rates[1][state])
+                found[state] = max(found[state], top)
+    return np.asarray(found)
+
+
+def maxima(run: Trajectory, first: float) -> list[Floats]:
+    """Return, for each state, its local maxima along a run from `first`, in order.
+
+    Corners count, and the values before and after events. A state that stands still has one, its
+    value; one that only rises or falls has none.
+
+    Parameters
+    ----------
+    run : Trajectory
+    first : float
+        In periods of the run's problem.
+    """
+    grid = run.samples(SAMPLES, first)
+    log = run.events[
+        np.isin(run.events.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH))
+    ]
+    log = log[log.cycle * run.period + log.time >= first * run.period]
+    at = [each.cycle * run.period + each.time for each in (log, log, grid)]
+    # In one instant: what was before an event, what is after it, a sample.
+    kinds = np.repeat([0, 1, 2], [len(log), len(log), len(grid.y)])
+    order = np.lexsort((kinds, np.concatenate(at)))
+    time, kinds = np.concatenate(at)[order], kinds[order]
+    y = np.concatenate([log.before, log.after, grid.y])[order]
+    mode = np.concatenate([log.mode_before, log.mode_after, grid.mode])[order]
+    arc = np.cumsum(kinds == 1)
+
+    @cache
+    def slopes(j: int) -> Floats:
+        return flow_at(run.problem, HybridState(0, float(time[j]), int(mode[j]), y[j]))
+
+    def slope(i: int, j: int) -> float:
+        return float(slopes(j)[i])
+
+    return [_maxima(time, y[:, i], partial(slope, i), arc) for i in range(y.shape[1])]
+
+
+def _maxima(
+    time: Floats, y: Floats, slope: Callable[[int], float], arc: NDArray[np.int64]
+) -> Floats:
+    """Return the local maxima of one state, whose arcs have numbers."""
+    extent = float(np.ptp(y)) if y.size else 0.0
+    if not extent > STILL * float(np.abs(y).max(initial=0.0)):
+        return y[-1:]
+    # Values that differ by rounding alone are a plateau, and that is one value.
+    changes = np.flatnonzero(np.abs(np.diff(y)) > STILL * extent)
+    begins, ends = np.append(0, changes + 1), np.append(changes, y.size - 1)
+    values = y[begins]
+    peaks = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])) + 1
+    found = []
+    for begin, end in zip(begins[peaks].tolist(), ends[peaks].tolist(), strict=True):
+        top = float(y[begin : end + 1].max())
+        for j in (begin - 1, end):
+            if arc[j] == arc[j + 1]:
+                length = float(time[j + 1] - time[j])
+                top = max(top, _top(y[j], y[j + 1], length * slope(j), length * slope(j + 1)))
+        found.append(top)
+    return np.array(found)
+
+
+def _top(first: float, last: float, rate: float, last_rate: float) -> float:
+    """Return the largest value in [0, 1] of the cubic with these values and rates at the ends."""
+    rise = last - first
+    cubic, square = rate + last_rate - 2.0 * rise, 3.0 * rise - 2.0 * rate - last_rate
+    polynomial = np.polynomial.Polynomial([first, rate, square, cubic])
+    turns = polynomial.deriv().roots()
+    inside = turns[np.isreal(turns) & (turns.real > 0.0) & (turns.real < 1.0)].real
+    return float(max(first, last, *polynomial(inside)))
+
+
+# --- What becomes of a motion, in the words of tables.
+
+# One that has not repeated itself in its time is unsettled until its Lyapunov exponent says more.
+OFF, RESTING, PERIODIC, UNSETTLED, FAILED = "off", "resting", "periodic", "unsettled", "failed"
+CHAOTIC, QUASI_PERIODIC = "chaotic", "quasi-periodic"
+
+
+def counted_periods(count: int) -> str:
+    """Return the name of a periodic motion of so many periods: ``"period 2"``."""
+    return f"period {count}"
+
+
+# --- Number, mean, scatter and extremes of values that come in portions.
+
+
+class Moments:
+    """Number, mean, scatter and extremes of values that come in portions.
+
+    Attributes
+    ----------
+    count : int
+    mean : float
+    low, high : float
+        Smallest and largest value.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.mean = self._squares = 0.0
+        self.low, self.high = math.inf, -math.inf
+
+    def add(self, values: Floats) -> None:
+        """Take the next portion."""
+        if values.size == 0:
+            return
+        # Chan, Golub and LeVeque's update: sums of squares would lose the scatter of steps that
+        # are nearly equal.
+        mean = float(values.mean())
+        squares = float(((values - mean) ** 2).sum())
+        total = self.count + values.size
+        apart = mean - self.mean
+        self._squares += squares + apart * apart * self.count * values.size / total
+        self.mean += apart * values.size / total
+        self.count = total
+        self.low, self.high = (
+            min(self.low, float(values.min())),
+            max(self.high, float(values.max())),
+        )
+
+    def deviation(self) -> float:
+        """Return the standard deviation of the values over their number; NaN without any."""
+        return math.sqrt(self._squares / self.count) if self.count else math.nan
+
+
+# --- Statistics of a run, gathered while it goes on, so that long runs need no more memory.
+
+
+class StatisticsAccumulator(Protocol):
+    """Takes the events of a run as they come and says at the end what they amount to."""
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    def anchor(self, border: int) -> HybridState:
+        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
+
+    def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
+        """Return the statistics of a run that ended at `final`.
+
+        `borders` are the states where the window begins and ends.
+        """
+
+
+class EventObserver(Protocol):
+    """Looks at the events of a run as they come, and tells what the user should know of it."""
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    def tell(self, final: HybridState) -> None:
+        """Tell it of a run that ended at `final`."""
+
+
+class LazyStatistics:
+    """A gatherer that takes the events of a run when it is first asked for what they amount to.
+
+    Parameters
+    ----------
+    begin : callable
+        Makes the gatherer. One that an observable has interrupted is begun again, not gone on with.
+    events : Events
+        All that the run has kept.
+    lengths : sequence of int
+        Of the chunks in which they came: sums are made chunk by chunk.
+    """
+
+    def __init__(
+        self, begin: Callable[[], StatisticsAccumulator], events: Events, lengths: Sequence[int]
+    ) -> None:
+        self._begin, self._events, self._lengths = begin, events, list(lengths)
+
+    @cached_property
+    def ready(self) -> StatisticsAccumulator:
+        """The gatherer, with all events."""
+        gatherer, first = self._begin(), 0
+        for length in self._lengths:
+            gatherer(self._events[first : first + length])
+            first += length
+        return gatherer
+
+
+@dataclass(frozen=True)
+class TimeWindow:
+    """The part of a run that statistics are about.
+
+    Attributes
+    ----------
+    first, last : float
+        In periods; half open: an event at its end is outside.
+    period : float
+    """
+
+    first: float
+    last: float
+    period: float
+
+    def instant(self, border: int) -> tuple[int, float]:
+        """Return a border as whole periods and the time within the next one."""
+        periods = (self.first, self.last)[border]
+        whole = math.floor(periods)
+        return whole, (periods - whole) * self.period
+
+    def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
+        """Return the times from the beginning (0) or end (1) of the window."""
+        at_cycle, at_time = self.instant(border)
+        # Periods are counted in integers first, so that late ones lose no digits.
+        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
+        return result
+
+    def contains(self, events: Events) -> NDArray[np.bool_]:
+        """Return which events lie within."""
+        inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
+        return inside & (self.since(1, events.cycle, events.time) < 0.0)
+
+    def until(self, final: HybridState) -> TimeWindow:
+        """Return what lies before `final`: a run that failed may have ended within, or before."""
+        reached = final.cycle + final.time / self.period
+        return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)
+
+
+class WindowCheckpoints:
+    """Where the arcs begin in which a window begins and ends, and how long each mode has lasted."""
+
+    def __init__(self, window: TimeWindow, start: HybridState, modes: int) -> None:
+        self._window = window
+        self._anchors = [start, start]
+        self._last = start  # the latest event, whose mode lasts until the next one
+        self._remembered = start.remembered  # by the engine, after it
+        self.durations = np.zeros(modes)
+
+    def take(self, events: Events) -> None:
+        """Take the next chunk of events."""
+        if len(events) == 0:
+            return
+        self._take_durations(events.cycle, events.time, events.mode_after)
+        for border in (0, 1):
+            begins = events.begin_arcs
+            begins &= self._window.since(border, events.cycle, events.time) <= 0.0
+            places = np.flatnonzero(begins)
+            if places.size > 0:
+                row = int(places[-1])
+                known = events[:row].remembered(self._remembered)
+                self._anchors[border] = replace(instant_after(events, row), remembered=known)
+        self._last = instant_after(events, len(events) - 1)
+        self._remembered = events.remembered(self._remembered)
+
+    def end(self, final: HybridState) -> None:
+        """Take the end of the run."""
+        self._take_durations(
+            np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
+        )
+        self._last = final
+
+    def __getitem__(self, border: int) -> HybridState:
+        return self._anchors[border]
+
+    def _take_durations(
+        self, cycle: NDArray[np.int64], time: Floats, mode: NDArray[np.int64]
+    ) -> None:
+        cycle = np.concatenate([[self._last.cycle], cycle])
+        time = np.concatenate([[self._last.time], time])
+        during = np.concatenate([[self._last.mode], mode[:-1]]).astype(np.int64)
+        lengths = np.diff(cycle) * self._window.period + np.diff(time)
+        lengths += np.minimum(self._window.since(0, cycle, time)[:-1], 0.0)
+        lengths -= np.maximum(self._window.since(1, cycle, time)[1:], 0.0)
+        np.add.at(self.durations, during, np.maximum(lengths, 0.0))
+
+
+class RunStatistics:
+    """What is told of any system: events by guard, shares of modes, and its observables."""
+
+    def __init__(
+        self, system: System, problem: Problem, start: HybridState, window: TimeWindow
+    ) -> None:
+        self.resume(system, problem)
+        self._window = window
+        self._anchors = WindowCheckpoints(window, start, len(system.modes))
+        self._counts = np.zeros(len(system.automaton.guards), dtype=np.int64)
+        self._chatter = 0
+        self._moments = {each.name: Moments() for each in system.observables if each.at}
+
+    def resume(self, system: System, problem: Problem) -> None:
+        """Go on for a system and what is integrated of it."""
+        self._system, self._problem = system, problem
+
+    def gathered(self) -> dict[str, Any]:
+        """Return what was gathered so far, from which `of` goes on."""
+        linked = ("_system", "_problem")
+        return {name: value for name, value in vars(self).items() if name not in linked}
+
+    @classmethod
+    def of(cls, **gathered: Any) -> RunStatistics:
+        """Return what had gathered this; it waits for `resume`."""
+        gathering = cls.__new__(cls)
+        vars(gathering).update(gathered)
+        return gathering
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+        self._anchors.take(events)
+        inside = events[self._window.contains(events)]
+        fired = inside.guard[inside.kind == workspace.TRANSITION]
+        self._counts += np.bincount(fired, minlength=self._counts.size)
+        self._chatter += int((inside.kind == workspace.ACCUMULATION).sum())
+        for name, values in evaluate_observables(self._system, self._problem, inside).items():
+            self._moments[name].add(values[~np.isnan(values)])
+
+    def anchor(self, border: int) -> HybridState:
+        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
+        return self._anchors[border]
+
+    def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
+        """Return the statistics of a run that ended at `final`."""
+        self._anchors.end(final)
+        window, system = self._window.until(final), self._system
+        # Without forcing periods, time itself is counted.
+        unit = 1.0 if system.forced else window.period
+        each_period = "per period" if system.forced else "per time"
+        first, last = window.first * unit, window.last * unit
+        periods = last - first
+        guards = [guard for guard in system.automaton.guards if guard.name != NO_GUARD]
+        impacts = sum(
+            int(count) for count, guard in zip(self._counts, guards, strict=False) if guard.impact
+        )
+        values: dict[str, float] = {
+            "window first": first,
+            "window last": last,
+            "impacts": impacts,
+            f"impacts {each_period}": ratio(impacts, periods),
+        }
+        for guard, count in zip(guards, self._counts, strict=False):
+            values[f"{guard.name} {each_period}"] = ratio(int(count), periods)
+        values["chatter sequences"] = self._chatter
+        if len(system.modes) > 1:
+            for mode, lasted in zip(system.modes, self._anchors.durations, strict=True):
+                duration = (window.last - window.first) * window.period
+                values[f"share {mode}"] = ratio(float(lasted), duration)
+        for each in system.observables:
+            if each.at:
+                moments = self._moments[each.name]
+                values[each.name] = reduce_values(each.reduce, moments, periods)
+            else:
+                begin, end = (system.measure(each, y, self._problem) for y in borders)
+                values[each.name] = ratio(end - begin, periods)
+        return values
+
+
+def evaluate_observables(system: System, problem: Problem, events: Events) -> dict[str, Floats]:
+    """Return the observables of a system at events; NaN where one does not apply."""
+    names = [guard.name for guard in system.automaton.guards]
+    found: dict[str, Floats] = {}
+    for each in system.observables:
+        if each.at:
+            values = np.full(len(events), math.nan)
+            chosen = np.isin(events.guard, [names.index(name) for name in each.at])
+            chosen &= np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION))
+            for i in np.flatnonzero(chosen):
+                values[i] = system.measure_event(each, events, int(i), problem)
+            found[each.name] = values
+    return found
+
+
+def reduce_values(reduce: str, moments: Moments, periods: float) -> float:
+    """Return what is told of the values of an observable at events."""
+    if moments.count == 0:
+        return 0.0 if reduce == "sum" else math.nan
+    match reduce:
+        case "sum":
+            return ratio(moments.mean * moments.count, periods)
+        case "mean":
+            return moments.mean
+        case "min":
+            return moments.low
+    return moments.high
+
+
+def instant_after(events: Events, row: int) -> HybridState:
+    """Return the instant just after an event."""
+    return HybridState(
+        int(events.cycle[row]),
+        float(events.time[row]),
+        int(events.mode_after[row]),
+        events.after[row].copy(),
+    )
+
+
+def ratio(part: float, whole: float) -> float:
+    """Return part / whole, NaN where there is nothing to share."""
+    return part / whole if whole > 0 else math.nan
+
+
+# --- What studies tell of where a motion has come to, of any system: counts, shares, observables.
+
+RETURN = "return time"  # of a system that nothing forces
+
+
+def measure_names(system: System) -> tuple[str, ...]:
+    """Return the headings of `measures`."""
+    each = "period" if system.forced else "time"
+    names = [f"impacts per {each}"]
+    guards = [guard.name for guard in system.automaton.guards if guard.name != NO_GUARD]
+    names += [f"{guard} per {each}" for guard in guards] + [f"chatter per {each}"]
+    if len(system.modes) > 1:
+        names += [f"share {mode}" for mode in system.modes]
+    for observable in system.studied:
+        names.append(observable.name)
+        if not observable.at:
+            names.append(f"{observable.name} std")
+    if any(guard.impact for guard in system.automaton.guards):
+        names.append("closest approach")
+    return tuple(names) if system.forced else (*names, RETURN)
+
+
+def measures(system: System, settled: RecurrenceResult, period: float) -> dict[str, float]:
+    """Return what was gathered of a point by heading, each in the unit that it has in tables.
+
+    Parameters
+    ----------
+    system : System
+    settled : Settled
+    period : float
+        The period of the problem, in the units of the numerics.
+    """
+    lasted = settled.duration / period
+    periods = lasted if system.forced else float(system.out("time", settled.duration))
+    each = "period" if system.forced else "time"
+    automaton = system.automaton
+    hits = sum(
+        float(count)
+        for guard, count in zip(automaton.guards, settled.counts, strict=True)
+        if guard.impact
+    )
+    values = {f"impacts per {each}": ratio(hits, periods)}
+    for guard, count in zip(automaton.guards, settled.counts, strict=True):
+        if guard.name != NO_GUARD:
+            values[f"{guard.name} per {each}"] = ratio(float(count), periods)
+    values[f"chatter per {each}"] = ratio(settled.endings, periods)
+    if len(system.modes) > 1:
+        for mode, lasted in zip(system.modes, settled.lasted, strict=True):
+            values[f"share {mode}"] = ratio(float(lasted), settled.duration)
+    for observable in system.studied:
+        name = observable.name
+        if observable.at:
+            values[name] = _reduced(observable.reduce, settled.marks[name], periods)
+        else:
+            values[name] = ratio(settled.gains[name], periods)
+            values[f"{name} std"] = settled.deviations[name]
+    for name in values:
+        values[name] = float(system.out(name, values[name]))
+    if any(guard.impact for guard in automaton.guards):
+        values["closest approach"] = closest_approach(system, settled)
+    if not system.forced:
+        values[RETURN] = float(system.out("time", ratio(settled.duration, settled.measured)))
+    return values
+
+
+def closest_approach(system: System, settled: RecurrenceResult) -> float:
+    """Return the smallest gap at which bodies turned back without an impact; NaN without any."""
+    guards = system.automaton.guards
+    gaps = [
+        float(least) * system.margin_factor(guard.name)
+        for guard, least in zip(guards, settled.closest, strict=True)
+        if guard.impact
+    ]
+    least = min(gaps, default=math.inf)
+    if not math.isfinite(least):
+        return math.nan
+    return float(system.out("closest approach", least))
+
+
+def _reduced(reduce: str, mark: np.ndarray, periods: float) -> float:
+    if mark[NUMBER] == 0.0:
+        return 0.0 if reduce == "sum" else math.nan
+    match reduce:
+        case "sum":
+            return ratio(float(mark[TOTAL]), periods)
+        case "mean":
+            return float(mark[TOTAL] / mark[NUMBER])
+        case "min":
+            return float(mark[LOW])
+    return float(mark[HIGH])

@@ -1,0 +1,637 @@
+"""Systems defined by functions, and their families of problems."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact._util.units import DIMENSIONLESS, Scales
+from mems_impact.errors import FunctionError, InvalidParameter, RunError
+from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.definition import (
+    RATE_STEP,
+    Definition,
+    Typical,
+    automaton_of,
+    ending,
+    hidden_parameters,
+    named_tuple,
+    scaled,
+    writes_into_arrays,
+)
+from mems_impact.hybrid.diagnostics.user_functions import innermost_user_line
+from mems_impact.hybrid.pickling import portable, reference
+from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
+from mems_impact.orbits.family import Family
+from mems_impact.systems import arguments
+from mems_impact.systems import observables as quantity
+from mems_impact.systems import validation as checks
+from mems_impact.systems.base import Shown
+from mems_impact.systems.components import assembly
+from mems_impact.systems.components.assembly import assemble
+from mems_impact.systems.components.base import Part, Quantity
+from mems_impact.systems.observables import Observable
+from mems_impact.systems.result import deep_equal
+from mems_impact.systems.state import Mode, State
+from mems_impact.systems.statistics import (
+    EventObserver,
+    RunStatistics,
+    StatisticsAccumulator,
+    TimeWindow,
+    measure_names,
+    measures,
+)
+from mems_impact.systems.typical import typical_of, warn_if_badly_scaled_orbit
+from mems_impact.systems.validation import check_parted
+from mems_impact.tables import name_of
+
+__all__ = ["Build", "System"]
+
+# --- The problems of a system at any values of its parameters, for families of orbits.
+
+
+@dataclass(frozen=True)
+class Build:
+    """The problem of a system at any values of its parameters."""
+
+    system: System
+    options: Options
+
+    @property
+    def automaton(self) -> Automaton:
+        """The same for all values."""
+        return self.system.automaton
+
+    def __call__(self, values: Mapping[str, float]) -> Problem:
+        """Return the problem at values in the units of the numerics."""
+        return self.system.at(values).problem(self.options)
+
+    def amount(self, heading: str, value: float) -> str:
+        """Return a number of the numerics in the system's units, to be printed."""
+        return self.system.amount(heading, value)
+
+    def convert(self, error: RunError) -> None:
+        """Let an error of a run tell all in the system's units."""
+        self.system.convert(error)
+
+    def by(self, method: str) -> Build:
+        """Return the same, to be integrated by another method."""
+        return Build(self.system, dataclasses.replace(self.options, method=method))
+
+    @functools.cached_property
+    def _here(self) -> dict[str, float]:
+        return self.system.inner_parameters
+
+    def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
+        """Return what of that problem depends on the values, without making it."""
+        return self.system.numbers(self.system.changes_to(values, self._here))
+
+
+# --- From the functions and numbers of a user to those of the numerics, and back.
+
+Number = float | Callable[..., float]
+
+
+class Numerics(Shown):
+    """A system whose user has written functions: they, and what the event loop gets of them.
+
+    Where typical sizes are given, the numerics count in them; the functions never know.
+    """
+
+    _definition: Definition
+    _parameters: dict[str, float]
+    _period: Number | None
+    _switches: Sequence[float] | Callable[..., Sequence[float]]
+    _time_scale: Number | None
+    _section: Section | None
+    _typical: Typical | None = None
+    _begin: Callable[..., int] | None = None
+
+    @property
+    def automaton(self) -> Automaton:
+        """Modes, flow, guards and transitions, as the event loop takes them."""
+        if self._typical is None:
+            return automaton_of(self._definition)
+        return automaton_of(scaled(self._definition, self._typical))
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the numerics count in typical sizes."""
+        return self._typical is not None
+
+    def factor(self, heading: str) -> float:
+        """Return the unit of the numerics for what stands under a heading."""
+        if self._typical is None:
+            return super().factor(heading)
+        sizes = self._typical
+        found = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
+        found |= zip(self._parameters, sizes.parameters, strict=True)
+        return found.get(name_of(heading, found), 1.0)
+
+    def margin_factor(self, guard: str) -> float:
+        """Return the unit of the numerics for the margin of a guard."""
+        sizes = dict(self._typical.margins) if self._typical else {}
+        return sizes.get(guard, 1.0)
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction; in the units of the numerics."""
+        if self._section is None:
+            return None
+        state, level, direction = self._section
+        return state, self.into(self.states[state], level), direction
+
+    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
+        """Return what of the problem depends on the parameters, in the units of the numerics.
+
+        Parameters
+        ----------
+        changes : mapping of str to float, optional
+            Other values of some parameters, in the system's units, allowed or not: differences by
+            a parameter at the end of its range look beyond it, as do trial steps.
+        """
+        p = self._named({**self._parameters, **(changes or {})}.values())
+        time = self.factor("time")
+        period = _in_units(arguments.number("period", self._period, p), time)
+        scale = _in_units(arguments.number("time_scale", self._time_scale, p), time)
+        tail = np.zeros(hidden_parameters(self._definition))
+        unit = scale if scale is not None else period if period is not None else 1.0
+        tail[0] = RATE_STEP * unit
+        switches = arguments.times("switches", self._switches, p)
+        return ProblemParameters(
+            parameters=np.concatenate([self._inner(p), tail]),
+            period=period if period is not None else unit,
+            switches=tuple(switch / time for switch in switches),
+            time_scale=scale,
+        )
+
+    @property
+    def forcing_period(self) -> float | None:
+        """The forcing period; None for a system without forcing."""
+        return arguments.number("period", self._period, self._named(self._parameters.values()))
+
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
+        """Return the mode of a state whose mode is not given; `y` may be put right.
+
+        Where several fit, as within the hysteresis of a relay, it is `mode` if that is one of them.
+        """
+        if self._begin is None:
+            return mode
+        when, state = self.out("time", time), self._state(y)
+        try:
+            return int(self._begin(mode, when, state, self._outer(problem)))
+        except ArithmeticError as error:
+            raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
+            place = innermost_user_line(error.__traceback__, self._begin)
+            if place[0]:  # in a function of the user's
+                remedy = "let it have a value wherever a run starts"
+            raise FunctionError("the flow with its parts", raised, remedy, *place) from error
+
+    def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
+        """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""
+        automaton = problem.automaton
+        if mode in automaton.constrained:  # of a state that is there already
+            p = np.asarray(problem.parameters, dtype=float)
+            return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
+        return self.mode_of(y, 0.0, problem, mode) == mode
+
+    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Return an observable, which has a unit of its own, of a state of the numerics."""
+        return float(observable.function(self._state(y), self._outer(problem)))
+
+    def measure_event(
+        self, observable: Observable, events: Events, i: int, problem: Problem
+    ) -> float:
+        """Return an observable, which has a unit of its own, at an event of the numerics."""
+        p = self._outer(problem)
+        before, after = self._state(events.before[i]), self._state(events.after[i])
+        mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
+        return float(observable.function(mode, time, before, after, p))
+
+    @property
+    def observed(self) -> CompiledObservables:
+        """The observables that studies gather, as one function of the numerics."""
+        guards = [guard.name for guard in self.automaton.guards]
+        return observed(
+            tuple(
+                (each.name, each.function, tuple(guards.index(name) for name in each.at))
+                for each in self.studied
+            ),
+            self.states,
+            tuple(self._parameters),
+            writes_into_arrays(self._definition.flow),
+            self._typical,
+        )
+
+    def _named(self, values: Iterable[float]) -> Any:
+        return named_tuple("Parameters", tuple(self._parameters))(*values)
+
+    def _state(self, y: Floats) -> Any:
+        """Return a state by name, as functions read it; as a list where they take an array."""
+        values = (y if self._typical is None else y * np.array(self._typical.states)).tolist()
+        if writes_into_arrays(self._definition.flow):
+            return values
+        return named_tuple("State", self.states)(*values)
+
+    def _inner(self, p: Any) -> Floats:
+        """Return parameters in the units of the numerics."""
+        values = np.array(p, dtype=float)
+        return values if self._typical is None else values / np.array(self._typical.parameters)
+
+    def _outer(self, problem: Problem) -> Any:
+        """Return the parameters of a problem by name, as functions read them."""
+        values = problem.parameters[: len(self._parameters)]
+        if self._typical is not None:
+            values = values * np.array(self._typical.parameters)
+        return self._named(values.tolist())
+
+    def _own_time(self) -> float:
+        """Return a time within which something happens, as far as it is known."""
+        p = self._named(self._parameters.values())
+        scale = arguments.number("time_scale", self._time_scale, p)
+        period = arguments.number("period", self._period, p)
+        return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
+
+
+def _in_units(value: float | None, unit: float) -> float | None:
+    return None if value is None else value / unit
+
+
+# --- A system: an automaton with named parameters and all that the verbs of the package ask of
+# it.
+
+
+class System(Numerics):
+    """A system that switches between smooth modes, from functions that read like its equations.
+
+    Parameters
+    ----------
+    states : sequence of str, or int
+        Names of the components of the state; or how many there are (then u0, u1, …).
+    flow : callable
+        ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` have
+        states and parameters by name (``y.x``, ``p.omega``), ``t`` counts from the start of the
+        forcing period. With many states ``flow(mode, t, y, p, dy)`` writes them into ``dy``, and
+        ``y`` is an array (see `mems_impact.hybrid.definition`).
+    parameters : mapping of str to float, optional
+        Names and values.
+    guards : sequence of Guard, optional
+        What ends a mode, or is recorded: `Guard` and `Impact`.
+    parts : sequence of Part, optional
+        What stands ready: `Friction`, `Stopper`, `Relay`, `SwitchingSurface`. ``flow`` then tells
+        the rest, and finds the mode of each part by its name (``mode.wall``).
+    masses : mapping of str to float, str or callable, optional
+        Of the bodies on which parts act, by their velocities: numbers, parameters or functions of
+        ``p``; 1 by default.
+    modes : sequence of Mode or str, optional
+        All modes, from `modes`; needed where no guard names one and there are several.
+    period : float or callable, optional
+        The forcing period: a number, or ``period(p)``. None for a system without forcing.
+    switches : sequence of float or callable, optional
+        Times in (0, period], ascending, at which the flow jumps; or ``switches(p)``.
+    settle : callable, optional
+        ``settle(mode, t, y, p)`` returns mode and state after such a time; both go on by default.
+    constraints : mapping of mode to callable, optional
+        What is zero for as long as a mode lasts, such as the velocity of a body that sticks:
+        ``{STUCK: speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the
+        mode have to make it zero, and the flow to keep it so. Equilibria, multipliers and exponents
+        then know that no motion of the mode leaves it. With parts, these say it.
+    section : tuple of str and float, optional
+        A Poincaré section: a state and its value there. Crossings are recorded. Without one, a
+        system with forcing is looked at where its periods begin.
+    initial : mapping of str to float, or State, optional
+        Where runs start if nothing else is said; 0 for every component that is not given.
+    observables : sequence of Observable, optional
+        Named quantities that tables and studies show beside the states.
+    units : mapping of str to str, optional
+        Units of states, parameters and ``"time"``.
+    typical : mapping of str to float, optional
+        Sizes that are typical of states, parameters and ``"time"``, or of units: ``{"x": 1e-6,
+        "time": 1e-3}``, ``{"m": 1e-6, "s": 1e-3}``. The numerics then count in these, so that
+        tolerances are relative to them; what is given and returned stays in the system's units.
+    cyclic : sequence of str, optional
+        States that enter no function, such as a position that only grows. They are accumulated
+        apart, and an orbit need not close in them.
+    jacobian : callable, optional
+        ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
+        method "bdf", which otherwise takes differences.
+    time_scale : float or callable, optional
+        Time within which the system shows all that it does, where that is not the period.
+    name : str, optional
+
+    Raises
+    ------
+    InvalidParameter
+        If names repeat, or a name, a number or a function is missing or of the wrong kind.
+    FunctionError
+        If a function does not do what it must, as far as a short run meets it.
+
+    See Also
+    --------
+    Guard, Impact, modes, Friction, Stopper, simulate
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -p.g
+    >>> def height(mode, t, y, p):
+    ...     return y.x
+    >>> def bounce(mode, t, y, p):
+    ...     return mode, (0.0, -p.e * y.v)
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=fall, parameters={"g": 9.81, "e": 0.8},
+    ...     guards=[mi.Impact("floor", height, bounce)], initial={"x": 1.0},
+    ... )
+    >>> len(mi.simulate(ball, duration=2.0).impacts)
+    3
+    """
+
+    # The classes of its runs and orbits, where a kind of system adds tables of its own.
+    run_type: ClassVar[Any] = None
+    orbit_type: ClassVar[Any] = None
+
+    def __init__(
+        self,
+        *,
+        states: Sequence[str] | int,
+        flow: Callable[..., Any],
+        parameters: Mapping[str, float] | None = None,
+        guards: Sequence[Guard] = (),
+        parts: Sequence[Part] = (),
+        masses: Mapping[str, Quantity] | None = None,
+        modes: Sequence[Mode | str] | None = None,
+        period: Number | None = None,
+        switches: Sequence[float] | Callable[..., Sequence[float]] = (),
+        settle: Callable[..., Any] | None = None,
+        constraints: Mapping[Any, Any] | None = None,
+        section: tuple[str, float] | None = None,
+        initial: Mapping[str, float] | State | None = None,
+        observables: Sequence[Observable] = (),
+        units: Mapping[str, str] | None = None,
+        typical: Mapping[str, float] | None = None,
+        cyclic: Sequence[str] = (),
+        jacobian: Callable[..., Any] | None = None,
+        time_scale: Number | None = None,
+        name: str = "",
+    ) -> None:
+        names, flow = arguments.states(states), arguments.check_flow(flow)
+        guards = arguments.guards(guards, arguments.transition_arguments(flow))
+        self.name = str(name)
+        self._parameters = arguments.numbers(parameters or {})
+        self._period, self._switches, self._time_scale = period, switches, time_scale
+        constrained: tuple[int, ...] = ()
+        projection: Callable[..., Any] | None = None
+        if parts:
+            arguments.reject_with_components(
+                modes=modes, settle=settle, jacobian=jacobian, constraints=constraints
+            )
+            made = assemble(
+                parts,
+                flow=flow,
+                states=names,
+                parameters=tuple(self._parameters),
+                masses=masses or {},
+                guards=guards,
+            )
+            signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
+            check_parted(flow, names, self._parameters, signs, start.as_dict())
+            flow, settle, guards, modes, self._begin, constrained, projection = made
+        called = arguments.mode_names(modes, guards)
+        self._definition = Definition(
+            states=names,
+            modes=called,
+            parameters=tuple(self._parameters),
+            flow=flow,
+            guards=guards,
+            settle=arguments.check_optional(
+                "settle", settle, *arguments.transition_arguments(flow)
+            ),
+            jacobian=arguments.check_optional("jacobian", jacobian, *arguments.ARGUMENTS, "J"),
+            cyclic=arguments.state_indices("cyclic", cyclic, names),
+            constrained=constrained,
+            projection=projection,
+            constraints=arguments.constraints(constraints, flow, called),
+        )
+        self._section = arguments.section(section, names)
+        self.observables = arguments.observables(observables, names, guards)
+        quantities = (each.name for each in self.observables)
+        self._units = arguments.units(units, (*names, *self._parameters, *quantities))
+        self._initial = arguments.initial(initial)
+        self._typical = None
+        sizes = arguments.sizes(typical)
+        # In the user's own numbers, to which functions and messages belong.
+        problem, time = self.problem(Options()), sizes.get("time")
+        checks.dry_run(self, self._definition, problem, time=time, meant=initial is not None)
+        if sizes:
+            self._typical = typical_of(
+                sizes,
+                definition=self._definition,
+                values=self._parameters,
+                initial=self._initial.as_dict(),
+                units=self._units,
+                time=self._own_time(),
+            )
+
+    # What each kind of system has in its own way; the actuator's stands in its own room.
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Names and values of all parameters, in the system's units."""
+        return dict(self._parameters)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of states, parameters, observables and times; none for pure numbers."""
+        return {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
+
+    @property
+    def scales(self) -> Scales:
+        """The units of the numerics."""
+        return DIMENSIONLESS if not self.units else Scales()
+
+    @property
+    def initial(self) -> State:
+        """Where runs start if nothing else is said."""
+        return self._initial
+
+    @property
+    def orbit_quantities(self) -> tuple[quantity.Quantity, ...]:
+        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
+        return quantity.general_quantities(self)
+
+    def changed(self, /, **values: float) -> System:
+        """Return the system with other values of some parameters.
+
+        Parameters
+        ----------
+        **values : float
+
+        Raises
+        ------
+        InvalidParameter
+            If a name is none of the system's, or a value is not a number.
+        """
+        for name in values:
+            self.check_parameter(name)
+        other = self.shifted(values)
+        other.problem(Options())
+        return other
+
+    def shifted(self, values: Mapping[str, float]) -> System:
+        """Return the system at values that may not be allowed, at which continuation looks."""
+        other = self._copy()
+        other._parameters = {**self._parameters, **arguments.numbers(values)}
+        return other
+
+    def restored(
+        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
+    ) -> System:
+        """Return the system at the values of a file, and in the units in which it counted."""
+        other = self.shifted(values)
+        other._typical = typical
+        return other
+
+    @property
+    def told_by_numbers(self) -> bool:
+        """Whether names and numbers say all of it; a file cannot hold functions."""
+        return False
+
+    @property
+    def functions(self) -> dict[str, str]:
+        """Where its functions are defined, as ``module:name``: to be shown."""
+        definition = self._definition
+        found: dict[str, Any] = {"flow": definition.flow, "settle": definition.settle}
+        found |= {"jacobian": definition.jacobian, "period": self._period}
+        found |= {"switches": self._switches, "time_scale": self._time_scale}
+        for guard in definition.guards:
+            for role in ("margin", "transition", "rate", "rest"):
+                found[f"{role} of {guard.name}"] = getattr(guard, role)
+        for i, (mode, constraint) in enumerate(definition.constraints):
+            found[f"constraint {i} of {definition.modes[mode]}"] = constraint
+        found |= {f"observable {each.name}": each.function for each in self.observables}
+        return {
+            role: reference(given)
+            for role, given in found.items()
+            if callable(given) and given.__module__ != assembly.__name__  # written for parts
+        }
+
+    def ending(self, until: Callable[..., float]) -> System:
+        """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
+        other = self._copy()
+        vars(other)["_unended"] = self
+        arguments.function("until", until, *arguments.ARGUMENTS)
+        other._definition = ending(self._definition, until)
+        checks.check_end(self, other._definition, self.problem(Options()))
+        return other
+
+    def standstill(self) -> Callable[[Trajectory], float | None]:
+        """Return what tells after how many periods a run stands still; None if it does not."""
+        problem = "of an actuator alone; give a function (mode, t, y, p) that falls through zero"
+        raise InvalidParameter("until", "still", "", problem=problem)
+
+    def gatherer(
+        self, problem: Problem, start: HybridState, window: TimeWindow
+    ) -> StatisticsAccumulator:
+        """Return what gathers the statistics of a run."""
+        return RunStatistics(self, problem, start, window)
+
+    def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
+        """Return what studies tell of where a motion has come to, by heading."""
+        return measures(self, settled, period)
+
+    @property
+    def measure_names(self) -> tuple[str, ...]:
+        """The headings of `measures`."""
+        return measure_names(self)
+
+    def validity(self, problem: Problem, start: HybridState) -> EventObserver | None:
+        """Return what warns of a run that leaves the range in which the system's model holds."""
+        return None
+
+    def tidied(self, mode: int, y: Floats) -> Floats:
+        """Return a state that Newton's method has found, without what rounding made of it."""
+        return y
+
+    # What all kinds of system share.
+
+    def check_continued(self, name: str) -> None:
+        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        self.check_parameter(name)
+
+    def family(self, options: Options) -> Family:
+        """Return the problems for all values of the parameters, in the units of the numerics."""
+        if not self.is_scaled and self.forced:
+            warn_if_badly_scaled_orbit(self.numbers().period, self.parameters)
+        return Family(Build(self, options), self.inner_parameters)
+
+    def at(self, inner: Mapping[str, float]) -> System:
+        """Return the system at values in the units of the numerics, allowed or not."""
+        changes = self.changes_to(inner, self.inner_parameters)
+        return self.shifted(changes) if changes else self
+
+    def problem(self, options: Options) -> Problem:
+        """Return what the event loop integrates, in the units of the numerics."""
+        numbers = self.numbers()
+        check_times(numbers, self.factor("time"), self.unit("time"))
+        written = "_definition" in vars(self)
+        return Problem(
+            automaton=self.automaton,
+            section=self.section,
+            options=options,
+            falls=partial(checks.tell_of_fall, self) if written else None,
+            **numbers._asdict(),
+        )
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
+        return f"{type(self).__name__}({self.name or ', '.join(self.states)}; {values})"
+
+    def summary(self) -> dict[str, Any]:
+        """Return states, modes, guards and parameters."""
+        return {
+            "states": ", ".join(self.states),
+            "modes": ", ".join(self.modes),
+            "guards": ", ".join(guard.name for guard in self.automaton.guards),
+            **{self.label(name): value for name, value in self.parameters.items()},
+        }
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, System):
+            return NotImplemented
+        return type(self) is type(other) and deep_equal(self._key(), other._key())
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash((type(self), *self.parameters.items()))
+
+    def __copy__(self) -> System:
+        return self  # it does not change
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> System:
+        return self
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled, with functions fit to go to another process."""
+        state: dict[str, Any] = portable(vars(self))
+        return state
+
+    def _key(self) -> tuple[Any, ...]:
+        """Return all by which systems differ."""
+        return tuple(vars(self)[name] for name in sorted(vars(self)))
+
+    def _copy(self) -> System:
+        other = object.__new__(type(self))
+        other.__dict__.update(self.__dict__)
+        return other

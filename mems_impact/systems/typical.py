@@ -1,0 +1,272 @@
+"""Typical scales of states, and warnings about poor ones."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import InvalidParameter, ScaleWarning
+from mems_impact.hybrid.definition import (
+    Definition,
+    Typical,
+    named_tuple,
+    power_of_two,
+    writes_into_arrays,
+)
+from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.integrators.options import Options
+
+__all__ = [
+    "MaxStateRecorder",
+    "of_units",
+    "typical_of",
+    "warn_if_badly_scaled_orbit",
+    "warn_if_badly_scaled_run",
+]
+
+# --- What is told where nothing was said of typical sizes, and numbers lie far from order one.
+
+RESOLVED = 1e3  # absolute tolerances that a state should at least come to
+FASTEST = 1e-4  # steps on average, in the time that is taken for the system's own
+LOOKS = 64  # between events
+ORDER_ONE = (1e-5, 1e5)  # sizes of times and parameters on which differences may count
+
+
+class MaxStateRecorder:
+    """The largest sizes that the states have come to at events."""
+
+    def __init__(self, y: Floats) -> None:
+        self.sizes = np.abs(y)
+
+    def __call__(self, events: Events) -> None:
+        """Take a chunk of events in."""
+        for y in (events.before, events.after):
+            if len(y):
+                np.maximum(self.sizes, np.abs(y).max(axis=0), out=self.sizes)
+
+
+def warn_if_badly_scaled_run(
+    states: tuple[str, ...],
+    options: Options,
+    trajectory: Trajectory,
+    largest: MaxStateRecorder,
+    timed: bool,
+) -> None:
+    """Warn if a state stays below what the absolute tolerance resolves, or time does.
+
+    Parameters
+    ----------
+    states : tuple of str
+    options : Options
+    trajectory : Trajectory
+    largest : Largest
+    timed : bool
+        Whether the system has a time of its own: a period, or a time scale.
+    """
+    limit = RESOLVED * options.atol
+    sizes = np.maximum(largest.sizes, np.abs(trajectory.final.y))
+    if ((sizes > 0.0) & (sizes < limit)).any():
+        # A speed may be zero at all events: they are its turning points.
+        sizes = np.maximum(sizes, between(trajectory))
+    small = {
+        name: decade(float(size))
+        for name, size in zip(states, sizes, strict=True)
+        if 0.0 < size < limit
+    }
+    start, final, period = trajectory.start, trajectory.final, trajectory.period
+    length = (final.cycle - start.cycle) * period + final.time - start.time
+    step = length / trajectory.steps if trajectory.steps else 1.0
+    if small:
+        stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
+        what = f"{stay}, where atol = {options.atol:g} resolves little"
+        _warn(what, small)
+    elif not timed and 0.0 < step < FASTEST:
+        step = decade(step)
+        what = f"steps are below {step:.0e}, in a system that is taken to move within a time of 1"
+        _warn(what, {"time": 10.0 * step})
+
+
+def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -> None:
+    """Warn if differences on which orbits rest would drown in a time or a parameter."""
+    low, high = ORDER_ONE
+    sizes = {"time": period, **parameters}
+    far = {name: abs(size) for name, size in sizes.items() if size and not low < abs(size) < high}
+    if far:
+        listed = ", ".join(
+            f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
+        )
+        _warn(f"{listed}: far from order one, in which differences for orbits count", far)
+
+
+def between(trajectory: Trajectory) -> Floats:
+    """Return the largest sizes of the states in the first two periods, between events too."""
+    start, final, period = trajectory.start, trajectory.final, trajectory.period
+    first, last = (each.cycle + each.time / period for each in (start, final))
+    length = min(2.0, last - first)
+    if length <= 0.0:
+        return np.abs(start.y)
+    seen = trajectory.samples(math.ceil(LOOKS / length), last=first + length).y
+    return np.abs(seen).max(axis=0, initial=0.0)
+
+
+def decade(size: float) -> float:
+    """Return the power of ten above a size: a sweep shall not tell the same in many numbers."""
+    return float(10.0 ** math.ceil(math.log10(size)))
+
+
+def _warn(what: str, sizes: Mapping[str, float]) -> None:
+    pairs = ", ".join(f"{name!r}: {size:.0e}" for name, size in sizes.items())
+    message = f"{what}; say what is typical, for example System(typical={{{pairs}}})"
+    warnings.warn(message, ScaleWarning, stacklevel=6)
+
+
+# --- Typical sizes: from what a user says of names or units to the units of the numerics.
+
+# Derived units of the SI in its base units: powers of them by name.
+DERIVED: dict[str, dict[str, int]] = {
+    "rad": {},
+    "Hz": {"s": -1},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "Pa": {"kg": 1, "m": -1, "s": -2},
+    "J": {"kg": 1, "m": 2, "s": -2},
+    "W": {"kg": 1, "m": 2, "s": -3},
+    "C": {"A": 1, "s": 1},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
+    "F": {"kg": -1, "m": -2, "s": 4, "A": 2},
+    "H": {"kg": 1, "m": 2, "s": -2, "A": -2},
+    "T": {"kg": 1, "s": -2, "A": -1},
+    "Wb": {"kg": 1, "m": 2, "s": -2, "A": -1},
+}
+
+
+def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
+    """Return the typical size of what has a unit, from those of other units.
+
+    Parameters
+    ----------
+    unit : str
+        Such as "m/s^2", "N s/m"; all that follows a stroke divides.
+    sizes : mapping of str to float
+        By unit, base or derived.
+
+    Returns
+    -------
+    float or None
+        None if the sizes say nothing about it.
+    """
+    if unit in sizes:
+        return sizes[unit]
+    size, known = 1.0, False
+    for k, side in enumerate(unit.split("/")):
+        for name, exponent in re.findall(r"([A-Za-z]+)(?:\^(-?\d+))?", side):
+            power = (1 if k == 0 else -1) * int(exponent or 1)
+            base = {name: 1} if name in sizes else DERIVED.get(name, {name: 1})
+            for each, times in base.items():
+                known = known or each in sizes
+                size *= sizes.get(each, 1.0) ** (power * times)
+    return size if known else None
+
+
+def typical_of(
+    typical: Mapping[str, float],
+    *,
+    definition: Definition,
+    values: Mapping[str, float],
+    initial: Mapping[str, float],
+    units: Mapping[str, str],
+    time: float,
+) -> Typical:
+    """Return the units of the numerics.
+
+    Parameters
+    ----------
+    typical : mapping of str to float
+        By the names of states and parameters, "time", or units.
+    definition : Definition
+    values : mapping of str to float
+        Of the parameters.
+    initial : mapping of str to float
+        Where runs start.
+    units : mapping of str to str
+    time : float
+        Typical time where nothing is said.
+
+    Raises
+    ------
+    InvalidParameter
+        If a size belongs to nothing.
+    """
+    names = {*definition.states, *definition.parameters, "time"}
+    parts = {part for unit in units.values() for part in re.findall(r"[A-Za-z]+", unit)}
+    base = {name for part in parts for name in (part, *DERIVED.get(part, ()))}
+    for name in typical:
+        if name not in names | base | set(units.values()):
+            allowed = f"typical sizes of {', '.join(sorted(names))}, or of units"
+            raise InvalidParameter("typical", name, allowed)
+
+    sizes = {name: size for name, size in typical.items() if name not in names}
+
+    def size_of(name: str, otherwise: float) -> float:
+        given = typical.get(name)
+        if given is None and sizes and name in units:
+            given = of_units(units[name], sizes)
+        return power_of_two(otherwise if given is None else given)
+
+    result = Typical(
+        states=tuple(size_of(name, initial.get(name, 1.0)) for name in definition.states),
+        # Over a parameter orbits are followed: where nothing is said, its own size is typical.
+        parameters=tuple(size_of(name, value) for name, value in values.items()),
+        time=size_of("time", time),
+    )
+    start = [initial.get(name, 0.0) for name in definition.states]
+    margins = {
+        guard.name: _size_of_margin(definition, guard, result.states, start, values)
+        for guard in definition.guards
+    }
+    return Typical(
+        states=result.states,
+        parameters=result.parameters,
+        time=result.time,
+        margins=tuple(margins.items()),
+    )
+
+
+def _size_of_margin(
+    definition: Definition,
+    guard: Any,
+    sizes: tuple[float, ...],
+    start: list[float],
+    values: Mapping[str, float],
+) -> float:
+    """Return by how much a margin changes where all states do by what is typical of them.
+
+    Near the start of runs; 1 where the margin does not say.
+    """
+    p = named_tuple("Parameters", tuple(values))(*values.values())
+    mode = int(guard.modes[0]) if guard.modes else 0
+    total = 0.0
+    for j, size in enumerate(sizes):
+        found = []
+        for sign in (-0.5, 0.5):
+            y = [value + sign * size * (i == j) for i, value in enumerate(start)]
+            state = np.array(y) if writes_into_arrays(definition.flow) else None
+            try:
+                found.append(
+                    guard.margin(
+                        mode,
+                        0.0,
+                        named_tuple("State", definition.states)(*y) if state is None else state,
+                        p,
+                    )
+                )
+            except (ArithmeticError, ValueError):
+                return 1.0
+        total += abs(found[1] - found[0])
+    return power_of_two(total) if math.isfinite(total) else 1.0

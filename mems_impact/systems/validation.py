@@ -1,0 +1,1061 @@
+"""Validation of user functions: dry run, consistency of rates, discontinuities, start values.
+
+The short run at the start seldom meets all modes. So runs, and orbits that are found, put down the
+first states in modes that nobody has met, and the same is asked there once they are done: what is
+wrong in such a mode would else stay silent for ever.
+
+Steps of Bogacki and Shampine's pair of order 3, whose points lie on a trajectory to a
+thousandth of a step; guards are tried where the run meets them, found by bisection.
+
+A point that the checks made up themselves refuses nothing. What is wrong whatever the values, a
+component that is never written or a mode that there is not, is told wherever it is met; that a
+function has no value is told where the user says that runs start, and nowhere else.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dis import get_instructions
+from functools import cache
+from itertools import pairwise
+from types import CodeType, FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mems_impact._util.warning_scopes import warn
+from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
+from mems_impact.hybrid.definition import Definition, named_tuple
+from mems_impact.hybrid.diagnostics.failures import AT_TIMES, definition_of, depends_on_time_only
+from mems_impact.hybrid.diagnostics.user_functions import (
+    CheckedFunctions,
+    DomainError,
+    EvaluationPoint,
+    UserFunction,
+    describe_value,
+)
+from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
+from mems_impact.systems.base import Terms
+from mems_impact.systems.observables import Observable
+
+if TYPE_CHECKING:
+    from mems_impact.systems.system import System
+
+__all__ = ["check_end", "check_parted", "dry_run", "mode_monitor", "tell_of_fall", "tell_of_side"]
+
+# --- Whether functions keep what they do to themselves: none changes a variable from elsewhere.
+
+_LIBRARIES = ("numba", "numpy")  # compiled code never runs their text
+
+
+def check_effects(definition: Definition) -> None:
+    """Raise FunctionError if a function, or one that it calls, changes a variable of elsewhere."""
+    for function in _functions(definition):
+        for called in _called(function.call, set()):
+            _check(function, called)
+
+
+def _check(function: UserFunction, called: FunctionType) -> None:
+    for name in _changed(called.__code__, set(called.__code__.co_freevars)):
+        problem = f"changes {name}, which lives outside of it"
+        remedy = "let it only read: what changes along a run is a state"
+        file, line = called.__code__.co_filename, called.__code__.co_firstlineno
+        raise FunctionError(function.role, problem, remedy, file, line)
+
+
+def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
+    """Yield the names of what code, or a function within, changes of elsewhere.
+
+    `outside` are those of the variables that it closes over and does not share with its own.
+    """
+    for step in get_instructions(code):
+        shared = step.opname in ("STORE_DEREF", "DELETE_DEREF") and step.argval in outside
+        if shared or step.opname in ("STORE_GLOBAL", "DELETE_GLOBAL"):
+            yield step.argval
+    for inner in _within(code):
+        yield from _changed(inner, outside & set(inner.co_freevars))
+
+
+def _called(value: Any, seen: set[FunctionType]) -> Iterator[FunctionType]:
+    """Yield a function and those that it may call: globals and what it closes over."""
+    function = getattr(value, "py_func", value)  # of one that numba compiled
+    if not isinstance(function, FunctionType) or function in seen:
+        return
+    if (function.__module__ or "").partition(".")[0] in _LIBRARIES:
+        return
+    seen.add(function)
+    yield function
+    for each in _loaded(function.__code__, function.__globals__):
+        yield from _called(each, seen)
+    for cell in function.__closure__ or ():
+        try:
+            yield from _called(cell.cell_contents, seen)
+        except ValueError:  # not set yet
+            continue
+
+
+def _loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
+    """Yield the globals that code reads, and of modules the attributes that it reads.
+
+    Other attributes are no globals: ``p.k`` has nothing to do with a function ``k``.
+    """
+    value: Any = None
+    for step in get_instructions(code):
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+            value = scope.get(step.argval)
+        elif step.opname in ("LOAD_ATTR", "LOAD_METHOD") and isinstance(value, ModuleType):
+            value = getattr(value, step.argval, None)
+        else:
+            value = None
+        yield value
+    for inner in _within(code):
+        yield from _loaded(inner, scope)
+
+
+def _within(code: CodeType) -> Iterator[CodeType]:
+    return (part for part in code.co_consts if isinstance(part, CodeType))
+
+
+def _functions(definition: Definition) -> Iterator[UserFunction]:
+    for kind in ("flow", "settle", "jacobian"):
+        if getattr(definition, kind) is not None:
+            yield UserFunction(kind, getattr(definition, kind))
+    for guard in definition.guards:
+        for kind in ("margin", "rate", "transition", "rest"):
+            if getattr(guard, kind) is not None:
+                yield UserFunction(kind, getattr(guard, kind), guard.name)
+
+
+# --- Jumps of the flow that nothing declares: no step of a method is right across one.
+
+AHEAD = (1e-7, 1e-6, 1e-5)  # parts of the time scale within which a jump is looked for
+STEPS_AHEAD = (1.0, 8.0, 64.0)  # that in very short steps of a run
+BEYOND = 8.0  # of the stretch, where a guard declares what jumps in it
+CLEAR = 1e-6  # part of the slope by which it jumps at least
+HALVINGS = 60  # of the stretch that encloses it, if rounding does not end them before
+LASTS = 0.5  # part of the difference that is left of a jump then; of a steep slope, next to nothing
+ROUNDING = 0.1  # part of the difference that rounding of state and time may make
+
+
+def tell_of_fall(system: System, at: HybridState, length: float) -> bool:
+    """Warn if the flow jumps where the steps of a run have become very short.
+
+    Parameters
+    ----------
+    system : System
+        One that is written of functions.
+    at : Instant
+        Where such a step begins, in the units of the numerics; cyclic components mean nothing.
+    length : float
+        Of the step.
+
+    Returns
+    -------
+    bool
+        Whether it jumps.
+    """
+    definition, numbers = vars(system)["_definition"], system.numbers()
+    tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+    # Functions may depend on time where something forces the system, and switch within a period.
+    time = math.fmod(at.time, numbers.period) if system.forced else 0.0
+    switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
+    stop = next((switch for switch in switches if switch > time), math.inf)
+    stretches = [part * length for part in STEPS_AHEAD if time + BEYOND * part * length < stop]
+    values = zip(system.states, at.y.tolist(), strict=True)
+    y = [float(system.out(name, value)) for name, value in values]
+    place = EvaluationPoint(at.mode, float(system.out("time", time)), y)
+    watching = [i for i, g in enumerate(definition.guards) if g.modes is None or at.mode in g.modes]
+    try:
+        slope = tried.flow(place)
+        units = [float(system.out("time", stretch)) for stretch in stretches]
+        return tell_of_jump(tried, place, slope, watching, units)
+    except (FunctionError, DomainError, ArithmeticError):
+        return False  # what is wrong with a function is told elsewhere
+
+
+def tell_of_jump(
+    tried: CheckedFunctions,
+    at: EvaluationPoint,
+    slope: Sequence[float],
+    watching: Sequence[int],
+    stretches: Sequence[float],
+) -> bool:
+    """Warn if the flow jumps just ahead of a point, at which steps have become very short.
+
+    A guard that fires there declares it.
+
+    Parameters
+    ----------
+    tried : Tried
+    at : Place
+    slope : sequence of float
+        The flow there.
+    watching : sequence of int
+        Guards.
+    stretches : sequence of float
+        Times within which it is looked for, ascending.
+
+    Returns
+    -------
+    bool
+        Whether it jumps.
+    """
+
+    def ahead(s: float) -> EvaluationPoint:
+        return EvaluationPoint(
+            at.mode, at.t + s, [y + s * rate for y, rate in zip(at.y, slope, strict=True)]
+        )
+
+    for whole in stretches:
+        end, beyond = ahead(whole), ahead(BEYOND * whole)
+        enclosed = _enclosed(tried, ahead, whole)
+        if enclosed is None:
+            continue
+        if any(tried.margin(i, at) * tried.margin(i, beyond) <= 0.0 for i in watching):
+            return False
+        before, after, least = enclosed
+        if min(_rounding(tried, at), _rounding(tried, end)) < ROUNDING * least:
+            _tell(tried, before, after, least, end)
+            return True
+    return False
+
+
+def _enclosed(
+    tried: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], whole: float
+) -> tuple[EvaluationPoint, EvaluationPoint, float] | None:
+    """Return neighbouring places between which the flow jumps, and by how much at least.
+
+    It is halved until a half has no more than its share of the difference, as where it is steep.
+    """
+    low, high = ahead(0.0), ahead(whole)
+    before, after = tried.flow(low), tried.flow(high)
+    least = LASTS * _size(before, after)
+    if least <= CLEAR * max(map(abs, (*before, *after))):
+        return None
+    first, last = 0.0, whole
+    for _ in range(HALVINGS):
+        middle = 0.5 * (first + last)
+        there = ahead(middle)
+        if there in (low, high):
+            break  # no number lies between
+        between = tried.flow(there)
+        parts = _size(before, between), _size(between, after)
+        if max(parts) < least:
+            return None
+        if parts[0] >= parts[1]:
+            last, high, after = middle, there, between
+        else:
+            first, low, before = middle, there, between
+    return low, high, least
+
+
+def _rounding(tried: CheckedFunctions, at: EvaluationPoint) -> float:
+    """Return how much the flow changes where state and time change in their last digit."""
+    flow, most = tried.flow(at), 0.0
+    for pattern in ((1.0,), (-1.0,), (1.0, -1.0)):
+        signs = [pattern[i % len(pattern)] for i in range(tried.n + 1)]
+        *y, t = (math.nextafter(a, s * math.inf) for a, s in zip((*at.y, at.t), signs, strict=True))
+        most = max(most, _size(flow, tried.flow(EvaluationPoint(at.mode, t, y))))
+    return most
+
+
+def _tell(
+    tried: CheckedFunctions,
+    before: EvaluationPoint,
+    after: EvaluationPoint,
+    least: float,
+    end: EvaluationPoint,
+) -> None:
+    """Warn of a jump between two places, on a stretch with an end beyond them."""
+    slopes = tried.flow(before), tried.flow(after)
+    k = max(range(tried.n), key=lambda i: abs(slopes[1][i] - slopes[0][i]))
+    jump = f"d{tried.states[k]}/dt jumps from {slopes[0][k]:.6g} to {slopes[1][k]:.6g}"
+
+    def changes(place: EvaluationPoint) -> bool:
+        return _size(slopes[0], tried.flow(place)) >= least
+
+    def by(place: Callable[[int], EvaluationPoint]) -> list[str]:
+        moved = [i for i in range(tried.n) if changes(place(i))]
+        # A zero in reach is where it jumps, whatever rounding makes of it.
+        at = [0.0 if abs(y) <= abs(y - far) else y for y, far in zip(before.y, end.y, strict=True)]
+        return [f"{tried.states[i]} = {at[i]:.6g}" for i in moved]
+
+    def one(i: int) -> EvaluationPoint:
+        y = [*before.y[:i], after.y[i], *before.y[i + 1 :]]
+        return EvaluationPoint(before.mode, before.t, y)
+
+    if changes(EvaluationPoint(before.mode, after.t, before.y)):
+        where = f"t = {before.t:.6g}"
+        remedy = "name the times at which it does in switches="
+    else:
+        where = " or ".join(by(one)) or tried.place(before).removeprefix("at ")
+        remedy = "make it a Guard between two modes, or a part: Friction, Relay, Surface"
+    message = f"the flow is discontinuous: {jump} at {where}, where no step is accurate; {remedy}"
+    warn(message, DiscontinuityWarning)
+
+
+def _size(one: Sequence[float], other: Sequence[float]) -> float:
+    """Return by how much two slopes differ."""
+    return max(abs(b - a) for a, b in zip(one, other, strict=True))
+
+
+# --- Whether what is given as a derivative is one: by differences with a bound of their error.
+
+PART = 2.5e-4  # the step of differences, of the time scale
+HOLDS = 1e-5  # of what a constraint changes by where states do by their sizes: it is zero
+SLACK = 1e-6  # of the size of a derivative, which no difference is asked to see
+CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
+FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
+
+
+def step_along_flow(at: EvaluationPoint, slope: Sequence[float], h: float) -> EvaluationPoint:
+    """Return the point that lies `h` ahead on the straight line along the flow."""
+    return EvaluationPoint(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
+
+
+def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
+    """Return the derivative amid nine values at distances `h`, and a bound of its error.
+
+    The bound is what formulas of two steps, and of both sides, differ by: a corner shows in it.
+    """
+    middle = len(values) // 2
+
+    def value(k: int) -> float:
+        return values[middle + k]
+
+    fine = math.fsum(w * (value(k) - value(-k)) for k, w in enumerate(CENTRAL, 1)) / h
+    coarse = (8.0 * (value(2) - value(-2)) - (value(4) - value(-4))) / (24.0 * h)
+    right = math.fsum(w * value(k) for k, w in enumerate(FORWARD)) / h
+    left = -math.fsum(w * value(-k) for k, w in enumerate(FORWARD)) / h
+    rounding = 64.0 * sys.float_info.epsilon * max(map(abs, values)) / h
+    return fine, 4.0 * (abs(fine - coarse) + abs(right - left)) + rounding
+
+
+def rate_of(
+    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+) -> tuple[float, float]:
+    """Return the rate of a margin by differences along the flow, and a bound of its error."""
+    h = PART * unit
+    return derivative([tried.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h)
+
+
+def check_rate(
+    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+) -> None:
+    """Raise FunctionError unless the given rate of margin `i` is its derivative along the flow."""
+    guard = tried.definition.guards[i]
+    given = tried.rate(i, at)
+    found, error = rate_of(tried, i, at, slope, unit)
+    error += SLACK * (abs(found) + abs(given))
+    if not abs(given - found) > error:
+        return
+    if not abs(given - found) > error + rounding_of(tried, i, at, slope, unit):
+        return
+    assert guard.rate is not None
+    where = tried.place(at)
+    problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
+    remedy = "return the derivative of the margin along the flow, or give none"
+    raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
+
+
+def check_constraint(
+    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+) -> None:
+    """Raise FunctionError unless a constraint is zero in its mode, and stays so along the flow."""
+    value, h, size = tried.constraint(i, at), PART * unit, 0.0
+    for j, y in enumerate(at.y):
+        part = PART * max(abs(y), abs(slope[j]) * unit, 1e-3)
+        beside = EvaluationPoint(at.mode, at.t, [*at.y[:j], y + part, *at.y[j + 1 :]])
+        by_state = abs(tried.constraint(i, beside) - value) / part
+        size = max(size, by_state * max(abs(y), abs(slope[j]) * unit, 1e-3))
+    rate, error = derivative(
+        [tried.constraint(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
+    )
+    function = UserFunction("constraint", tried.definition.constraints[i][1])
+    if abs(value) > HOLDS * size:
+        problem = f"is {value:.6g} {tried.place(at)}, and has to be zero in this mode"
+        raise function.error(problem, "let transitions into the mode make it zero, and the start")
+    if abs(rate) * unit > HOLDS * size + error * unit:
+        problem = f"changes at the rate {rate:.6g} {tried.place(at)}, and has to stay zero"
+        raise function.error(problem, "let the flow of the mode keep it zero")
+
+
+def rounding_of(
+    tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
+) -> float:
+    """Return what the rounding of a state makes of differences of margin `i`.
+
+    A small gap between bodies that are far from the origin is a difference of large numbers.
+    """
+    here, rounding = tried.margin(i, at), 0.0
+    for j, value in enumerate(at.y):
+        h = PART * max(abs(value), abs(slope[j]) * unit, 1e-3)
+        y = [*at.y[:j], value + h, *at.y[j + 1 :]]
+        by_state = (tried.margin(i, EvaluationPoint(at.mode, at.t, y)) - here) / h
+        rounding += abs(by_state * value)
+    return 64.0 * sys.float_info.epsilon * rounding / (PART * unit)
+
+
+def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
+    """Raise FunctionError unless the given Jacobian is that of the flow."""
+    given = tried.jacobian(at)
+    slope = tried.flow(at)
+    for j in range(tried.n):
+        h = PART * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
+        columns = []
+        for k in range(-4, 5):
+            y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
+            columns.append(tried.flow(EvaluationPoint(at.mode, at.t, y)))
+        for i in range(tried.n):
+            found, error = derivative([column[i] for column in columns], h)
+            if abs(given[i][j] - found) > error + 1e-3 * (abs(found) + abs(given[i][j])):
+                problem = (
+                    f"has J[{i}, {j}] = {given[i][j]:.6g} where the flow's is {found:.6g} "
+                    f"({tried.place(at)[3:]})"
+                )
+                remedy = "write the derivative of component i of the flow by state j, or give none"
+                function = UserFunction(
+                    "jacobian", tried.definition.jacobian or tried.definition.flow
+                )
+                raise function.error(problem, remedy)
+
+
+# --- Whether the functions of a system depend on time as they may.
+
+PARTS = (0.1459, 0.3820, 0.6180)  # of the time scale: times that are no common parts of a period
+HAIR = 1e-9  # of the time scale
+
+
+class TimeGrid:
+    """The times of a system: its forcing period if it has one, time scale and switches."""
+
+    def __init__(self, period: float | None, unit: float, switches: Sequence[float]) -> None:
+        self.period, self.unit, self.switches = period, unit, tuple(switches)
+
+    def stop(self, t: float) -> float:
+        """Return the next switch after `t`."""
+        return next((time for time in self.switches if time > t), math.inf)
+
+
+def check_times(
+    tried: CheckedFunctions,
+    at: EvaluationPoint,
+    slope: Sequence[float],
+    period: float | None,
+    unit: float,
+) -> None:
+    """Raise FunctionError unless the flow is that of a period later, or of any time without one.
+
+    Parameters
+    ----------
+    tried : Tried
+    at : Place
+    slope : sequence of float
+        The flow there.
+    period : float or None
+    unit : float
+        The time scale.
+    """
+
+    def ahead(time: float) -> list[float]:
+        return tried.flow(EvaluationPoint(at.mode, at.t + time, at.y))
+
+    others = [ahead(part * (period or unit)) for part in PARTS]
+    # Where terms of the flow cancel, their rounding is far larger than what is left.
+    size = max(abs(value) for each in (slope, *others) for value in each)
+    size = max(size, *(abs(value) / unit for value in at.y))
+    if period is None:
+        wrong = [flows_differ(slope, each, size) for each in others]
+        if not any(wrong):
+            return
+        later, again = PARTS[wrong.index(True)] * unit, others[wrong.index(True)]
+        problem, remedy = "depends on time, but the system has no period", "give the forcing period"
+    else:
+        # A forcing that jumps may do so a rounding before or after this time.
+        for time in (period, period - HAIR * unit, period + HAIR * unit):
+            if not flows_differ(slope, ahead(time), size):
+                return
+        later, again = period, ahead(period)
+        problem, remedy = "differs a period later", "give the period of the forcing"
+    changes = [abs(a - b) for a, b in zip(slope, again, strict=True)]
+    i = changes.index(max(changes))
+    values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
+    problem += f" (for {tried.states[i]} it gives {values})"
+    remedy += "; what depends on time in another way is a state of its own"
+    raise UserFunction("flow", tried.definition.flow).error(problem, remedy)
+
+
+def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
+    """Return whether two slopes differ by more than rounding and a hair of time make of it."""
+    return any(abs(a - b) > SLACK * size for a, b in zip(one, other, strict=True))
+
+
+# --- Rates and times compared where the system comes to: on the short run, and later in other
+# modes.
+
+POINTS = 3  # at which a mode is looked at after a run
+COMPARISON_CALLS = 1000  # of functions after a run, roughly: some milliseconds
+
+
+def checked_modes(system: Terms) -> set[int]:
+    """Return the modes in which a system has been looked at, at any parameters; to be added to."""
+    return _met(vars(system)["_definition"], vars(system)["_period"])
+
+
+@cache
+def _met(definition: Definition, period: float | Callable[..., float] | None) -> set[int]:
+    return set()
+
+
+def compare(
+    tried: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
+) -> None:
+    """Compare the flow with that at other times, rates with differences, constraints with zero."""
+    if not clock.switches:
+        check_times(tried, at, slope, clock.period, clock.unit)
+    for i, guard in enumerate(tried.definition.guards):
+        if guard.rate is not None and (guard.modes is None or at.mode in guard.modes):
+            check_rate(tried, i, at, slope, clock.unit)
+    for i, (mode, _) in enumerate(tried.definition.constraints):
+        if mode == at.mode:
+            check_constraint(tried, i, at, slope, clock.unit)
+
+
+class ModeMonitor:
+    """What a run meets: the first states in modes in which nothing has been compared yet.
+
+    Parameters
+    ----------
+    system : Terms
+    problem : Problem
+        In the units of the numerics.
+    """
+
+    def __init__(self, system: Terms, problem: Problem) -> None:
+        self.system, self.problem = system, problem
+        self.definition: Definition = vars(system)["_definition"]
+        unmet = set(range(len(system.modes))) - checked_modes(system)
+        self.points: dict[int, list[EvaluationPoint]] = {mode: [] for mode in unmet}
+
+    def __call__(self, events: Events) -> None:
+        """Take a chunk of events in: where arcs begin and where they end."""
+        for modes, states in (
+            (events.mode_after, events.after),
+            (events.mode_before, events.before),
+        ):
+            for mode, points in self.points.items():
+                if len(points) < POINTS:
+                    for row in np.flatnonzero(modes == mode)[: POINTS - len(points)]:
+                        cycle, time = int(events.cycle[row]), float(events.time[row])
+                        self.put(HybridState(cycle, time, mode, states[row]))
+
+    def put(self, at: HybridState) -> None:
+        """Put a state down, in the units of the numerics, if its mode has not been met."""
+        if at.mode not in self.points or len(self.points[at.mode]) == POINTS:
+            return
+        out, y = self.system.out, at.y.copy()
+        y[list(self.definition.cyclic)] = 0.0  # as functions see them, to whom they mean nothing
+        time = at.time if self.system.forced else at.cycle * self.problem.period + at.time
+        values = zip(self.system.states, y.tolist(), strict=True)
+        place = EvaluationPoint(
+            at.mode, float(out("time", time)), [float(out(*each)) for each in values]
+        )
+        self.points[at.mode].append(place)
+
+    def check(self) -> None:
+        """Compare where the run has come to.
+
+        Raises
+        ------
+        FunctionError
+            About the first function that does not do what it must.
+        """
+        if not any(self.points.values()):
+            return
+        system, problem, definition = self.system, self.problem, self.definition
+        tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
+        unit = float(system.out("time", problem.time_scale or problem.period))
+        clock = TimeGrid(system.forcing_period, unit, problem.switches)
+        each = 10 * max(1, len(definition.guards))  # calls at a point, roughly
+        left = max(1, COMPARISON_CALLS // each)
+        for mode, points in self.points.items():
+            for at in points[:left]:
+                try:
+                    compare(tried, clock, at, tried.flow(at))
+                except DomainError:
+                    continue  # differences may leave the domain where the run has not
+            left -= len(points[:left])
+            if points:
+                checked_modes(system).add(mode)
+
+
+def mode_monitor(system: Terms, problem: Problem) -> ModeMonitor | None:
+    """Return what notes the modes that a run meets; None for a system without functions."""
+    if definition_of(problem.automaton) is None:
+        return None
+    return ModeMonitor(system.unended, problem)  # what ends a run is a margin alone
+
+
+# --- A short interpreted run of a system, on which its functions are tried.
+
+DRY_RUN_CALLS = 300  # of the flow, of a system of few states
+FEW = 8  # states
+UNITS = 8.0  # length of the run, in its time scale
+CLOSE = 1e-3  # error of a step, of its length
+LOOKED = 6  # points at which times and rates are compared, a mode
+INSTANT = 100  # times that one guard may fire in one instant
+WEAK = 1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
+SEQUENCE = 3  # flights
+ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
+FALLING = 1e-3  # a rate that falls after a transition, of that before it
+BISECTIONS = 50
+SHORT = 1e-6  # steps, of the time scale, before which the flow may jump
+PROBES = 4  # places at which that is looked for
+
+Met = Callable[[int, EvaluationPoint, EvaluationPoint], None]
+
+
+class DryRunAborted(Exception):
+    """From here on the short run says nothing about the system."""
+
+
+class DryRun:
+    """The short run.
+
+    Parameters
+    ----------
+    tried : Tried
+    clock : Clock
+    met : callable
+        Called with guard, point before and point after at every transition.
+    """
+
+    def __init__(self, tried: CheckedFunctions, clock: TimeGrid, met: Met) -> None:
+        self.tried, self.clock, self.met = tried, clock, met
+        self.guards = tried.definition.guards
+        self.calls = DRY_RUN_CALLS * FEW // max(FEW, tried.n)
+        self.looked: dict[int, int] = {}
+        self.probes = PROBES
+        self.hits: dict[int, list[float]] = {}
+
+    def go(self, start: EvaluationPoint, *, meant: bool) -> None:
+        """Run from `start`.
+
+        Parameters
+        ----------
+        start : Place
+        meant : bool
+            Whether the user says that runs start there; else a function need have no value there.
+
+        Raises
+        ------
+        FunctionError
+            About the first function that does not do what it must.
+        InvalidParameter
+            If the start is meant and lies beyond an impact.
+        """
+        try:
+            slope = self.tried.flow(start)
+            now = self.margins(start)
+            self.look(start, slope)
+            if self.tried.definition.jacobian is not None:
+                check_jacobian(self.tried, start, self.clock.unit)
+            if self.inside(start, slope, now, meant=meant):
+                return
+        except DomainError as found:
+            if meant:
+                raise found.error from None
+            return
+        try:
+            self.follow(start, slope, now)
+        except (DryRunAborted, DomainError):
+            return  # at a point of these checks' own
+
+    def watching(self, mode: int) -> list[int]:
+        """Return the guards that watch in a mode."""
+        return [i for i, g in enumerate(self.guards) if g.modes is None or mode in g.modes]
+
+    def margins(self, at: EvaluationPoint) -> dict[int, float]:
+        """Return the margins of the guards that watch."""
+        return {i: self.tried.margin(i, at) for i in self.watching(at.mode)}
+
+    def rate(self, i: int, at: EvaluationPoint, slope: Sequence[float]) -> float:
+        """Return the rate of a margin, given or not."""
+        if self.guards[i].rate is not None:
+            return self.tried.rate(i, at)
+        return rate_of(self.tried, i, at, slope, self.clock.unit)[0]
+
+    def inside(
+        self, start: EvaluationPoint, slope: Sequence[float], now: dict[int, float], *, meant: bool
+    ) -> bool:
+        """Return whether the start lies beyond an impact, on its way further in."""
+        for i, margin in now.items():
+            if not (self.guards[i].impact and margin < 0.0):
+                continue
+            rate = self.rate(i, start, slope)
+            beyond = margin < -1e-6 * (abs(margin - rate * self.clock.unit) + 1e-3)
+            if beyond and rate <= 0.0:
+                if not meant:
+                    return True
+                name, place = self.guards[i].name, self.tried.place(start)
+                problem = f"lies beyond the guard {name!r}, whose margin is {margin:.6g} {place}"
+                raise InvalidParameter("initial", None, "", problem=problem)
+        return False
+
+    def look(self, at: EvaluationPoint, slope: Sequence[float]) -> None:
+        """Compare rates with differences, and times with later ones, at the first few points."""
+        seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
+        if seen <= LOOKED:
+            compare(self.tried, self.clock, at, slope)
+
+    def follow(self, at: EvaluationPoint, slope: list[float], now: dict[int, float]) -> None:
+        """Follow the flow and its events until the budget is spent."""
+        unit, end = self.clock.unit, at.t + UNITS * self.clock.unit
+        longest, h = unit / STEPS_PER_PERIOD, 1e-4 * unit
+        while self.calls > 0 and at.t < end:
+            stop = self.clock.stop(at.t)
+            h = min(h, longest, stop - at.t)
+            step = self.step(at, slope, h, stop)
+            if step is None or step[2] > 1.0:
+                h *= 0.25 if step is None else max(0.2, 0.9 * step[2] ** (-1.0 / 3.0))
+                stuck = h < 1e-9 * unit
+                if stuck or (h < SHORT * unit and self.probes > 0):
+                    self.probes -= 1
+                    stretches = [part * unit for part in AHEAD]
+                    if tell_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
+                        return
+                continue
+            there, ahead, error = step
+            later = self.margins(there)
+            fallen = [i for i in now if later[i] <= 0.0 and self.above(i, now[i], at, slope)]
+            if fallen:
+                i, there = self.crossing(fallen, at, slope, there, ahead)
+                there = self.resolve(i, there)
+            elif there.t >= stop:
+                mode, y = self.tried.transition("settle", None, there)
+                period = self.clock.period
+                shift = period if period is not None and there.t >= period else 0.0
+                there, end = EvaluationPoint(mode, there.t - shift, y), end - shift
+            if fallen or there.t != at.t + h:
+                ahead = self.tried.flow(there)
+                later = self.margins(there)
+            at, slope, now = there, ahead, later
+            self.look(at, slope)
+            h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
+
+    def above(self, i: int, margin: float, at: EvaluationPoint, slope: list[float]) -> bool:
+        """Return whether a margin is positive, or about to be."""
+        return margin > 0.0 or self.rate(i, at, slope) > 0.0
+
+    def step(
+        self, at: EvaluationPoint, k1: list[float], h: float, stop: float
+    ) -> tuple[EvaluationPoint, list[float], float] | None:
+        """Return point and slope after a step and its error; None if it leaves the domain."""
+        last = math.nextafter(stop, 0.0) if stop < math.inf else math.inf
+        mode, t, y = at
+
+        def slope_at(part: float, *terms: tuple[float, list[float]]) -> list[float]:
+            self.calls -= 1
+            return self.tried.flow(
+                EvaluationPoint(mode, min(t + part * h, last), moved(y, h, *terms))
+            )
+
+        try:
+            k2 = slope_at(0.5, (0.5, k1))
+            k3 = slope_at(0.75, (0.75, k2))
+            new = moved(y, h, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
+            there = EvaluationPoint(mode, min(t + h, stop), new)
+            k4 = slope_at(1.0, (2.0 / 9.0, k1), (1.0 / 3.0, k2), (4.0 / 9.0, k3))
+        except (DomainError, FunctionError):
+            return None
+        wrong = moved([0.0] * len(y), h, (-5 / 72, k1), (1 / 12, k2), (1 / 9, k3), (-1 / 8, k4))
+        error = 0.0
+        for i, value in enumerate(wrong):
+            size = max(abs(h * k1[i]), abs(h * k4[i]), 1e-6 * abs(y[i]))
+            error = max(error, abs(value) / (CLOSE * size)) if size > 0.0 else error
+        return (there, k4, error) if math.isfinite(error) else None
+
+    def crossing(
+        self,
+        fallen: list[int],
+        at: EvaluationPoint,
+        slope: list[float],
+        there: EvaluationPoint,
+        ahead: list[float],
+    ) -> tuple[int, EvaluationPoint]:
+        """Return the guard whose margin falls through zero first within a step, and where."""
+        h = there.t - at.t
+
+        def between(part: float) -> EvaluationPoint:
+            # Hermite's cubic.
+            b = part * part * (3.0 - 2.0 * part)
+            c, d = part * (1.0 - part) ** 2 * h, part * part * (part - 1.0) * h
+            parts = zip(at.y, slope, there.y, ahead, strict=True)
+            y = [(1.0 - b) * y0 + b * y1 + c * d0 + d * d1 for y0, d0, y1, d1 in parts]
+            return EvaluationPoint(at.mode, at.t + part * h, y)
+
+        found = []
+        for i in fallen:
+            low, high = 0.0, 1.0
+            for _ in range(BISECTIONS):
+                middle = 0.5 * (low + high)
+                if self.tried.margin(i, between(middle)) > 0.0:
+                    low = middle
+                else:
+                    high = middle
+            found.append((low, self.guards[i].order or 0, i))
+        part, _, i = min(found)
+        return i, between(part)
+
+    def resolve(self, i: int, at: EvaluationPoint) -> EvaluationPoint:
+        """Carry out the transitions of an instant, beginning with guard `i`."""
+        guard, fired = self.guards[i], 0
+        kind = "transition"
+        if guard.impact and self.accumulates(i, at):
+            kind = "rest"
+            if guard.rest is None:
+                raise DryRunAborted
+        while guard.transition is not None:
+            before = self.rate(i, at, self.tried.flow(at))
+            if before >= 0.0:
+                raise DryRunAborted  # rounding, rather than the flow, has led through zero
+            mode, y = self.tried.transition(kind, i, at)
+            after = EvaluationPoint(mode, at.t, y)
+            self.met(i, at, after)
+            if not self.falls(i, after, before):
+                return after
+            fired += 1
+            if guard.impact or fired >= INSTANT:
+                raise self.still_falling(i, kind, after)
+            at = after
+        return at
+
+    def accumulates(self, i: int, at: EvaluationPoint) -> bool:
+        """Note an impact; return whether it is the last but infinitely many of a sequence."""
+        hits = self.hits[i] = [*self.hits.get(i, []), at.t][-SEQUENCE - 1 :]
+        flights = [later - earlier for earlier, later in pairwise(hits)]
+        shrinking = all(0.0 < short < long for long, short in pairwise(flights))
+        return len(flights) == SEQUENCE and shrinking and flights[-1] < WEAK * self.clock.unit
+
+    def falls(self, i: int, at: EvaluationPoint, before: float) -> bool:
+        """Return whether a guard fires again after its transition."""
+        if i not in self.watching(at.mode):
+            return False
+        slope = self.tried.flow(at)
+        rate, error = rate_of(self.tried, i, at, slope, self.clock.unit)
+        low = self.tried.margin(i, at) <= ZERO * abs(before) * self.clock.unit
+        return low and rate < -FALLING * abs(before) - error
+
+    def still_falling(self, i: int, kind: str, at: EvaluationPoint) -> FunctionError:
+        """Return the sentence about a transition that leads nowhere."""
+        guard = self.guards[i]
+        assert guard.transition is not None
+        rate = self.rate(i, at, self.tried.flow(at))
+        problem = f"leaves its margin at zero and falling, at the rate {rate:.6g}"
+        problem += ", so that it fires again in the same instant"
+        remedy = "turn the rate round, or lead to a mode in which the guard does not watch"
+        if depends_on_time_only(
+            lambda y: self.tried.margin(i, EvaluationPoint(at.mode, at.t, list(y))), at.y
+        ):
+            remedy = AT_TIMES
+        return UserFunction(kind, guard.transition, guard.name).error(problem, remedy)
+
+
+def moved(y: Sequence[float], h: float, *terms: tuple[float, list[float]]) -> list[float]:
+    """Return ``y`` moved by `h` times a weighted sum of slopes."""
+    return [
+        value + h * sum(weight * slope[i] for weight, slope in terms) for i, value in enumerate(y)
+    ]
+
+
+# --- What is tried of a system before it runs: its functions, interpreted, along a short run.
+
+
+def dry_run(
+    system: Terms,
+    definition: Definition,
+    problem: Problem,
+    *,
+    time: float | None,
+    meant: bool,
+) -> None:
+    """Try the functions of a system along a short run.
+
+    Parameters
+    ----------
+    system : Terms
+        Its names, times and observables.
+    definition : Definition
+        Its functions.
+    problem : Problem
+        Its numbers.
+    time : float or None
+        Typical of it, where the user says so.
+    meant : bool
+        Whether the user says where runs start.
+
+    Raises
+    ------
+    FunctionError
+        About the first function that does not do what it must.
+    InvalidParameter
+        If the start is not one of the system's, or is meant and lies beyond an impact.
+    """
+    check_effects(definition)
+    tried, start = _tried(definition, problem), _start(system, problem)
+    observables: Sequence[Observable] = vars(system)["observables"]
+    seen: set[int] = set()
+
+    def noted(i: int, before: EvaluationPoint, after: EvaluationPoint) -> None:
+        for each in observables:
+            if definition.guards[i].name in each.at and id(each) not in seen:
+                seen.add(id(each))
+                both = tried.state(before.y), tried.state(after.y)
+                _measured(each, before.mode, before.t, *both, tried.p)
+
+    for each in observables:
+        if not each.at:
+            _measured(each, tried.state(start.y), tried.p)
+    unit = time or problem.time_scale or problem.period
+    clock = TimeGrid(system.forcing_period, unit, problem.switches)
+    short = DryRun(tried, clock, noted)
+    short.go(start, meant=meant)
+    checked_modes(system).update(short.looked)
+
+
+def check_end(system: Terms, definition: Definition, problem: Problem) -> None:
+    """Try the margin of the last guard of a definition, that which ends a run, at the start."""
+    with contextlib.suppress(DomainError):
+        tried = _tried(definition, problem)
+        tried.margin(len(definition.guards) - 1, _start(system, problem))
+
+
+def _tried(definition: Definition, problem: Problem) -> CheckedFunctions:
+    return CheckedFunctions(definition, problem.parameters[: len(definition.parameters)].tolist())
+
+
+def _start(system: Terms, problem: Problem) -> EvaluationPoint:
+    start = system.instant(None, problem)
+    return EvaluationPoint(start.mode, start.time, start.y.tolist())
+
+
+def _measured(observable: Observable, *arguments: Any) -> None:
+    """Raise FunctionError if an observable fails whatever the values, or is no number."""
+    function = UserFunction("observable", observable.function, observable.name)
+    try:
+        value = observable.function(*arguments)
+    except Exception as error:
+        found, always = function.blamed(error)
+        if always:
+            raise found from error
+        return
+    try:
+        float(value)
+    except (TypeError, ValueError):
+        raise function.error(
+            f"returns {describe_value(value)}", "return one number on every path"
+        ) from None
+
+
+# --- Whether the flow of a system that is put together from parts does what a flow must.
+
+
+def check_parted(
+    flow: Callable[..., Any],
+    states: tuple[str, ...],
+    parameters: Mapping[str, float],
+    signs: Mapping[str, Sequence[int]],
+    start: Mapping[str, float],
+) -> None:
+    """Try a flow by itself, at the start, in every combination of the modes of the parts.
+
+    What is put together from it has a text of its own, in which nobody finds a mistake.
+
+    Parameters
+    ----------
+    flow : callable
+        ``flow(mode, t, y, p)``, which finds the mode of each part by its name.
+    states : tuple of str
+    parameters : mapping of str to float
+    signs : mapping of str to sequence of int
+        By part, what it may find as its mode.
+    start : mapping of str to float
+
+    Raises
+    ------
+    FunctionError
+        If it does not do what it must.
+    """
+    definition = Definition(states=states, modes=("any",), parameters=tuple(parameters), flow=flow)
+    tried, modes = (
+        CheckedFunctions(definition, list(parameters.values())),
+        named_tuple("Modes", tuple(signs)),
+    )
+    y = [float(start.get(name, 0.0)) for name in states]
+    for each in itertools.product(*signs.values()):
+        try:
+            tried.flow(EvaluationPoint(modes(*each), 0.0, y))
+        except DomainError:
+            continue  # where runs come to is for the system as a whole to say
+
+
+# --- On which side of its guards a run starts.
+
+CLEARLY = 1e3  # tolerances beyond zero
+
+
+def tell_of_side(system: Terms, problem: Problem, start: HybridState) -> None:
+    """Warn where a guard that moves the state starts beyond its margin.
+
+    Impacts are refused by the run itself. A guard that changes the mode alone may start there: a
+    relay switches at once. Where the transition leaves the state in its place, nothing is told
+    either, nor where the margin is zero but for what the tolerances make of it.
+    """
+    automaton, options = problem.automaton, problem.options
+    plain = [
+        i for i, guard in enumerate(automaton.guards) if not guard.impact and not guard.records
+    ]
+    if not plain:
+        return
+    p = np.array(problem.parameters, dtype=float)
+    m = len(automaton.guards)
+    margins, aside, rates = np.zeros((3, m))
+    room = np.zeros(m)
+    sizes = options.rtol * np.abs(start.y) + options.atol
+    try:
+        automaton.margins(start.mode, start.time, start.y.copy(), p, margins, rates)
+        if not (margins[plain] < 0.0).any():
+            return
+        for j, size in enumerate(sizes):
+            y = start.y.copy()
+            y[j] += size
+            automaton.margins(start.mode, start.time, y, p, aside, rates)
+            room += np.abs(aside - margins)
+        for i in plain:
+            if not margins[i] < -CLEARLY * room[i]:
+                continue
+            y = start.y.copy()
+            automaton.transition(start.mode, i, start.time, y, p)
+            if not (np.abs(y - start.y) > CLEARLY * sizes).any():
+                continue
+            moved = ", ".join(
+                f"{system.label(state)} from {system.out(state, a):.6g} to "
+                f"{system.out(state, b):.6g}"
+                for state, a, b, size in zip(system.states, start.y, y, sizes, strict=True)
+                if abs(b - a) > CLEARLY * size
+            )
+            name = automaton.guards[i].name
+            message = (
+                f"the margin of {name!r} is negative where the motion starts, and a margin is "
+                f"positive until its guard fires: once it falls there, the transition takes "
+                f"{moved}; turn the sign of the margin, or start on its other side"
+            )
+            warn(message, StartWarning, name)
+    except (ArithmeticError, ValueError, TypeError, AttributeError, IndexError, NameError):
+        return  # what is wrong with a function is told elsewhere

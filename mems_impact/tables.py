@@ -1,0 +1,681 @@
+"""DataFrames of runs, orbits, branches and sweeps, with units; export to xarray.
+
+Headings are symbols and plain words, the same whatever the units: these stand in
+``table.attrs["units"]`` by heading, and beside the headings where a table is printed or written
+(`with_units`). ``period`` and ``time`` say when within the forcing, ``t`` counts from the start of
+period 0.
+
+pandas has `DataFrame.to_xarray` for that, which knows nothing of ``table.attrs``: units and
+provenance would be lost, and rows be numbered instead of told by time. A subclass of DataFrame that
+does better would come back from every operation of pandas; so this is a function.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Container, Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
+from importlib.util import find_spec
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
+from mems_impact.errors import InvalidParameter
+from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.event_loop import workspace
+from mems_impact.hybrid.problem import Section
+from mems_impact.hybrid.simulation import Events, Samples
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+__all__ = [
+    "CHATTER_ENDS",
+    "DRIVE_SWITCHES",
+    "Labels",
+    "bare",
+    "branch",
+    "captions",
+    "codimension_two",
+    "columns_of",
+    "corners",
+    "counted",
+    "curve",
+    "event_codes",
+    "event_words",
+    "events",
+    "handovers",
+    "impacts",
+    "is_shown",
+    "name_of",
+    "samples",
+    "section",
+    "segments",
+    "special_points",
+    "statistics",
+    "sweep",
+    "sweep_summary",
+    "switches",
+    "table",
+    "to_xarray",
+    "unit_of",
+    "verification",
+    "when",
+    "with_units",
+    "words",
+]
+
+# --- What all tables share: headings, units, provenance, running time, words for numbers.
+
+CHATTER_ENDS = "chatter ends"
+DRIVE_SWITCHES = "drive switches"
+END = "end of the run"
+SUFFIXES = (
+    "before", "after", "min", "max", "mean", "std", "apart", "from", "to", "gain", "final",
+)  # fmt: skip
+TIMES = ("time", "t", "start", "end")
+
+
+class Labels(Protocol):
+    """What tables need of a system: its names, and its units."""
+
+    @property
+    def automaton(self) -> Automaton:
+        """Names of states, modes and guards."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units by heading; none for a pure number."""
+
+    def out(self, heading: str, value: Any) -> Any:
+        """From the units of the numerics to these, by heading."""
+
+    @property
+    def forced(self) -> bool:
+        """Whether there are forcing periods to be counted."""
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """The states by which orbits are shown."""
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction."""
+
+    @property
+    def symbols(self) -> Mapping[str, str]:
+        """Symbols of parameters, where they are not to be read off the names."""
+
+
+def table(
+    columns: Mapping[str, Any],
+    labels: Labels,
+    *,
+    given: Mapping[str, Any] = MappingProxyType({}),
+    **attributes: Any,
+) -> pd.DataFrame:
+    """Return a table of columns in the units of the numerics, in the units of the system.
+
+    Parameters
+    ----------
+    columns : mapping of str to array
+    labels : Labels
+    given : mapping of str to array, optional
+        Columns that are in the units of the system already; they come first.
+    **attributes
+        For ``table.attrs``, beside units and versions.
+    """
+    units = {name: unit_of(name, labels.units) for name in (*given, *columns)}
+    shown = {name: labels.out(name, values) for name, values in columns.items()}
+    result = pd.DataFrame({**given, **shown})
+    result.attrs = {
+        "units": {name: unit for name, unit in units.items() if unit},
+        "system": repr(labels),
+        "mems_impact": _version(),
+        **attributes,
+    }
+    return result
+
+
+def captions(labels: Labels) -> dict[str, Any]:
+    """Return what figures say of a table of orbits or sweeps, for its ``attrs``."""
+    section = labels.section
+    equation: list[Any] = []
+    if section is not None:
+        name = labels.automaton.states[section[0]]
+        equation = [name, float(labels.out(name, section[1]))]
+    forced = {} if labels.forced else {"forced": False}
+    told = {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
+    return {**told, **forced}
+
+
+@cache
+def _version() -> str:
+    return version("mems_impact")
+
+
+def unit_of(heading: str, units: Mapping[str, str]) -> str:
+    """Return the unit of a column: of ``v2 before`` and ``v2 3`` that of ``v2``."""
+    return units.get(name_of(heading, units), "")
+
+
+def name_of(heading: str, names: Container[str]) -> str:
+    """Return what a column is about: ``v2 before`` and ``v2 3`` about ``v2``; empty if nothing."""
+    if heading in TIMES:
+        return "time"
+    while heading not in names:
+        first, _, last = heading.rpartition(" ")
+        if not first or not (last in SUFFIXES or last.isdigit()):
+            return ""
+        heading = first
+    return heading
+
+
+def with_units(shown: pd.DataFrame) -> pd.DataFrame:
+    """Return a table whose headings carry their units, ``x1 [m]``: to be printed or written."""
+    units = shown.attrs.get("units", {})
+    return shown.rename(
+        columns={name: f"{name} [{unit}]" for name, unit in units.items() if name in shown}
+    )
+
+
+def bare(shown: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with units in ``attrs`` alone, be it read from a file that `with_units` wrote.
+
+    Others are returned as they are.
+    """
+    pairs = {name: re.fullmatch(r"(.+) \[(.+)\]", str(name)) for name in shown.columns}
+    found = {name: (match[1], match[2]) for name, match in pairs.items() if match}
+    if not found:
+        return shown
+    result = shown.rename(columns={name: plain for name, (plain, _) in found.items()})
+    result.attrs = {**shown.attrs, "units": dict(found.values())}
+    return result
+
+
+def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) -> dict[str, Any]:
+    """Return the columns that say when: period, time within it, and running time.
+
+    The running time alone where nothing forces the system.
+    """
+    running = {"t": cycle * period + time}
+    return {"period": cycle, "time": time, **running} if labels.forced else running
+
+
+def states(names: Sequence[str], y: Floats, suffix: str = "") -> dict[str, Any]:
+    """Return one column a component of the state."""
+    return {f"{name}{suffix}": y[:, i] for i, name in enumerate(names)}
+
+
+def words(names: Sequence[str], numbers: NDArray[np.int64]) -> Any:
+    """Return names for numbers, as categories: a mode is one of nine words, a million times."""
+    return pd.Categorical.from_codes(numbers, categories=list(names))
+
+
+def event_words(automaton: Automaton) -> tuple[str, ...]:
+    """Return what rows of the event log are called, by `event_codes`; and what comes after."""
+    return (*(guard.name for guard in automaton.guards), CHATTER_ENDS, DRIVE_SWITCHES, END)
+
+
+def event_codes(log: Events, automaton: Automaton) -> NDArray[np.int64]:
+    """Return what happened in each row that is shown: places in `event_words`."""
+    m = len(automaton.guards)
+    codes = np.where(log.kind == workspace.ACCUMULATION, m, log.guard)
+    return np.where(log.kind == workspace.SWITCH, m + 1, codes)
+
+
+def is_shown(log: Events) -> NDArray[np.bool_]:
+    """Return where the rows of the log are events to a user: what ends an arc."""
+    shown: NDArray[np.bool_] = np.isin(
+        log.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH)
+    )
+    return shown
+
+
+# --- Tables as labelled arrays, with their units.
+
+TIME = "t"
+
+
+def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> xr.Dataset:
+    """Return a table as labelled arrays: ``dataset["x2"].attrs["units"]`` is its unit.
+
+    Parameters
+    ----------
+    table : DataFrame
+        One of this package, such as ``run.samples()`` or ``found.table`` of a map.
+    index : str or sequence of str, optional
+        The columns that tell rows apart, which become coordinates: several make a grid, such as
+        ``("omega", "amplitude")`` of a map. By default the running time ``t`` if the table has it,
+        else the number of the row.
+
+    Returns
+    -------
+    xarray.Dataset
+        One variable a column, with ``units`` in its ``attrs``; in the ``attrs`` of the dataset what
+        else the table tells of itself (``system``, version).
+
+    Raises
+    ------
+    InvalidParameter
+        If xarray is not installed, a column is not in the table, or two rows have the same
+        coordinates of a grid.
+
+    See Also
+    --------
+    Run, operating_map
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> run = mi.simulate(mi.load_actuator("mita2003"), mi.Sine(amplitude=20.0, omega=900.0), 5)
+    >>> mi.to_xarray(run.samples(per_period=100))["x2"].attrs["units"]
+    'm'
+    """
+    if not isinstance(table, pd.DataFrame):
+        raise InvalidParameter("table", type(table).__name__, "a DataFrame")
+    if find_spec("xarray") is None:
+        problem = "needs xarray, which is not installed: pip install 'mems-impact[xarray]'"
+        raise InvalidParameter("to_xarray", None, "", problem=problem)
+    import xarray as xr
+
+    names = [index] if isinstance(index, str) else list(index or ())
+    if not names and TIME in table:
+        names = [TIME]
+    for column in names:
+        if column not in table:
+            raise InvalidParameter("index", column, f"one of {', '.join(map(str, table.columns))}")
+    rows = table.set_index(names) if names else table.rename_axis("row")
+    if len(names) > 1 and rows.index.has_duplicates:
+        raise InvalidParameter("index", tuple(names), "columns by which no two rows are the same")
+    dataset = xr.Dataset.from_dataframe(rows)
+    units = table.attrs.get("units", {})
+    for name in dataset.variables:
+        if name in units:
+            dataset[name].attrs["units"] = units[name]
+    told = {name: value for name, value in table.attrs.items() if name != "units"}
+    dataset.attrs.update({name: str(value) for name, value in told.items()})
+    return dataset
+
+
+# --- Tables of periodic orbits over one parameter and over two.
+
+
+def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
+    """Return one row an orbit of a branch.
+
+    Parameters
+    ----------
+    parameter : str
+    rows : sequence of mapping
+        ``value`` of the parameter, what is told of the orbit, by heading, and ``states``, by name
+        the values of a state at the crossings of the section. All in the units of the system.
+    labels : Labels
+    """
+    values = np.array([row["value"] for row in rows], dtype=float)
+    return _table({parameter: values}, rows, labels)
+
+
+def special_points(
+    parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a special point of a branch; `rows` with ``label`` and ``kind`` as well."""
+    given = {
+        "label": [row["label"] for row in rows],
+        "kind": [row["kind"] for row in rows],
+        parameter: np.array([row["value"] for row in rows], dtype=float),
+    }
+    return _table(given, rows, labels)
+
+
+def curve(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row an orbit of a curve; `rows` with ``values`` of the two `parameters`."""
+    return _table(_values(parameters, rows), rows, labels)
+
+
+def codimension_two(
+    parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    """Return one row a point of codimension two; as `curve`, with ``kind``."""
+    given = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
+    return _table(given, rows, labels)
+
+
+def _table(
+    places: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], labels: Labels
+) -> pd.DataFrame:
+    return table({}, labels, given={**places, **_measures(rows)}, **captions(labels))
+
+
+def _values(parameters: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    return {
+        name: np.array([row["values"][i] for row in rows], dtype=float)
+        for i, name in enumerate(parameters)
+    }
+
+
+def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the columns of what is told of orbits; those that belong to a place come before."""
+    own = ("value", "values", "label", "kind", "states")
+    names = [name for name in (rows[0] if rows else ()) if name not in own]
+    columns: dict[str, Any] = {name: np.array([row[name] for row in rows]) for name in names}
+    for state in rows[0]["states"] if rows else ():
+        most = max(len(row["states"][state]) for row in rows)
+        for i in range(max(1, most)):
+            values = [row["states"][state][i : i + 1] for row in rows]
+            numbers = [float(value[0]) if len(value) else np.nan for value in values]
+            columns[state if i == 0 else f"{state} {i + 1}"] = np.array(numbers)
+    return columns
+
+
+# --- Tables of one run, or of one orbit: events, impacts, crossings of the section, samples.
+
+
+def events(
+    log: Events, period: float, labels: Labels, observed: Mapping[str, Floats]
+) -> pd.DataFrame:
+    """Return one row a transition.
+
+    Columns: when, what happened, the modes before and after, the state after, and `observed`.
+    """
+    automaton, shown = labels.automaton, is_shown(log)
+    log = log[shown]
+    columns = {
+        **when(log.cycle, log.time, period, labels),
+        "event": words(event_words(automaton)[:-1], event_codes(log, automaton)),
+        "mode before": words(automaton.modes, log.mode_before),
+        "mode after": words(automaton.modes, log.mode_after),
+        **states(automaton.states, log.after),
+        **{name: values[shown] for name, values in observed.items()},
+    }
+    return table(columns, labels)
+
+
+def corners(log: Events, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a transition: when, event, modes, impact, the states before and after."""
+    automaton = labels.automaton
+    log = log[is_shown(log)]
+    before, after = (states(automaton.states, y) for y in (log.before, log.after))
+    columns: dict[str, Any] = {
+        **when(log.cycle, log.time, period, labels),
+        "event": words(event_words(automaton)[:-1], event_codes(log, automaton)),
+        "mode before": words(automaton.modes, log.mode_before),
+        "mode after": words(automaton.modes, log.mode_after),
+        "impact": log.impacts(automaton),
+    }
+    for name in automaton.states:
+        columns[f"{name} before"], columns[f"{name} after"] = before[name], after[name]
+    return table(columns, labels)
+
+
+def impacts(
+    hits: Events, period: float, labels: Labels, observed: Mapping[str, Floats]
+) -> pd.DataFrame:
+    """Return one row an impact: when, phase, which guard, states before and after, `observed`."""
+    automaton = labels.automaton
+    before, after = (states(automaton.states, y) for y in (hits.before, hits.after))
+    columns: dict[str, Any] = {
+        **when(hits.cycle, hits.time, period, labels),
+        **({"phase": hits.time / period} if labels.forced else {}),
+        "event": words([guard.name for guard in automaton.guards], hits.guard),
+    }
+    for name in automaton.states:
+        columns[f"{name} before"], columns[f"{name} after"] = before[name], after[name]
+    return table({**columns, **observed}, labels)
+
+
+def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a crossing of the Poincaré section: when, the state, the direction."""
+    columns = {
+        **when(log.cycle, log.time, period, labels),
+        **states(labels.automaton.states, log.after),
+        "direction": log.guard,
+    }
+    return table(columns, labels)
+
+
+def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a change of method: when, the mode, the method from then on."""
+    columns = {
+        **when(log.cycle, log.time, period, labels),
+        "mode": words(labels.automaton.modes, log.mode_after),
+        "method": words(("dop853", "bdf"), (log.guard < 0).astype(np.int64)),
+    }
+    return table(columns, labels)
+
+
+def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
+    """Return one row a sample: when, the state, the mode."""
+    columns = {
+        **when(grid.cycle, grid.time, period, labels),
+        **states(labels.automaton.states, grid.y),
+        "mode": words(labels.automaton.modes, grid.mode),
+    }
+    return table(columns, labels)
+
+
+def segments(
+    period: Sequence[int],
+    mode: Sequence[int],
+    start: Floats,
+    end: Floats,
+    ends: Sequence[str],
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a stretch of an orbit: its period, mode, start, end and what ends it."""
+    columns = {
+        "period": np.asarray(period, dtype=np.int64),
+        "mode": words(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
+        "start": start,
+        "end": end,
+        "ends with": list(ends),
+    }
+    return table(columns, labels)
+
+
+def statistics(values: Mapping[str, float], labels: Labels) -> pd.Series:
+    """Return one number a row, in the order given."""
+    wide = table({name: np.array([value]) for name, value in values.items()}, labels)
+    result = wide.iloc[0].astype(float).rename("statistics")
+    result.attrs = wide.attrs
+    return result
+
+
+def verification(
+    matched: Sequence[tuple[int, Floats]],
+    alone: Sequence[int],
+    differences: Sequence[str],
+    labels: Labels,
+) -> pd.DataFrame:
+    """Return one row a kind of event in two runs: how often, and the largest differences.
+
+    Parameters
+    ----------
+    matched : sequence of tuple
+        Of every event that both have: its place in `event_words`, and the `differences`.
+    alone : sequence of int
+        Of every event that only one has: its place in `event_words`.
+    differences : sequence of str
+        Their headings.
+    labels : Labels
+    """
+    names = event_words(labels.automaton)
+    codes = np.array([code for code, _ in matched], dtype=np.int64)
+    values = np.array([found for _, found in matched]).reshape(-1, len(differences))
+    kinds = np.union1d(codes, np.array(alone, dtype=np.int64))
+    # A NaN is no difference, of what has no impact speed; all NaN stay so.
+    largest = np.array([np.fmax.reduce(values[codes == kind], initial=np.nan) for kind in kinds])
+    columns = {
+        "event": [names[kind] for kind in kinds],
+        "matched": [int((codes == kind).sum()) for kind in kinds],
+        "in one run only": [alone.count(kind) for kind in kinds],
+        **dict(zip(differences, largest.reshape(-1, len(differences)).T, strict=True)),
+    }
+    return table(columns, labels)
+
+
+# --- Tables of sweeps: all that was seen at every value of a parameter, and one row a value.
+
+# Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
+DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
+
+
+def counted(labels: Labels) -> str:
+    """Return the column that tells the crossings at one value apart: periods, or their numbers."""
+    return PERIOD if labels.forced else NUMBER
+
+
+def columns_of(
+    parameter: str,
+    points: Sequence[Mapping[str, Any]],
+    states: Sequence[str],
+    statistics: Sequence[str],
+    labels: Labels,
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of `sweep`, one row a crossing of the section.
+
+    The parameters are those of `sweep`.
+    """
+    count = counted(labels)
+    crossings = [len(point["section"].get(count, ())) for point in points]
+    repeats = [max(1, k) for k in crossings]
+
+    def repeated(values: Sequence[Any]) -> NDArray[Any]:
+        return np.repeat(np.array(values), repeats)
+
+    def crossing(column: str) -> NDArray[Any]:
+        none = np.array([np.nan])
+        found = [
+            p["section"][column] if k else none for p, k in zip(points, crossings, strict=True)
+        ]
+        return np.concatenate([*found, none])[:-1]
+
+    return {
+        parameter: repeated([point["value"] for point in points]).astype(float),
+        DIRECTION: repeated([point["direction"] for point in points]).astype(str).astype(object),
+        count: crossing(count),
+        **{name: crossing(name) for name in states},
+        **{
+            name: repeated([point["statistics"].get(name, np.nan) for point in points])
+            for name in statistics
+        },
+        STATUS: repeated([point["status"] for point in points]).astype(str).astype(object),
+    }
+
+
+def sweep(
+    parameter: str,
+    points: Sequence[Mapping[str, Any]],
+    states: Sequence[str],
+    statistics: Sequence[str],
+    labels: Labels,
+    quantities: Mapping[str, tuple[str, str]] = MappingProxyType({}),
+) -> pd.DataFrame:
+    """Return one row a crossing of the section, or one with NaN for a point without any.
+
+    Parameters
+    ----------
+    parameter : str
+        Name of the parameter that was swept.
+    points : sequence of mapping
+        One for each value, in order: ``value``, ``direction``, ``section`` (what is `counted`, and
+        `states`, of the crossings), ``statistics`` by name, and ``status``; in the units of the
+        system.
+    states, statistics : sequence of str
+        What there is a column of.
+    labels : Labels
+    quantities : mapping of str to tuple, optional
+        What figures show beside the states, for ``attrs``: the column and what an axis says.
+    """
+    columns = columns_of(parameter, points, states, statistics, labels)
+    shown = {**captions(labels), "states": list(states)}
+    if not labels.forced and labels.section is None:
+        shown["maxima"] = True
+    told = {name: list(pair) for name, pair in quantities.items()}
+    return table({}, labels, given=columns, **shown, quantities=told)
+
+
+def sweep_summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return one row for each value of a sweep, in the order in which they were computed.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `sweep`, or read back from a file: its first column is the parameter.
+
+    Returns
+    -------
+    DataFrame
+        Parameter, direction, status, impacting (impacts in the measured time; False where the
+        point failed), the statistics of the sweep, smallest and largest value of the first state
+        on the section, and the number of crossings.
+
+    See Also
+    --------
+    sweep, plot_sweep
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> actuator = mi.load_actuator("zhao2004")
+    >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
+    >>> table = mi.sweep(actuator, drive, "amplitude", [0.2, 0.24], transient=100, periods=10)
+    >>> mi.sweep_summary(table)[["amplitude", "impacting"]].values.tolist()
+    [[0.2, False], [0.24, True]]
+    """
+    table = bare(table)
+    parameter, count, state = table.columns[0], table.columns[2], table.columns[3]
+    # A value may stand in the sweep twice: rows belong together as long as nothing changes. A
+    # crossing earlier than the one before it begins a new point.
+    keys = table[[parameter, DIRECTION]]
+    changed = (keys != keys.shift()).any(axis=1)
+    changed |= table[count] < table[count].shift()
+    groups = table.groupby(changed.cumsum(), sort=False)
+    impacts = "impacts per period" if count == PERIOD else "impacts per time"
+    first = list(table.columns).index(impacts)
+    statistics = [name for name in table.columns[first:] if name != STATUS]
+    summary = groups.agg(
+        **{
+            parameter: (parameter, "first"),
+            DIRECTION: (DIRECTION, "first"),
+            STATUS: (STATUS, "first"),
+            **{name: (name, "first") for name in statistics},
+            f"{state} min": (state, "min"),
+            f"{state} max": (state, "max"),
+            "crossings": (state, "count"),
+        }
+    ).reset_index(drop=True)
+    summary.insert(3, "impacting", summary[impacts] > 0.0)
+    units = dict(table.attrs.get("units", {}))
+    if state in units:
+        units[f"{state} min"] = units[f"{state} max"] = units[state]
+    shown = {name: unit for name, unit in units.items() if name in summary}
+    summary.attrs = {**table.attrs, "units": shown}
+    return summary
+
+
+def switches(table: pd.DataFrame) -> list[tuple[str, float, bool]]:
+    """Return where each chain first begins or ceases to impact: direction, value, begins.
+
+    Parameters
+    ----------
+    table : DataFrame
+        From `sweep`, or read back from a file. Values that failed are passed over.
+    """
+    summary = sweep_summary(table)
+    summary = summary[summary["status"] == "ok"]
+    found = []
+    for direction, rows in summary.groupby("direction", sort=False):
+        impacting = rows["impacting"].to_numpy()
+        changes = (impacting[1:] != impacting[:-1]).nonzero()[0]
+        if changes.size:
+            row = rows.iloc[changes[0] + 1]
+            found.append((str(direction), float(row.iloc[0]), bool(row["impacting"])))
+    return found

@@ -1,1 +1,0 @@
-"""Tables of what any system did: from columns of numbers to pandas DataFrames."""

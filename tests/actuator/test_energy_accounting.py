@@ -1,0 +1,30 @@
+"""Energy in studies: what the drive gives, against the ledger of the orbit itself."""
+
+import pytest
+
+import mems_impact as mi
+from mems_impact.analysis.attractor import InitialCondition, RecurrenceOptions, map_attractors
+
+OPTIONS = mi.Options(method="dop853")
+TIGHT = RecurrenceOptions(tolerance=1e-9)
+
+
+@pytest.mark.parametrize("terms", [(), (mi.SeriesResistance(resistance=0.05),)])
+@pytest.mark.slow
+def test_energy_in_is_that_of_the_ledger(terms):
+    actuator = mi.load_actuator("zhao2004").replace(terms=terms)
+    drive = mi.Sine(amplitude=0.24, omega=0.5)
+    start = mi.State(v2=1.0)
+    plain = actuator.under(drive)
+    found, other = map_attractors(
+        [InitialCondition(plain.with_energy(), start), InitialCondition(plain, start)],
+        TIGHT,
+        OPTIONS,
+    )
+    assert found.motion == "periodic"
+    orbit = mi.find_orbit(actuator, drive, guess=found.final, periods=found.period)
+    given = mi.energy(orbit).given
+    assert found.measures["energy in per period"] == pytest.approx(given / found.period, rel=1e-6)
+    for name, value in other.measures.items():
+        assert found.measures[name] == pytest.approx(value, rel=1e-6, nan_ok=True), name
+    assert "energy in per period" not in other.measures

@@ -1,0 +1,160 @@
+"""Options that every command has: one JSON document, silence, and no colours."""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import mems_impact as mi
+from mems_impact.cli import COMMANDS
+from mems_impact.errors import UnitsWarning
+
+POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
+SIMULATE = ["simulate", *POINT, "--periods", "12", "--no-figure"]
+SWEEP = ["sweep", "zhao2004", "--parameter", "amplitude", "--start", "0.2", "--stop", "0.24"]
+SWEEP += ["--omega", "0.5", "--points", "2", "--transient", "2", "--periods", "2", "--no-figure"]
+QUICK = [
+    SIMULATE,
+    SWEEP,
+    ["devices"],
+    ["terms"],
+    ["pull-in", "mita2003"],
+    ["drive", *POINT, "--no-figure"],
+    ["orbit", *POINT, "--no-figure"],
+    ["fit", "mita2003", "--target", "resonance=1500", "--free", "k"],
+]
+KEYS = ["command", "values", "units", "tables", "files"]
+CLI = Path(mi.__file__).parent / "cli"
+
+
+def document(done):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    return json.loads(done.out, parse_constant=refuse)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_has_both(cli, command):
+    page = cli(command, "--help").out
+    assert " --json " in page
+    assert " --quiet " in page
+    assert page.count(" --json ") == 1
+
+
+def test_every_command_shows_through_one_place():
+    # What is shown by other means would stand beside the document.
+    shown = {path.name for path in CLI.glob("*.py") if "click.echo(" in path.read_text("utf-8")}
+    assert shown == {"__init__.py", "completion.py", "failures.py", "showing.py"}
+
+
+@pytest.mark.parametrize("arguments", QUICK, ids=lambda each: each[0])
+def test_json_is_one_document(cli, arguments):
+    done = cli(*arguments, "--json")
+    told = document(done)
+    assert list(told) == KEYS
+    assert told["command"] == arguments[0]
+    assert told["values"] or told["tables"]
+    for name, table in told["tables"].items():
+        written = Path("out") / f"{arguments[0]}-{name}.csv"
+        if str(written) in told["files"]:
+            assert len(table["rows"]) == len(pd.read_csv(written))
+
+
+def test_keys_are_the_columns_of_tables_and_nan_is_null(cli):
+    told = document(cli(*SIMULATE, "--json"))
+    actuator, drive = mi.load_actuator("zhao2004"), mi.Sine(amplitude=0.24, omega=0.5)
+    run = mi.simulate(actuator, drive, 12)
+    rows = told["tables"]["impacts"]["rows"]
+    assert [list(row) for row in rows] == [list(run.impacts.columns)] * len(run.impacts)
+    assert [row["x1"] for row in rows] == run.impacts["x1"].tolist()  # to the last bit
+    for name, value in run.statistics.items():
+        assert told["values"][name] == (None if math.isnan(value) else value)
+    still = document(cli(*SIMULATE, "--amplitude", "0", "--json"))
+    assert still["values"]["impact speed mean"] is None
+    assert still["tables"]["impacts"]["rows"] == []
+
+
+def test_units_are_told(cli):
+    told = document(cli("pull-in", "mita2003", "--json"))
+    units = {"pull-in voltage": "V", "resting voltage": "V", "resonance": "rad/s"}
+    assert told["units"] == {**units, "resonance frequency": "Hz"}
+    assert document(cli("pull-in", "zhao2004", "--json"))["units"] == {}
+    orbit = cli(
+        "orbit", "mita2003", "--amplitude", "20", "--frequency", "200", "--no-figure", "--json"
+    )
+    assert document(orbit)["units"]["v2"] == "m/s"
+    assert document(orbit)["tables"]["samples"]["units"]["x1"] == "m"
+
+
+def test_an_error_leaves_standard_output_empty(cli):
+    done = cli("simulate", "nothing", "--json")
+    assert done.status == 2
+    assert done.out == ""
+    assert done.err.count("\n") == 1
+
+
+def test_a_verdict_that_is_not_wanted_is_told_too(cli):
+    arguments = ["--target", "resonance=1500", "--target", "pull-in voltage=1", "--free", "k"]
+    done = cli("fit", "mita2003", *arguments, "--json")
+    assert done.status == 1
+    assert document(done)["values"]["verdict"] == "misfit"
+
+
+@pytest.mark.parametrize("arguments", QUICK, ids=lambda each: each[0])
+def test_quiet_says_nothing(cli, arguments):
+    done = cli(*arguments, "--quiet")
+    assert done == (0, "", "")
+
+
+def test_quiet_leaves_errors_and_the_document(cli):
+    assert cli("simulate", "nothing", "--quiet").complaint()
+    assert document(cli("pull-in", "mita2003", "--json", "--quiet"))["values"]
+
+
+def test_quiet_leaves_out_warnings(cli, tmp_path, monkeypatch):
+    def warned(*_arguments):
+        warnings.warn("these look like kilograms", UnitsWarning, stacklevel=2)
+        return mi.load_actuator("zhao2004")
+
+    monkeypatch.setattr("mems_impact.cli.pull_in.actuator_from", warned)
+    assert "look like kilograms" in cli("pull-in", "mine.toml").err
+    assert cli("pull-in", "mine.toml", "--quiet").err == ""
+    former = ["chart", "zhao2004", "--from", "0.6", "--to", "0.3"]
+    assert "is now written" in cli(*former).err
+    assert "is now written" not in cli(*former, "--quiet").err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="terminals of Unix")
+@pytest.mark.parametrize(
+    ("colours", "more"), [({"NO_COLOR": "1"}, []), ({"FORCE_COLOR": "1"}, [SIMULATE])]
+)
+def test_a_terminal_sees_no_colours(tmp_path, colours, more):
+    # The package has none; what it stands on (click, tqdm, Python's tracebacks) must not add any.
+    import pty
+
+    program = [sys.executable, "-m", "mems_impact"]
+    for arguments in (["--help"], ["simulate", "nothing"], *more):
+        ours, theirs = pty.openpty()
+        done = subprocess.Popen(
+            [*program, *arguments], cwd=tmp_path, stdout=theirs, stderr=theirs,
+            env={**os.environ, "TERM": "xterm-256color", **colours},
+        )  # fmt: skip
+        os.close(theirs)
+        shown = b""
+        try:
+            while part := os.read(ours, 4096):
+                shown += part
+        except OSError:  # the other end is closed
+            pass
+        done.wait()
+        assert shown
+        assert not re.search(rb"\x1b\[[0-9;]*m", shown)

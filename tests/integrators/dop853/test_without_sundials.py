@@ -1,0 +1,61 @@
+"""The one-step method is compiled wherever numba is, with or without SUNDIALS."""
+
+import subprocess
+import sys
+import textwrap
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mems_impact.errors import EngineFallbackWarning, EngineUnavailable
+from mems_impact.hybrid.problem import is_compiled
+from mems_impact.integrators.cvode import compiled as library
+from mems_impact.integrators.options import METHODS, Options
+from tests.hybrid.systems import BALL, ball, simulate
+
+
+@pytest.fixture
+def no_sundials(monkeypatch):
+    def load():
+        raise EngineUnavailable("SUNDIALS is of version 9", library.REMEDY)
+
+    monkeypatch.setattr(library, "load", load)
+
+
+@pytest.mark.usefixtures("no_sundials")
+def test_it_is_compiled_where_sundials_cannot_be_bound():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for engine in ("auto", "compiled"):
+            run = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine=engine, method="dop853")
+            alone = simulate(BALL, ball(0.5), [1.0, 0.0], 0.5, engine=engine, method="auto")
+            assert np.array_equal(run.final.y, alone.final.y)
+    compiled = {method: is_compiled(Options(method=method)) for method in METHODS}
+    assert compiled == {"adams": False, "bdf": False, "dop853": True, "auto": True}
+
+
+@pytest.mark.usefixtures("no_sundials")
+def test_the_fallback_names_it():
+    with pytest.warns(EngineFallbackWarning, match="method='dop853'"):
+        simulate(BALL, ball(0.5), [1.0, 0.0], 0.1, engine="auto")
+
+
+WITHOUT = """
+    import sys
+    sys.modules["sksundae"] = None  # as if it were not installed
+    sys.path.insert(0, {root!r})
+    from tests.hybrid.systems import BALL, ball, simulate
+    for engine in ("compiled", "interpreted"):
+        run = simulate(BALL, ball(0.5), [1.0, 0.0], 0.7, engine=engine, method="dop853")
+        print(len(run.events), run.final.mode)
+"""
+
+
+def test_it_needs_no_scikit_sundae():
+    code = textwrap.dedent(WITHOUT).format(root=str(Path(__file__).parents[3]))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert first == second

@@ -1,0 +1,224 @@
+"""What a function draws on: all of it is in the name, whatever way it is reached."""
+
+import math
+import textwrap
+from enum import IntEnum
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.problem import Problem
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.jit.closures import take_snapshot
+from mems_impact.integrators.options import Options
+
+
+def function(source, **space):
+    """The function `f` of a source, among the globals given."""
+    space = {"math": math, **space}
+    exec(textwrap.dedent(source), space)
+    return space["f"]
+
+
+def name(source, **space):
+    return take_snapshot(function(source, **space)).name
+
+
+def module(**attributes):
+    made = ModuleType("constants")
+    vars(made).update(attributes)
+    return made
+
+
+class Side(IntEnum):
+    LEFT = 0
+    RIGHT = 1
+
+
+def test_an_attribute_is_no_global_of_the_same_name():
+    source = "def f(p):\n    return p.e"
+    assert name(source) == name(source, e=object())
+    assert take_snapshot(function(source, e=object())).lasting
+
+
+READS = "def f():\n    return RATE"
+ATTRIBUTE = "def f():\n    return constants.RATE"
+INNER_ATTRIBUTE = "def f():\n    return package.constants.RATE"
+CALLEE = """
+    def inner():
+        return RATE
+    def f():
+        return inner()
+"""
+CLOSED_OVER = """
+    def outer(rate):
+        def inner():
+            return rate
+        return inner
+    inner = outer(RATE)
+    def f():
+        return inner()
+"""
+DEFAULT = """
+    def inner(*, rate=RATE):
+        return rate
+    def f(inner=inner):
+        return inner()
+"""
+IN_A_TUPLE = """
+    def inner():
+        return RATE
+    both = (inner, (1, inner))
+    def f():
+        return both[1][1]()
+"""
+WITHIN = """
+    def f():
+        return sum([RATE for _ in range(3)])
+"""
+MUTUAL = """
+    def even(n):
+        return True if n == 0 else odd(n - RATE)
+    def odd(n):
+        return False if n == 0 else even(n - RATE)
+    f = even
+"""
+
+
+@pytest.mark.parametrize(
+    "source",
+    [READS, CALLEE, CLOSED_OVER, DEFAULT, IN_A_TUPLE, WITHIN, MUTUAL],
+    ids=["global", "callee", "closure", "default", "tuple", "comprehension", "recursion"],
+)
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (1.0, 2.0),
+        (1.0, 1),
+        (0.0, -0.0),
+        (True, 1),
+        ((1.0, (2.0, 3.0)), (1.0, (2.0, 4.0))),
+        ((1.0, (2.0, 3.0)), (1.0, 2.0, 3.0)),
+        ("on", "off"),
+        (Side.LEFT, Side.RIGHT),
+        (np.array([1.0, 2.0]), np.array([1.0, 3.0])),
+        (np.zeros((2, 3)), np.zeros((3, 2))),
+        (np.zeros(2), np.zeros(2, dtype=np.int64)),
+        (np.float32(1.0), np.float64(1.0)),
+        (math.sin, math.cos),
+    ],
+    ids=repr,
+)
+def test_numbers_are_in_the_name(source, one, other):
+    assert name(source, RATE=one) == name(source, RATE=one)
+    assert name(source, RATE=one) != name(source, RATE=other)
+    assert take_snapshot(function(source, RATE=one)).lasting
+
+
+def test_attributes_of_modules_are_in_the_name():
+    assert name(ATTRIBUTE, constants=module(RATE=1.0)) != name(
+        ATTRIBUTE, constants=module(RATE=2.0)
+    )
+    packages = [ModuleType("package") for _ in range(2)]
+    for package, rate in zip(packages, (1.0, 2.0), strict=True):
+        package.constants = module(RATE=rate)
+        package.constants.package = package  # a circle
+    assert name(INNER_ATTRIBUTE, package=packages[0]) != name(INNER_ATTRIBUTE, package=packages[1])
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        ("def f(x):\n    return x + 1.0", "def f(x):\n    return x + 2.0"),
+        ("def f(x):\n    return x + 1.0", "def f(x):\n    return x - 1.0"),
+        ("def f(x):\n    return math.sin(x)", "def f(x):\n    return math.cos(x)"),
+        ("def f(x):\n    return g(a=x)\ng = f", "def f(x):\n    return g(b=x)\ng = f"),
+    ],
+)
+def test_code_is_in_the_name(one, other):
+    assert name(one) != name(other)
+
+
+def test_where_a_function_stands_is_not_in_the_name():
+    assert name(READS, RATE=1.0) == name("\n\n\n" + READS, RATE=1.0, UNREAD=2.0)
+
+
+def test_what_cannot_be_told_is_no_lasting_name():
+    one, other = (take_snapshot(function(READS, RATE=object())) for _ in range(2))
+    assert not one.lasting
+    assert one.name != other.name
+
+
+def test_a_change_is_seen():
+    constants, array = module(RATE=1.0), np.array([1.0])
+    f = function("def f(x=1.0):\n    return constants.RATE", constants=constants)
+    g = function(READS, RATE=array)
+    names = {take_snapshot(f).name}
+    assert {take_snapshot(f).name} == names
+    constants.RATE = 2.0
+    names.add(take_snapshot(f).name)
+    f.__defaults__ = (2.0,)
+    names.add(take_snapshot(f).name)
+    f.__globals__["constants"] = module(RATE=3.0)
+    names.add(take_snapshot(f).name)
+    assert len(names) == 4
+    before = take_snapshot(g)
+    array[0] = 2.0
+    assert take_snapshot(g) != before
+
+
+GAIN = 1.0
+constants = module(RATE=1.0)
+TABLE = np.array([1.0])
+
+
+def _gain():
+    return GAIN
+
+
+def _flow(mode, t, y, p, dy):
+    dy[0] = _gain()
+    dy[1] = constants.RATE
+    dy[2] = TABLE[0]
+
+
+def _margins(mode, t, y, p, g, r):
+    g[0] = 1.0
+
+
+def _transition(mode, code, t, y, p):
+    return mode
+
+
+RAMPS = Automaton(
+    states=("a", "b", "c"),
+    modes=("m",),
+    guards=(Guard(name="never", order=0),),
+    flow=_flow,
+    margins=_margins,
+    transition=_transition,
+)
+
+
+def ramps():
+    problem = Problem(
+        automaton=RAMPS, parameters=[0.0], period=1.0, options=Options(engine="compiled")
+    )
+    return run(problem, HybridState(0, 0.0, 0, np.zeros(3)), 1.0).final.y
+
+
+def test_numbers_that_change_between_two_runs(monkeypatch):
+    assert ramps() == pytest.approx([1.0, 1.0, 1.0])
+    monkeypatch.setitem(globals(), "GAIN", 2.0)
+    assert ramps() == pytest.approx([2.0, 1.0, 1.0])
+    monkeypatch.setattr(constants, "RATE", 3.0)
+    try:
+        TABLE[0] = 4.0
+        assert ramps() == pytest.approx([2.0, 3.0, 4.0])
+    finally:
+        TABLE[0] = 1.0
+    monkeypatch.undo()
+    assert ramps() == pytest.approx([1.0, 1.0, 1.0])

@@ -1,0 +1,309 @@
+"""Stores: a study that was killed goes on, and what cannot go on says why."""
+
+import errno
+import json
+import os
+import random
+import resource
+import time
+from dataclasses import replace
+
+import pyarrow.parquet as pq
+import pytest
+
+import mems_impact as mi
+from mems_impact.studies.engine import store as locking
+from mems_impact.studies.engine import store as parquet
+from mems_impact.studies.engine.scheduler import run_study
+from mems_impact.studies.engine.store import ChunkStore
+from tests.studies.toys import CHUNK, Toy, bits, keep_computing
+
+STUDY = Toy(size=30, failing=(5,), doubled=True)
+CHAINED = Toy(size=30, chained=(20, 10))
+
+
+@pytest.fixture
+def store(tmp_path):
+    return tmp_path / "out" / "store"
+
+
+def broken_off(study, store, after, **arguments):
+    def interrupt(done):
+        if done >= after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(mi.StudyInterrupted) as caught:
+        run_study(study, store=store, progress=interrupt, workers=1, **arguments)
+    return caught.value
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_an_interruption_after_a_part_is_kept_counts_it(store, stored, monkeypatch):
+    """Between the file of a part, which stands, and the count of it."""
+    counted, calls = ChunkStore.count, []
+
+    def count(self, number, failed):
+        calls.append(number)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        counted(self, number, failed)
+
+    monkeypatch.setattr(ChunkStore, "count", count)
+    with pytest.raises(mi.StudyInterrupted) as caught:
+        run_study(STUDY, store=store if stored else None, chunk=3, workers=1)
+    assert caught.value.done == caught.value.table["point"].nunique() == 6
+
+
+def chunks(store):
+    return sorted(path.name for path in (store / "points").iterdir())
+
+
+@pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
+def test_a_stored_table_is_the_table_to_the_last_bit(store, study):
+    expected = bits(run_study(study))
+    assert bits(run_study(study, store=store)) == expected
+    assert bits(run_study(study, store=store)) == expected  # read alone
+    assert bits(mi.read_study(store).table) == expected
+
+
+@pytest.mark.parametrize("study", [STUDY, CHAINED], ids=str)
+def test_an_interrupted_study_goes_on(store, study):
+    stop = broken_off(study, store, 10, chunk=3)
+    before = chunks(store)
+    seen = mi.read_study(store)
+    assert bits(seen.table) == bits(stop.table)
+    assert (seen.kind, seen.done, seen.total) == ("toy", stop.done, 30)
+    assert 9 <= stop.done < 30
+    # With other workers and chunks, of which the store's own count.
+    assert bits(run_study(study, store=store, workers=2, chunk=7)) == bits(run_study(study))
+    assert set(before) < set(chunks(store))
+    assert len(chunks(store)) == (11 if study is CHAINED else 10)
+
+
+@pytest.mark.parametrize("chained", [(), (500, 200, 300)], ids=["points", "chains"])
+@pytest.mark.parametrize("kills", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_a_study_that_is_killed_goes_on(forking, store, chained, kills):
+    quick = Toy(size=1000, chained=chained)
+    long = replace(quick, each=0.05)  # so that it is not done before it is killed
+    draw = random.Random(kills)
+    for _ in range(kills):
+        before = done_in(store)
+        process = forking.Process(target=keep_computing, args=(long, store))
+        process.start()
+        wait_until(process, store, before + draw.randint(0, 40))
+        time.sleep(draw.uniform(0.0, 0.1))
+        process.kill()
+        process.join()
+        assert process.exitcode == -9
+        assert before <= done_in(store) < 1000
+    assert bits(run_study(quick, store=store)) == bits(run_study(quick))
+
+
+def wait_until(process, store, points):
+    """Wait until a process has done so many points."""
+    while len(list(store.glob("points/0*"))) * CHUNK < points:
+        assert process.is_alive()
+        time.sleep(0.01)
+
+
+def done_in(store):
+    return mi.read_study(store).done if (store / "study.json").exists() else 0
+
+
+def test_what_a_killed_process_leaves_is_removed(store):
+    stop = broken_off(STUDY, store, 10, chunk=3)
+    (store / "points" / ".000000009-000000012-77.parquet").write_bytes(b"PAR1 half of it")
+    (store / ".study-77.json").write_text("{")
+    assert mi.read_study(store).done == stop.done
+    run_study(STUDY, store=store)
+    assert [name for name in chunks(store) if name.startswith(".")] == []
+    assert sorted(path.name for path in store.iterdir()) == ["lock", "points", "study.json"]
+
+
+def test_a_chunk_that_was_cut_off_is_computed_again(store):
+    expected = bits(run_study(STUDY, store=store))
+    path = store / "points" / chunks(store)[1]
+    whole = path.read_bytes()
+    for content in (whole[:-9], whole[:40], b""):
+        path.write_bytes(content)
+        assert mi.read_study(store).done < 30
+        assert bits(run_study(STUDY, store=store)) == expected
+
+
+def test_a_wrong_bit_is_found(store):
+    expected = bits(run_study(STUDY, store=store))
+    path = store / "points" / chunks(store)[0]
+    content = path.read_bytes()
+    refusals = set()
+    for place in range(4, len(content), 23):
+        damaged = bytearray(content)
+        damaged[place] ^= 1
+        path.write_bytes(damaged)
+        try:
+            seen = mi.read_study(store)
+            # It is of no consequence, or the chunk counts as missing.
+            assert seen.done < 30 or bits(seen.table) == expected
+        except mi.InvalidFile as error:
+            refusals.add(str(error))
+    assert len(refusals) > 1
+    for refusal in refusals:
+        assert refusal.startswith(f"{path}: is damaged")
+        assert refusal.endswith("; remove it, and run the study again: the others are kept")
+    path.unlink()
+    assert bits(run_study(STUDY, store=store)) == expected
+
+
+@pytest.mark.parametrize(
+    ("other", "told"),
+    [
+        (Toy(size=30, seed=2), "seed is 1 there, 2 here;"),
+        (Toy(size=31), "size is 30 there, 31 here;"),
+        (Toy(size=31, seed=2), r"seed is 1 there, 2 here \(and size differ\);"),
+        (Toy(size=30, extra={"x": [1.0]}), r"x is 'nothing' there, \[1.0\] here;"),
+    ],
+)
+def test_a_store_of_another_study_is_refused(store, other, told):
+    run_study(Toy(size=30), store=store)
+    with pytest.raises(mi.InvalidFile, match=f"holds another study: {told}"):
+        run_study(other, store=store)
+
+
+def test_a_difference_is_named_where_it_is(store):
+    values = [i / 7 for i in range(1000)]
+    options = {"method": "adams", "rtol": 1e-8}
+    run_study(Toy(extra={"options": options, "x": ["amplitude", values]}), store=store)
+    other = Toy(extra={"options": {**options, "rtol": 1e-9}, "x": ["amplitude", values]})
+    with pytest.raises(mi.InvalidFile, match=r"options.rtol is 1e-08 there, 1e-09 here;"):
+        run_study(other, store=store)
+    values = [*values[:999], 0.5]
+    other = Toy(extra={"options": options, "x": ["amplitude", values]})
+    with pytest.raises(mi.InvalidFile, match=r"x\[1\]\[999\] is 142.71\d* there, 0.5 here;"):
+        run_study(other, store=store)
+
+
+def test_a_directory_with_something_else_is_refused(tmp_path):
+    (tmp_path / "letters.txt").write_text("a")
+    with pytest.raises(mi.InvalidFile, match=r"holds no study, but letters.txt; give a new"):
+        run_study(STUDY, store=tmp_path)
+
+
+@pytest.mark.parametrize("content", [None, "{", "[]", '{"format": 99}', "{}"])
+def test_what_is_no_study_cannot_be_read(tmp_path, content):
+    if content is not None:
+        (tmp_path / "study.json").write_text(content)
+    with pytest.raises(mi.InvalidFile, match="holds no study"):
+        mi.read_study(tmp_path)
+
+
+def test_a_newer_format_is_refused(store):
+    run_study(STUDY, store=store)
+    manifest = json.loads((store / "study.json").read_text())
+    (store / "study.json").write_text(json.dumps({**manifest, "format": 99}))
+    with pytest.raises(mi.InvalidFile, match=r"is of format 99 .*; update mems_impact"):
+        run_study(STUDY, store=store)
+
+
+def test_a_full_disk_leaves_the_chunks_before(store):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def fill(done):
+        if done >= 10:  # no file may be longer: writing fails as on a full disk
+            resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+
+    try:
+        with pytest.raises(mi.FileNotWritten, match=r"parquet: cannot be written .*; make room"):
+            run_study(STUDY, store=store, progress=fill, workers=1, chunk=3)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert 9 <= mi.read_study(store).done < 30
+    assert bits(run_study(STUDY, store=store)) == bits(run_study(STUDY))
+
+
+def test_a_place_where_no_directory_can_stand(tmp_path):
+    (tmp_path / "file").write_text("a")
+    for place in (tmp_path / "file", tmp_path / "file" / "store"):
+        with pytest.raises(mi.InvalidFile, match="cannot be written"):
+            run_study(STUDY, store=place)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write all")
+def test_a_directory_that_may_not_be_written(store):
+    store.mkdir(parents=True)
+    store.chmod(0o500)
+    with pytest.raises(mi.InvalidFile, match="permission denied"):
+        run_study(STUDY, store=store)
+
+
+def test_a_file_system_that_is_read_only(store, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(os, "mkdir", refuse)
+    with pytest.raises(mi.FileNotWritten, match="read-only file system"):
+        run_study(STUDY, store=store)
+
+
+def test_a_second_process_is_refused_and_readers_are_not(forking, store):
+    quick = Toy(size=1000)
+    process = forking.Process(target=keep_computing, args=(replace(quick, each=0.05), store))
+    process.start()
+    wait_until(process, store, 8)
+    told = f"is in use by process {process.pid} on "
+    with pytest.raises(mi.InvalidFile, match=f"{store}: {told}"):
+        run_study(quick, store=store)
+    seen = mi.read_study(store)
+    assert 8 <= seen.done == len(seen.table) < 1000
+    process.kill()
+    process.join()
+    assert bits(run_study(quick, store=store)) == bits(run_study(quick))
+
+
+def test_a_second_study_in_one_process_is_refused(store):
+    def again(done):
+        run_study(STUDY, store=store)
+
+    with pytest.raises(mi.InvalidFile, match="in use by another study in this process"):
+        run_study(STUDY, store=store, progress=again)
+
+
+def test_a_file_system_without_locks(store, monkeypatch, caplog):
+    def refuse(*_):
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(locking.fcntl, "lockf", refuse)
+    assert bits(run_study(STUDY, store=store)) == bits(run_study(STUDY))
+    assert "lock: cannot be locked (no locks available)" in caplog.text
+
+
+def test_other_versions_are_told(store, caplog):
+    broken_off(STUDY, store, 10, chunk=3)
+    manifest = json.loads((store / "study.json").read_text())
+    manifest["versions"]["numpy"] = "1.26.0"
+    (store / "study.json").write_text(json.dumps(manifest))
+    run_study(STUDY, store=store)
+    assert "numpy is '1.26.0' there" in caplog.text
+
+
+def test_a_chunk_says_where_it_comes_from(store):
+    run_study(Toy(extra={"x": list(range(1000))}), store=store)
+    told = pq.read_metadata(store / "points" / chunks(store)[0]).metadata[b"mems_impact"]
+    found = json.loads(told)
+    assert found["identity"] == {"seed": 1, "size": 20}  # what is long stands in study.json
+    assert set(found["versions"]) == {"mems_impact", "numpy", "SUNDIALS", "python"}
+    assert (found["first"], found["last"]) == (0, 3)
+
+
+def test_other_programs_read_the_chunks(store):
+    import pandas as pd
+
+    table = run_study(STUDY, store=store)
+    read = pd.read_parquet(store / "points")
+    assert read["number"].tolist() == pytest.approx(table["number"].tolist(), nan_ok=True)
+
+
+def test_without_pyarrow_it_is_said_how_to_get_it(store, monkeypatch):
+    monkeypatch.setattr(parquet, "find_spec", lambda name: None)
+    for use in (lambda: run_study(STUDY, store=store), lambda: mi.read_study(store)):
+        with pytest.raises(mi.InvalidParameter, match=r"pip install 'mems-impact\[parquet\]'"):
+            use()
+    assert not store.exists()
