@@ -647,7 +647,7 @@ class ChartInterrupted(Interrupted):
 
     See Also
     --------
-    Interrupted, operating_chart, Chart
+    Interrupted, operating_chart, OperatingChart
 
     Examples
     --------
@@ -713,7 +713,7 @@ class DiscontinuityWarning(UserWarning):
 
     See Also
     --------
-    System, Guard, Friction, Relay, Surface
+    System, Guard, Friction, Relay, SwitchingSurface
 
     Examples
     --------

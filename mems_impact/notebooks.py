@@ -20,15 +20,15 @@ PICTURES = {
     ("analysis.run", "Run"): "plot_run",
     ("analysis.orbit", "Orbit"): "plot_orbit",
     ("analysis.branch", "Branch"): "plot_branch",
-    ("analysis.equilibria", "EquilibriumBranch"): "plot_branch",
-    ("analysis.curve", "Curve"): "plot_curve",
-    ("actuator.design.chart", "Chart"): "plot_chart",
+    ("analysis.branch", "EquilibriumBranch"): "plot_branch",
+    ("analysis.branch", "Curve"): "plot_curve",
+    ("actuator.design.operating_chart", "OperatingChart"): "plot_chart",
     ("actuator.design.energy", "Energy"): "plot_energy",
-    ("actuator.design.load", "LoadCurve"): "plot_load",
+    ("actuator.design.load_curve", "LoadCurve"): "plot_load",
     ("studies.basins", "Basins"): "plot_basins",
     ("studies.operating_map", "OperatingMap"): "plot_map",
-    ("studies.pareto", "ParetoFront"): "plot_pareto",
-    ("studies.scatter", "Scatter"): "plot_tolerance_analysis",
+    ("studies.optimize", "ParetoFront"): "plot_pareto",
+    ("studies.uncertainty", "ToleranceAnalysis"): "plot_tolerance_analysis",
 }
 """The public function that draws a result of each class, by module and name."""
 

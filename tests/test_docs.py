@@ -91,26 +91,6 @@ def test_the_map_of_the_house_names_what_is_there():
         assert re.search(rf"^ *{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
 
 
-def test_the_table_of_rooms_names_every_file():
-    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    table = page.partition("A room imports only")[0]
-    rows = [line.split("|") for line in table.splitlines() if line.startswith("| `")]
-    rows = [(row[1], set(re.findall(r"`([^`]+)`", "|".join(row)))) for row in rows]
-    missing = []
-    for file in sorted((ROOT / "mems_impact").glob("*.py")) + sorted(
-        (ROOT / "mems_impact").glob("*/*.py")
-    ):
-        room, name = file.parent.name, file.stem
-        if name.startswith("__") or room in ("cli", "paper"):  # a file a command, a file a figure
-            continue
-        if file.parent.name == "mems_impact":
-            found = any(f"`{name}`" in of for of, _ in rows)
-        else:
-            found = any(f"`{room}/`" in of and name in words for of, words in rows)
-        missing += [] if found else [f"{room}/{name}"]
-    assert missing == []
-
-
 def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("executing", DOCS / "executing.py")
     executing = importlib.util.module_from_spec(spec)

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import mems_impact as mi
+from mems_impact.actuator.drives import WAVEFORMS
+from mems_impact.actuator.terms import TERMS
 
 
 def test_every_name_is_there():
@@ -17,13 +19,12 @@ def test_every_name_is_there():
     assert set(mi.__all__) <= set(dir(mi))
 
 
-def test_every_home_is_listed():
-    listed = [name for names in mi._HOMES.values() for name in names]
-    assert sorted(listed) == sorted(mi.__all__)
+def test_every_waveform_and_term_is_public():
+    assert {*WAVEFORMS.values(), *TERMS.values()} < set(mi.__all__)
 
 
 def test_unknown_name():
-    with pytest.raises(AttributeError, match="no attribute 'simulte'"):
+    with pytest.raises(AttributeError, match="attribute simulte"):
         _ = mi.simulte
 
 

@@ -178,7 +178,7 @@ def blows(run: ActuatorRun) -> BlowStatistics:
 
     See Also
     --------
-    Blows, Run, step_lengths
+    BlowStatistics, Run, step_lengths
 
     Examples
     --------

@@ -100,7 +100,7 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
 
     See Also
     --------
-    operating_chart, Chart, plot_curve
+    operating_chart, OperatingChart, plot_curve
 
     Examples
     --------

@@ -64,6 +64,8 @@ class TestFunction:
         -1 where it is none or any.
     """
 
+    __test__ = False  # for pytest: this is no test
+
     kind: str
     role: str = ""
     segment: int = -1

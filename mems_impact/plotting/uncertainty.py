@@ -142,7 +142,7 @@ def plot_tolerance_analysis(
 
     See Also
     --------
-    scatter, Scatter, plot_sensitivity
+    tolerance_analysis, ToleranceAnalysis, plot_sensitivity
 
     Examples
     --------

@@ -483,7 +483,7 @@ class Sensitivity(Result):
 
     See Also
     --------
-    sensitivity, plot_sensitivity, margins
+    sensitivity, plot_sensitivity, bifurcation_margins
 
     Examples
     --------
@@ -651,7 +651,7 @@ def sensitivity(
 
     See Also
     --------
-    Sensitivity, optimize, margins, scatter
+    Sensitivity, optimize, bifurcation_margins, tolerance_analysis
 
     Examples
     --------

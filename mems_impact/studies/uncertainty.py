@@ -278,7 +278,7 @@ class ToleranceAnalysis(Spread, Result):
 
     See Also
     --------
-    scatter, plot_tolerance_analysis
+    tolerance_analysis, plot_tolerance_analysis
 
     Examples
     --------
@@ -391,7 +391,7 @@ def tolerance_analysis(
 
     See Also
     --------
-    Scatter, plot_tolerance_analysis, sensitivity
+    ToleranceAnalysis, plot_tolerance_analysis, sensitivity
 
     Notes
     -----

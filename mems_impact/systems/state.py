@@ -88,7 +88,7 @@ class State:
 
     See Also
     --------
-    kicked, simulate, System
+    kicked_state, simulate, System
 
     Examples
     --------

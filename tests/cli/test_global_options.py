@@ -52,7 +52,7 @@ def test_every_command_has_both(cli, command):
 def test_every_command_shows_through_one_place():
     # What is shown by other means would stand beside the document.
     shown = {path.name for path in CLI.glob("*.py") if "click.echo(" in path.read_text("utf-8")}
-    assert shown == {"__init__.py", "completion.py", "failures.py", "showing.py"}
+    assert shown == {"__init__.py", "completion.py", "output.py", "runtime.py"}
 
 
 @pytest.mark.parametrize("arguments", QUICK, ids=lambda each: each[0])

@@ -72,7 +72,7 @@ def test_results_and_devices_are_small_tables_in_a_notebook():
     blows = mi.BlowStatistics(
         count=3, per_period=1.0, displacement_per_blow=0.25, displacement_std=0.0
     )
-    assert "<caption>Blows</caption>" in blows._repr_html_()
+    assert "<caption>BlowStatistics</caption>" in blows._repr_html_()
     assert "0.25" in blows._repr_html_()
     for name in mi.__all__:
         kind = getattr(mi, name)

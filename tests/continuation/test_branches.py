@@ -241,7 +241,7 @@ def test_a_guard_beyond_which_nothing_is_found_ends_the_branch_with_the_reason(m
     def nothing(*_):
         raise OrbitError("there is nothing", "look elsewhere")
 
-    for way in ("reconnect", "neighbour"):
+    for way in ("change_signature", "neighbour"):
         monkeypatch.setattr(f"mems_impact.continuation.orbit_branch.{way}", nothing)
     branch = follow(silent_orbit(0.2, 0.5), "amplitude", low=0.19, high=0.25)
     assert branch.ended == "grazing: there is nothing; look elsewhere"

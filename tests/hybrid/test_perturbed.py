@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mems_impact.hybrid.variational.sensitivity.lyapunov import (
+
+import mems_impact as mi
+from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.variational.lyapunov import (
     LyapunovIntegrator,
     largest,
     standard_errors,
 )
-
-import mems_impact as mi
-from mems_impact.hybrid.simulation import run
 from tests.analysis.oscillators import lorenz
 from tests.analysis.systems import oscillator
 

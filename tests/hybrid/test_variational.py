@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from mems_impact.hybrid.variational.sensitivity.sensitivity import Variational
 from scipy.linalg import expm, expm_frechet
 
 from mems_impact.actuator.automaton import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
@@ -14,6 +13,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
+from mems_impact.hybrid.variational.sensitivity import Variational
 from mems_impact.integrators.options import Options
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, problem, stop
 from tests.orbits.families import DEVICE, actuator

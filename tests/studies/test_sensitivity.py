@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from mems_impact.hybrid.variational.sensitivity.flow import weight_of
 
 import mems_impact as mi
+from mems_impact.hybrid.variational.flow import weight_of
 from tests.analysis.oscillators import belt, belt_period, thermostat
 from tests.analysis.systems import oscillator
 

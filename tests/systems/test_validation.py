@@ -20,7 +20,7 @@ exec("def count(g):\n    global COUNT\n    COUNT = g\n    return g", vars(helper
 helpers.g = helpers.count  # which no flow reads
 CALLS = [0]
 TOTAL = 0.0
-HERE = r"\(test_checks\.py, line \d+\)"
+HERE = r"\(test_validation\.py, line \d+\)"
 
 
 def by_array(flow):

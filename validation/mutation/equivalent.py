@@ -16,20 +16,18 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
     ): "no branch has come round after so few steps",
     (
         "mems_impact/hybrid/diagnostics/failures.py",
-        'p = typeof(named("Parameters", definition.parameters)'
-        "(*[0.0] * len(definition.parameters)))",
-        'p = typeof(named("Parameters", definition.parameters)'
-        "(*[1.0] * len(definition.parameters)))",
+        'named_tuple("Parameters", definition.parameters)(*[0.0] * len(definition.parameters))',
+        'named_tuple("Parameters", definition.parameters)(*[1.0] * len(definition.parameters))',
     ): "only the type of the numbers is asked for",
     (
         "mems_impact/hybrid/event_loop/detection.py",
-        "HAIR = 1e-300  # by which a margin that starts at zero is lifted",
-        "HAIR = 1e-297  # by which a margin that starts at zero is lifted",
+        "TINY_BIAS = 1e-300  # by which a margin that starts at zero is lifted",
+        "TINY_BIAS = 1e-297  # by which a margin that starts at zero is lifted",
     ): "far below the rounding of any margin either way",
     (
         "mems_impact/hybrid/problem.py",
-        "self.table = bound.table(record.ROWS, max(n, 2 * m, switches))",
-        "self.table = bound.table(record.ROWS, max(n, 3 * m, switches))",
+        "self.table = bound.table(workspace.ROWS, max(n, 2 * m, switches))",
+        "self.table = bound.table(workspace.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",
     (
         "mems_impact/hybrid/variational/propagation.py",

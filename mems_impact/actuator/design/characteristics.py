@@ -101,7 +101,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
 
     See Also
     --------
-    Duty, energy, life
+    DutyCycle, energy, life
 
     Examples
     --------
@@ -509,7 +509,7 @@ def period_one_window(
 
     See Also
     --------
-    Window, continue_orbit, operating_chart
+    PeriodOneWindow, continue_orbit, operating_chart
 
     Examples
     --------

@@ -921,7 +921,7 @@ def operating_chart(
 
     See Also
     --------
-    Chart, plot_chart, continue_curve, grazing_type
+    OperatingChart, plot_chart, continue_curve, grazing_type
 
     Examples
     --------

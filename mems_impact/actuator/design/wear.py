@@ -97,7 +97,7 @@ def life(
 
     See Also
     --------
-    Life, duty_cycle, energy
+    WearLife, duty_cycle, energy
 
     Notes
     -----

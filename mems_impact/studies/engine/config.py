@@ -135,8 +135,8 @@ def _orbit(
 KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
     "basins": "mems_impact.studies.basins:basins",
-    "scatter": "mems_impact.studies.uncertainty:scatter",
-    "sensitivity": "mems_impact.studies.engine.config:sensitivity_from",
+    "scatter": "mems_impact.studies.uncertainty:tolerance_analysis",
+    "sensitivity": "mems_impact.studies.engine.config:orbit_sensitivity_study",
     "optimize": "mems_impact.studies.engine.config:optimize_from",
 }
 """What a study may be, and the verb that runs it."""

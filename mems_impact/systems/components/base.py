@@ -214,7 +214,7 @@ class Part:
 
     See Also
     --------
-    Friction, Stopper, Relay, Surface, System
+    Friction, Stopper, Relay, SwitchingSurface, System
 
     Examples
     --------

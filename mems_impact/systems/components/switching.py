@@ -33,7 +33,7 @@ class Relay(Part):
 
     See Also
     --------
-    Surface, Part, System
+    SwitchingSurface, Part, System
 
     Notes
     -----

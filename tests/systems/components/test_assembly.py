@@ -269,7 +269,7 @@ def test_a_mass_of_zero_and_a_line_of_the_users_that_fails_where_a_run_starts():
 
     changes = {"time_scale": 1.0, "parameters": {"rate": 0.0, "mu_s": 0.3, "mu_d": 0.2}}
     system = mi.System(states=("x", "v", "load"), flow=failing, parts=[GROUND], **changes)
-    with pytest.raises(mi.FunctionError, match=r"test_together\.py, line \d+.*float division"):
+    with pytest.raises(mi.FunctionError, match=r"test_assembly\.py, line \d+.*float division"):
         mi.simulate(system, duration=1.0, initial=mi.State(x=1.0), options=PLAIN)
 
 
@@ -300,7 +300,7 @@ def test_a_mistake_in_a_flow_with_parts_is_told_where_it_was_made(flow, sentence
             parameters={"k": 1.0},
             parts=[mi.Stopper("wall", "x", "w", upper=1.0, restitution=0.7)],
         )
-    assert "test_together.py" in str(caught.value)
+    assert "test_assembly.py" in str(caught.value)
 
 
 @pytest.mark.parametrize("turned", [False, True])
