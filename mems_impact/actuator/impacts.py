@@ -103,7 +103,7 @@ def frame_steps(events: Events) -> tuple[NDArray[np.int64], Floats]:
     rows = np.flatnonzero(impact)
     # A contact that begins with the frame at rest may move it yet.
     comes = SLIPPING[events.mode_before] | np.isin(events.guard, (RELEASE, SLIP_END))
-    rests = ~SLIPPING[events.mode_after] & events.begin_arcs & comes
+    rests = ~SLIPPING[events.mode_after] & events.starts_arc & comes
     ends = np.flatnonzero(impact | rests)
     x1 = events.after[:, X1]
     # An impact that leaves the frame at rest ends its own step, of length zero.

@@ -410,7 +410,7 @@ class ActuatorOrbit(_OfActuator, Orbit):
         """One row an impact, with the columns of `ActuatorRun.impacts`."""
         # The step after the last impact may end in the next pass of the orbit.
         later = replace(self._log, cycle=self._log.cycle + self.periods)
-        log = Events.joined([self._log, replace(later, after=self._ahead(later.after))])
+        log = Events.joined([self._log, replace(later, after=self._one_period_later(later.after))])
         steps = frame_steps(log)[1]
         hits = self._hits
         lost = energy_lost(log, self.system.inner_actuator)[is_impact(log)]

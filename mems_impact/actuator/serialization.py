@@ -72,7 +72,7 @@ def actuator_of(parts: Mapping[str, Any]) -> Actuator:
 
 
 def _parts(system: ActuatorSystem) -> dict[str, Any]:
-    own = not system.told_by_numbers
+    own = not system.is_data_only
     return {
         "actuator": actuator_parts(system.actuator),
         "drive": table_of(system.drive),

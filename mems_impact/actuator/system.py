@@ -90,7 +90,7 @@ class ActuatorNumerics(System):
         return tuple(term.kind for term in self.actuator.terms)
 
     @cached_property
-    def _unfolded(self) -> bool:
+    def _uses_full_voltage_period(self) -> bool:
         """Whether the sign of the voltage matters, and changes from one period of v^2 to the next.
 
         The forcing period is then that of v itself.
@@ -152,7 +152,7 @@ class ActuatorNumerics(System):
     @property
     def forcing_period(self) -> float:
         """The drive's; that of the voltage itself where a term makes its sign matter."""
-        return self.drive.period * (2.0 if self._unfolded else 1.0)
+        return self.drive.period * (2.0 if self._uses_full_voltage_period else 1.0)
 
     def changed(self, /, **values: float) -> Self:
         """Return the system at other values of some parameters, checked."""
@@ -244,7 +244,7 @@ class ActuatorNumerics(System):
         for name, value in of_terms.items():
             device[self._term_places[name]] = self.into(name, value)
         q, period, switches, scale = self.drive.numbers(of_drive, self._scales)
-        unfolded = self._unfolded
+        unfolded = self._uses_full_voltage_period
         if of_drive and self._signed:
             unfolded = self.drive.varied(of_drive, checked=False).changes_sign
         if unfolded:
@@ -368,7 +368,7 @@ class ActuatorSystem(ActuatorNumerics):
         return other
 
     @property
-    def told_by_numbers(self) -> bool:
+    def is_data_only(self) -> bool:
         """Whether the waveform is the package's own."""
         return not own_functions(self.drive)
 
@@ -398,7 +398,7 @@ class ActuatorSystem(ActuatorNumerics):
     @cached_property
     def _bounds(self) -> bool:
         """Whether functions may read beyond arrays, and have to be kept from it: the user's."""
-        return not self.told_by_numbers
+        return not self.is_data_only
 
     @property
     def initial(self) -> State:
@@ -429,7 +429,7 @@ class ActuatorSystem(ActuatorNumerics):
         }
 
     @property
-    def studied(self) -> tuple[Observable, ...]:
+    def study_observables(self) -> tuple[Observable, ...]:
         """The displacement of the frame, the speeds of impacts, the energy that they lose."""
         return (*self.observables, *IMPACT_SPEEDS)
 
@@ -439,7 +439,7 @@ class ActuatorSystem(ActuatorNumerics):
         guards = [guard.name for guard in self.automaton.guards]
         given = (
             (each.name, each.function, tuple(guards.index(name) for name in each.at))
-            for each in self.studied
+            for each in self.study_observables
         )
         return observed(tuple(given), self.states, None)
 
@@ -484,7 +484,7 @@ class ActuatorSystem(ActuatorNumerics):
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         return ended(self, until)
 
-    def standstill(self) -> Callable[[Trajectory], float | None]:
+    def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return what tells after how many periods a run stands still; None if it does not."""
         return partial(standstill_period, actuator=self.inner_actuator)
 
@@ -550,11 +550,11 @@ class ActuatorSystem(ActuatorNumerics):
         limits = [limit for part in parts for limit in part.limits]
         return Validity(limits, problem, start, self._scales) if limits else None
 
-    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable of a state, in the units of the numerics."""
         return float(observable.function(NamedState(self.states, y), problem.parameters))
 
-    def measure_event(
+    def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Return an observable at an event, in the units of the numerics."""
@@ -562,7 +562,7 @@ class ActuatorSystem(ActuatorNumerics):
         mode, time = int(events.mode_before[i]), float(events.time[i])
         return float(observable.function(mode, time, before, after, problem.parameters))
 
-    def tidied(self, mode: int, y: Floats) -> Floats:
+    def snap_to_mode(self, mode: int, y: Floats) -> Floats:
         """Return a state found by Newton's method, with a stuck frame at rest."""
         # A rounding is left there, with which a run would begin to slip.
         return y if direction_of(mode) != 0 else np.where(np.arange(y.size) == V1, 0.0, y)
@@ -659,11 +659,11 @@ class EnergyAccountingSystem(ActuatorSystem):
         return len(self.states) - sum(names)
 
     @property
-    def studied(self) -> tuple[Observable, ...]:
+    def study_observables(self) -> tuple[Observable, ...]:
         """What is told of every actuator, and the energy that the drive gives."""
         electrodes = 1 if self.drive.left_voltage is None else 2
         given = Observable("energy in", _given(self._kinds, electrodes, self.states), unit="J")
-        return (*super().studied, given)
+        return (*super().study_observables, given)
 
     def ending(self, until: Callable[..., float]) -> NoReturn:
         """Refuse: runs of studies end by no function."""
@@ -716,12 +716,12 @@ class EndedSystem(ActuatorSystem):
         return other
 
     @property
-    def unended(self) -> ActuatorSystem:
+    def without_until(self) -> ActuatorSystem:
         """The actuator without what ends its runs."""
         return self._as(ActuatorSystem)
 
     @property
-    def told_by_numbers(self) -> bool:
+    def is_data_only(self) -> bool:
         """Never: a file cannot hold the function."""
         return False
 

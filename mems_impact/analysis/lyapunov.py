@@ -346,7 +346,7 @@ def _run_to_tolerance(
     try:
         stretching.turn(watch)
         while True:
-            stretching.go_on(1, watch)
+            stretching.advance_exponents(1, watch)
             found = stretching.result
             done = found.periods
             alive = np.isfinite(found.per_period)

@@ -157,7 +157,7 @@ class Orbit(Result):
     def state(self) -> State:
         """The state where a forcing period begins; ``initial`` of a run along the orbit."""
         mode = self.found.segments[0].mode
-        y = self.system.tidied(mode, self.found.state)
+        y = self.system.snap_to_mode(mode, self.found.state)
         return self.system.state_of(HybridState(0, 0.0, mode, y))
 
     @property
@@ -206,7 +206,7 @@ class Orbit(Result):
         """
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
-        units = np.array([self.system.margin_factor(guards[i].name) for i in gaps])
+        units = np.array([self.system.margin_unit(guards[i].name) for i in gaps])
         found = (arc.minima[gaps] * units for arc in self.found.point.arcs)
         least = min(float(gap.min(initial=math.inf)) for gap in found)
         if not math.isfinite(least):
@@ -244,7 +244,7 @@ class Orbit(Result):
             [s.mode for s in shown],
             self.found.point.starts,
             self.found.point.ends,
-            [self._what_ends(s.code) for s in shown],
+            [self._segment_end(s.code) for s in shown],
             self.system,
         )
 
@@ -302,7 +302,7 @@ class Orbit(Result):
         """The speed at which the bodies meet in each impact: the rate of its margin."""
         guards = self.system.automaton.guards
         m, time = len(guards), float(self.system.factor("time"))
-        units = [self.system.margin_factor(guard.name) / time for guard in guards]
+        units = [self.system.margin_unit(guard.name) / time for guard in guards]
         hits = (
             (segment.guard(m), event)
             for segment, event in zip(self.found.segments, self.found.point.events, strict=True)
@@ -319,14 +319,16 @@ class Orbit(Result):
         values: dict[str, float] = {}
         at_events = self._observed(self._log)
         first = self.found.state
-        last = self._ahead(first[None])[0]
+        last = self._one_period_later(first[None])[0]
         for each in self.system.observables:
             if each.at:
                 moments = Moments()
                 moments.add(at_events[each.name][~np.isnan(at_events[each.name])])
                 values[each.name] = reduce_values(each.reduce, moments, 1.0)
             else:
-                begin, end = (self.system.measure(each, y, self._problem) for y in (first, last))
+                begin, end = (
+                    self.system.evaluate_observable(each, y, self._problem) for y in (first, last)
+                )
                 values[each.name] = end - begin
         return {name: float(self.system.out(name, value)) for name, value in values.items()}
 
@@ -398,7 +400,7 @@ class Orbit(Result):
             rows.append(row)
         return Events.from_rows(np.array(rows).reshape(len(rows), workspace.HEAD + 2 * n))
 
-    def _ahead(self, states: Floats) -> Floats:
+    def _one_period_later(self, states: Floats) -> Floats:
         """Return states one pass of the orbit later."""
         later = states.copy()
         later[:, list(self.system.automaton.cyclic)] += self.found.advance
@@ -419,13 +421,13 @@ class Orbit(Result):
             # Where an event meets the start of a period, its time may be below zero by rounding.
             start, end = max(float(found.point.starts[i]), 0.0), float(found.point.ends[i])
             if end > start:
-                y = self.system.tidied(segment.mode, states[i])
+                y = self.system.snap_to_mode(segment.mode, states[i])
                 begin = HybridState(0, start, segment.mode, y)
                 length = (end - start) / problem.period
                 yield segment.cycle, offset.copy(), run(problem, begin, length)
             offset[cyclic] += found.point.arcs[i].end[cyclic]
 
-    def _what_ends(self, code: int) -> str:
+    def _segment_end(self, code: int) -> str:
         automaton = self.system.automaton
         names = {BOUNDARY: PERIOD_ENDS, automaton.switch_code: DRIVE_SWITCHES}
         names |= {number: guard.name for number, guard in enumerate(automaton.guards)}

@@ -146,7 +146,7 @@ def simulate(
     if isinstance(until, str):
         if until != STILL:
             raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
-        still = system.standstill()
+        still = system.standstill_test()
         most = _length(system, periods, duration, None, problem.period)
         again = partial(simulate, system, initial=initial, options=options, progress=progress)
         return run_until_standstill(still, again, partial(again, window=window, keep=keep), most)

@@ -165,7 +165,7 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
 def _suited(equilibrium: EquilibriumState, beside: Floats, period: float) -> Family:
     """Return the family, integrated by the method that suits one turn from beside the point."""
     family, y = equilibrium.family, np.array(equilibrium.state)
-    problem = family.problem().counted_in(period)
+    problem = family.problem().with_time_unit(period)
     y[list(free_components(problem.automaton))] = beside
     try:
         return family.suited(run(problem, HybridState(0, 0.0, equilibrium.mode, y), 1.0).stiff)

@@ -225,7 +225,7 @@ class _CurveContinuation:
                 curve.ended = f"{lost.kind}: beyond, {beyond}"
                 return curve
             if not self._inside(float(following.values[1])):
-                self._finish(step, length)
+                self._correct_at_bound(step, length)
                 curve.ended = f"{curve.parameters[1]} reached its bound"
                 return curve
             behind.append(step.start)
@@ -317,7 +317,7 @@ class _CurveContinuation:
             iterations=ITERATIONS,
         )
 
-    def _finish(self, step: PredictorStep, length: float) -> None:
+    def _correct_at_bound(self, step: PredictorStep, length: float) -> None:
         """Put the last point at the bound, which lies within a step."""
         u, beyond = step.start, step.at(length).unknowns
         bound = self.bounds[0] if beyond[-1] < self.bounds[0] else self.bounds[1]

@@ -528,7 +528,7 @@ def _sequence(
     """Return what a run from `start` goes through, as long as the orbit is."""
     problem = orbit.family.at(**{parameter: value}).problem()
     if orbit.shooting.phase is not None:
-        problem = problem.counted_in(orbit.shooting.unit * float(unknowns[-1]))
+        problem = problem.with_time_unit(orbit.shooting.unit * float(unknowns[-1]))
     begin = HybridState(0, 0.0, orbit.segments[0].mode, start)
     return read_signature(run(problem, begin, orbit.periods), orbit.periods, problem.switches)
 

@@ -287,7 +287,7 @@ class _OrbitContinuation:
                 value = float(following.values[0])
                 at_bound = found.lost is None and not self.low <= value <= self.high
                 if at_bound:
-                    self._finish(shooting, point, following, piece)
+                    self._correct_at_bound(shooting, point, following, piece)
             except CONTINUATION_ERRORS as error:
                 length /= 2.0
                 held = reason_of(error, shooting.family)
@@ -311,7 +311,7 @@ class _OrbitContinuation:
                 self.branch.ended = f"{self.branch.parameter} reached its bound"
                 return
             if lost is not None and self.reconnecting:
-                joined, reason = self._other_side(lost)
+                joined, reason = self._change_signature(lost)
                 # An event that moves into the next period, or past another one, changes nothing.
                 passing = False
                 if joined is not None and lost.monitor.role == "length":
@@ -330,7 +330,7 @@ class _OrbitContinuation:
                 behind = []
                 before = monitors(shooting, point, along)
                 if passing:
-                    self._rename(lost, found.before, shooting, point, along)
+                    self._reclassify_coincident(lost, found.before, shooting, point, along)
                     length = max(length / 2.0, self.steps.initial)
                     budget -= 1
                     continue
@@ -368,7 +368,7 @@ class _OrbitContinuation:
         self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
         return self.branch.passage is not None
 
-    def _other_side(
+    def _change_signature(
         self, lost: BranchEvent
     ) -> tuple[tuple[Shooting, ShootingEvaluation, Floats] | None, str]:
         """Return the branch that continues at `lost`, or None and why none is found."""
@@ -397,7 +397,7 @@ class _OrbitContinuation:
         self.branch.special_points[-1] = named
         return named
 
-    def _rename(
+    def _reclassify_coincident(
         self,
         met: BranchEvent,
         earlier: ShootingEvaluation,
@@ -432,7 +432,7 @@ class _OrbitContinuation:
         found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
         self.branch.points.append(found)
 
-    def _finish(
+    def _correct_at_bound(
         self, shooting: Shooting, point: ShootingEvaluation, beyond: ShootingEvaluation, piece: int
     ) -> None:
         """Put the last orbit at the bound, which lies between `point` and `beyond`."""

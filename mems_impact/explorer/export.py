@@ -78,7 +78,7 @@ def device_file(subject: Subject, system: ActuatorSystem) -> str:
     units, terms = parts.pop("units", "dimensionless"), parts.pop("terms", {})
     head = {"name": subject.title, "description": "saved by mems-impact explore", "units": units}
     tables: dict[str, Any] = {"parameters": parts, **terms}
-    if system.told_by_numbers:
+    if system.is_data_only:
         tables["drive"] = table_of(system.drive)
     return "\n".join([*_entries(head), *_tables(tables)]) + "\n"
 

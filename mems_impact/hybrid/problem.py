@@ -92,7 +92,7 @@ class Problem:
     section: Section | None = None
     options: Options = field(default_factory=Options)
     time_scale: float | None = None
-    refusal: str = ""
+    unavailable_reason: str = ""
     falls: Callable[[HybridState, float], bool] | None = field(
         default=None, compare=False, repr=False
     )
@@ -103,7 +103,7 @@ class Problem:
         object.__setattr__(self, "options", self.options.suited(self.automaton.stiff))
         check_times(self.numbers)
 
-    def counted_in(self, period: float) -> Problem:
+    def with_time_unit(self, period: float) -> Problem:
         """Return the same problem, its runs counted in another unit of time.
 
         Only where nothing forces the system. Its own unit goes on to bound the steps.
@@ -137,10 +137,10 @@ class Engine(Protocol):
     def implicit_arcs(self) -> int:
         """Arcs begun so far by the second of two methods."""
 
-    def learnt(self) -> tuple[int, ...]:
+    def export_memory(self) -> tuple[int, ...]:
         """Return what it has learnt of each mode; empty if its method does not learn."""
 
-    def learn(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, known: tuple[int, ...]) -> None:
         """Begin with what was learnt of each mode."""
 
     def is_stiff(self) -> bool:
@@ -183,10 +183,10 @@ class EngineBinding:
     engine: Engine
     table: Callable[[int, int], Any]
     record: Callable[..., Any]
-    quota: int
-    links: Callable[..., tuple[dict[str, Any], Any]]
+    steps_per_call: int
+    kernel_addresses: Callable[..., tuple[dict[str, Any], Any]]
     place: Callable[[Any], Any]
-    stand_in: Any
+    handle_address: Any
 
 
 def create_engine(problem: Problem) -> EngineBinding:
@@ -202,8 +202,8 @@ def create_engine(problem: Problem) -> EngineBinding:
     FunctionsMissing
         If the problem has no functions.
     """
-    if problem.refusal:
-        raise FunctionsMissing(problem.refusal)
+    if problem.unavailable_reason:
+        raise FunctionsMissing(problem.unavailable_reason)
     automaton, options = problem.automaton, problem.options
     equations = Equations(
         flow=automaton.flow,

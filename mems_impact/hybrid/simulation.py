@@ -86,7 +86,7 @@ class Events:
         return cls(*(np.concatenate(parts) for parts in columns))
 
     @property
-    def begin_arcs(self) -> NDArray[np.bool_]:
+    def starts_arc(self) -> NDArray[np.bool_]:
         """Where the rows begin an arc that can be integrated again by itself.
 
         Passages only note what an arc did, and a handover belongs to the arc before it.
@@ -240,7 +240,7 @@ class Trajectory:
         if first is None:
             return self.start
         events = self.events
-        begins = events.begin_arcs
+        begins = events.starts_arc
         begins &= events.cycle + events.time / self.period <= first
         # A sequence of impacts is completed by what the loop remembers of it: an arc that begins
         # within one can't be run again without all of it.
@@ -429,7 +429,7 @@ class Simulation:
         self.consume, self.progress, self.quiet = consume, progress, quiet
         self.kept: list[Floats] = []
         self.bound = create_engine(problem)
-        self.bound.engine.learn(start.remembered)
+        self.bound.engine.import_memory(start.remembered)
         # The epsilon keeps a sample that falls on the start itself.
         first = math.ceil((start.time / problem.period - 1e-12) * per_period)
         last = (end.cycle - start.cycle) * per_period
@@ -458,7 +458,7 @@ class Simulation:
         try:
             status = workspace.PAUSED
             while status in (workspace.PAUSED, workspace.BUFFER_FULL):
-                status = self.bound.call(loop.run_steps, self.clock, self.bound.quota)
+                status = self.bound.call(loop.run_steps, self.clock, self.bound.steps_per_call)
                 self._drain()
                 fall = self.memory.take_fall()
                 if fall is not None and falls is not None and falls(*fall):
@@ -511,7 +511,7 @@ class Simulation:
                 phase - ahead * period,
                 int(clock["mode"]),
                 self.memory.state,
-                self.bound.engine.learnt(),
+                self.bound.engine.export_memory(),
             ),
             events=Events.from_rows(rows),
             steps=int(clock["steps"]),

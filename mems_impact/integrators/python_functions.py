@@ -88,11 +88,11 @@ class Functions:
         """Arcs begun so far by the second of two methods: 0, where there is one."""
         return 0
 
-    def learnt(self) -> tuple[int, ...]:
+    def export_memory(self) -> tuple[int, ...]:
         """Return what it has learnt of each mode: nothing."""
         return ()
 
-    def learn(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, known: tuple[int, ...]) -> None:
         """Begin with what was learnt of each mode: it makes no difference."""
 
     def is_stiff(self) -> bool:

@@ -61,7 +61,7 @@ def limit_cycle_guess(
     start = replace(start, cycle=0, time=0.0)
     if period is None:
         start, period = detect_period(problem, start, family.amount)
-    problem = problem.counted_in(period)
+    problem = problem.with_time_unit(period)
     free = list(free_components(problem.automaton))
     begin = _longest_quiet_instant(problem, start)
     guess = read_guess(problem, begin, 1)
@@ -171,5 +171,5 @@ def rebase_phase(shooting: Shooting, point: ShootingEvaluation) -> tuple[Shootin
         times=np.append((point.ends[order] - begin) % point.period, point.period),
     )
     phase = Phase.across(arc.slope_end[free], first[free], point.period)
-    other = shooting.recut(guess.segments, phase)
+    other = shooting.with_phase(guess.segments, phase)
     return other, other.pack(guess), i

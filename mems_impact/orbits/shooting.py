@@ -64,7 +64,10 @@ class UnknownLayout:
         columns = f * np.arange(count)[:, None] + np.arange(f)
         self.identity = np.zeros((size, size))
         self.identity[self.state_rows, np.roll(columns, -1, axis=0)] = 1.0
-        self.own_state = (*np.ix_(range(count), range(shooting.n), range(f))[:2], columns[:, None])
+        self.own_state_block = (
+            *np.ix_(range(count), range(shooting.n), range(f))[:2],
+            columns[:, None],
+        )
         self.at_switch = self.codes[:, 1] == shooting.automaton.switch_code
         self.switch = np.array([s.switch for s in segments], dtype=np.int64)
 
@@ -243,7 +246,7 @@ class Shooting:
         self.layout = UnknownLayout(self)
         self._last: ParameterPoint | None = None
 
-    def recut(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
+    def with_phase(self, segments: tuple[Segment, ...], phase: Phase) -> Shooting:
         """Return the equations of the same cycles, begun elsewhere; they share the engine."""
         other = Shooting(self.family, segments, self.active, self.pinned, phase)
         vars(other)["_variational"] = self._variational
@@ -343,7 +346,7 @@ class Shooting:
         by_start = -(arcs.by_state @ arcs.slope_start[:, free, None])
         by_end = arcs.slope_end[:, :, None]
         end = by_start * layout.by_start[:, None] + by_end * layout.by_end[:, None]
-        end[layout.own_state] += arcs.by_state
+        end[layout.own_state_block] += arcs.by_state
         end_by_parameter = (
             arcs.by_parameter[:, :, :k] * scales
             + by_start * start_rates[:, None]
@@ -401,7 +404,7 @@ class Shooting:
         """Return the problem at a point, counted in periods of its orbit."""
         values = dict(zip(self.active, point.values.tolist(), strict=True))
         problem = self.family.at(**values).problem()
-        return problem if self.phase is None else problem.counted_in(point.period)
+        return problem if self.phase is None else problem.with_time_unit(point.period)
 
     def monodromy(self, point: ShootingEvaluation, first: int | None = None) -> Floats:
         """Return the derivative of the map over the orbit's periods, by the free components.

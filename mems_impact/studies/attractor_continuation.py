@@ -278,7 +278,7 @@ class AttractorContinuationStudy(Study):
             here = self._value(number)
             with at_study_point(number):
                 found = self._at(here, self._phased(state, value, here))
-                back = found.motion != FAILED and self._comes_back(found, here, before, value)
+                back = found.motion != FAILED and self._is_reversible(found, here, before, value)
             follows.append(back)
             rows.append(found)
             if found.final is not None:
@@ -322,7 +322,9 @@ class AttractorContinuationStudy(Study):
 
         return self.measuring.follow_some(range(1), case)[0]
 
-    def _comes_back(self, found: Attractor, here: float, before: Attractor, value: float) -> bool:
+    def _is_reversible(
+        self, found: Attractor, here: float, before: Attractor, value: float
+    ) -> bool:
         """Return whether the motion, led back, is what it was: else it has jumped."""
         assert found.final is not None
         back = self._at(value, self._phased(found.final, here, value))

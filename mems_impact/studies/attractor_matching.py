@@ -106,7 +106,7 @@ class AttractorMatcher:
         columns[MODE] = np.array(modes, dtype=object)
         return columns
 
-    def nudged(self, state: State) -> State:
+    def perturbed(self, state: State) -> State:
         """Return a state a tenth of the distance away in each component."""
         least = self.options.atol / self.options.rtol
         sizes = {
@@ -249,7 +249,8 @@ def match_attractors(
     few = np.array([(labels == labels[i]).sum() <= max(1.0, FEW * count) for i in rows.index])
     rows = rows[few & rows[MOTION].isin([PERIODIC, OFF]).to_numpy()]
     beside = [
-        InitialCondition(system, rules.nudged(state_of(system, row))) for _, row in rows.iterrows()
+        InitialCondition(system, rules.perturbed(state_of(system, row)))
+        for _, row in rows.iterrows()
     ]
     if not beside:
         return labels

@@ -239,7 +239,7 @@ class AttractorEvaluator:
         """Compile what points need, once in a process."""
         problem = self.system.problem(self.options)
         brief = replace(self.settle, transient=0.0, periods=1.0)
-        if problem.refusal == "":
+        if problem.unavailable_reason == "":
             map_attractors([InitialCondition(self.system)], brief, self.options)
 
 

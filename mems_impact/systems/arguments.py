@@ -269,7 +269,7 @@ def _called(field: str, function: Callable[..., Any], p: Any) -> Any:
     try:
         return function(p)
     except Exception as error:
-        raise UserFunction(field, function).blamed(error)[0] from error
+        raise UserFunction(field, function).explain_exception(error)[0] from error
 
 
 def as_tuple(field: str, given: Any, allowed: str) -> tuple[Any, ...]:

@@ -69,7 +69,7 @@ class Terms(Result):
         """Return the mode of a state whose mode is not given."""
 
     @property
-    def unended(self) -> Any:
+    def without_until(self) -> Any:
         """The system without what ended its run (see `simulate`)."""
         return vars(self).get("_unended", self)
 
@@ -119,7 +119,7 @@ class Terms(Result):
         factors = self.scales.factors
         return factors.get(unit_of(heading, self.units), 1.0) if factors else 1.0
 
-    def margin_factor(self, guard: str) -> float:
+    def margin_unit(self, guard: str) -> float:
         """Return the unit of the numerics for the margin of a guard."""
         return 1.0
 
@@ -138,7 +138,7 @@ class Terms(Result):
 
     def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
         """Return the margin of a guard, or its rate, in the system's units, to be printed."""
-        factor = self.margin_factor(guard) / (self.factor("time") if rate else 1.0)
+        factor = self.margin_unit(guard) / (self.factor("time") if rate else 1.0)
         return f"{value * factor:.3g}"
 
     def convert(self, error: RunError) -> None:
@@ -150,11 +150,13 @@ class Terms(Result):
         return self.scales.label(name, self.unit(name))
 
     @property
-    def inner_parameters(self) -> dict[str, float]:
+    def internal_parameters(self) -> dict[str, float]:
         """Names and values of all parameters, in the units of the numerics."""
         return {name: self.into(name, value) for name, value in self.parameters.items()}
 
-    def changes_to(self, inner: Mapping[str, float], here: Mapping[str, float]) -> dict[str, float]:
+    def parameter_changes(
+        self, inner: Mapping[str, float], here: Mapping[str, float]
+    ) -> dict[str, float]:
         """Return what differs between two sets of inner values, in the system's units."""
         return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
 
@@ -243,7 +245,7 @@ class Shown(Terms):
         return {each.name: (each.name, each.name) for each in self.observables}
 
     @property
-    def studied(self) -> tuple[Observable, ...]:
+    def study_observables(self) -> tuple[Observable, ...]:
         """The observables that studies gather."""
         return self.observables
 

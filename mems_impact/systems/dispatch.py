@@ -76,7 +76,7 @@ def takes_system(
                 if here is None:
                     allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
                     raise InvalidParameter(typed, model, allowed)
-                system, named = model.system.unended, {start: here, **named}
+                system, named = model.system.without_until, {start: here, **named}
             elif isinstance(model, System):
                 system = model
             elif hasattr(model, "under"):

@@ -105,7 +105,7 @@ class Result(SummaryRepr):
 
         save(self, path)
 
-    def take_over(self, tables: Mapping[str, Any]) -> None:
+    def attach_saved_tables(self, tables: Mapping[str, Any]) -> None:
         """Take over what was saved since it cannot be made here."""
         vars(self).update(tables)
         vars(self)[KEPT] = tuple(tables)

@@ -312,7 +312,7 @@ class WindowCheckpoints:
             return
         self._take_durations(events.cycle, events.time, events.mode_after)
         for border in (0, 1):
-            begins = events.begin_arcs
+            begins = events.starts_arc
             begins &= self._window.since(border, events.cycle, events.time) <= 0.0
             places = np.flatnonzero(begins)
             if places.size > 0:
@@ -418,7 +418,7 @@ class RunStatistics:
                 moments = self._moments[each.name]
                 values[each.name] = reduce_values(each.reduce, moments, periods)
             else:
-                begin, end = (system.measure(each, y, self._problem) for y in borders)
+                begin, end = (system.evaluate_observable(each, y, self._problem) for y in borders)
                 values[each.name] = ratio(end - begin, periods)
         return values
 
@@ -433,7 +433,7 @@ def evaluate_observables(system: System, problem: Problem, events: Events) -> di
             chosen = np.isin(events.guard, [names.index(name) for name in each.at])
             chosen &= np.isin(events.kind, (workspace.TRANSITION, workspace.ACCUMULATION))
             for i in np.flatnonzero(chosen):
-                values[i] = system.measure_event(each, events, int(i), problem)
+                values[i] = system.evaluate_event_observable(each, events, int(i), problem)
             found[each.name] = values
     return found
 
@@ -480,7 +480,7 @@ def measure_names(system: System) -> tuple[str, ...]:
     names += [f"{guard} per {each}" for guard in guards] + [f"chatter per {each}"]
     if len(system.modes) > 1:
         names += [f"share {mode}" for mode in system.modes]
-    for observable in system.studied:
+    for observable in system.study_observables:
         names.append(observable.name)
         if not observable.at:
             names.append(f"{observable.name} std")
@@ -516,7 +516,7 @@ def measures(system: System, settled: RecurrenceResult, period: float) -> dict[s
     if len(system.modes) > 1:
         for mode, lasted in zip(system.modes, settled.lasted, strict=True):
             values[f"share {mode}"] = ratio(float(lasted), settled.duration)
-    for observable in system.studied:
+    for observable in system.study_observables:
         name = observable.name
         if observable.at:
             values[name] = _reduced(observable.reduce, settled.marks[name], periods)
@@ -536,7 +536,7 @@ def closest_approach(system: System, settled: RecurrenceResult) -> float:
     """Return the smallest gap at which bodies turned back without an impact; NaN without any."""
     guards = system.automaton.guards
     gaps = [
-        float(least) * system.margin_factor(guard.name)
+        float(least) * system.margin_unit(guard.name)
         for guard, least in zip(guards, settled.closest, strict=True)
         if guard.impact
     ]

@@ -92,11 +92,11 @@ class Build:
 
     @functools.cached_property
     def _here(self) -> dict[str, float]:
-        return self.system.inner_parameters
+        return self.system.internal_parameters
 
     def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
         """Return what of that problem depends on the values, without making it."""
-        return self.system.numbers(self.system.changes_to(values, self._here))
+        return self.system.numbers(self.system.parameter_changes(values, self._here))
 
 
 # --- From the functions and numbers of a user to those of the numerics, and back.
@@ -140,7 +140,7 @@ class Numerics(Shown):
         found |= zip(self._parameters, sizes.parameters, strict=True)
         return found.get(name_of(heading, found), 1.0)
 
-    def margin_factor(self, guard: str) -> float:
+    def margin_unit(self, guard: str) -> float:
         """Return the unit of the numerics for the margin of a guard."""
         sizes = dict(self._typical.margins) if self._typical else {}
         return sizes.get(guard, 1.0)
@@ -171,7 +171,7 @@ class Numerics(Shown):
         tail[0] = RATE_STEP * unit
         switches = arguments.times("switches", self._switches, p)
         return ProblemParameters(
-            parameters=np.concatenate([self._inner(p), tail]),
+            parameters=np.concatenate([self._to_internal(p), tail]),
             period=period if period is not None else unit,
             switches=tuple(switch / time for switch in switches),
             time_scale=scale,
@@ -191,7 +191,7 @@ class Numerics(Shown):
             return mode
         when, state = self.out("time", time), self._state(y)
         try:
-            return int(self._begin(mode, when, state, self._outer(problem)))
+            return int(self._begin(mode, when, state, self._to_user(problem)))
         except ArithmeticError as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
             place = innermost_user_line(error.__traceback__, self._begin)
@@ -207,15 +207,15 @@ class Numerics(Shown):
             return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
         return self.mode_of(y, 0.0, problem, mode) == mode
 
-    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable, which has a unit of its own, of a state of the numerics."""
-        return float(observable.function(self._state(y), self._outer(problem)))
+        return float(observable.function(self._state(y), self._to_user(problem)))
 
-    def measure_event(
+    def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Return an observable, which has a unit of its own, at an event of the numerics."""
-        p = self._outer(problem)
+        p = self._to_user(problem)
         before, after = self._state(events.before[i]), self._state(events.after[i])
         mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
         return float(observable.function(mode, time, before, after, p))
@@ -227,7 +227,7 @@ class Numerics(Shown):
         return observed(
             tuple(
                 (each.name, each.function, tuple(guards.index(name) for name in each.at))
-                for each in self.studied
+                for each in self.study_observables
             ),
             self.states,
             tuple(self._parameters),
@@ -245,12 +245,12 @@ class Numerics(Shown):
             return values
         return named_tuple("State", self.states)(*values)
 
-    def _inner(self, p: Any) -> Floats:
+    def _to_internal(self, p: Any) -> Floats:
         """Return parameters in the units of the numerics."""
         values = np.array(p, dtype=float)
         return values if self._typical is None else values / np.array(self._typical.parameters)
 
-    def _outer(self, problem: Problem) -> Any:
+    def _to_user(self, problem: Problem) -> Any:
         """Return the parameters of a problem by name, as functions read them."""
         values = problem.parameters[: len(self._parameters)]
         if self._typical is not None:
@@ -505,7 +505,7 @@ class System(Numerics):
         return other
 
     @property
-    def told_by_numbers(self) -> bool:
+    def is_data_only(self) -> bool:
         """Whether names and numbers say all of it; a file cannot hold functions."""
         return False
 
@@ -537,7 +537,7 @@ class System(Numerics):
         checks.check_end(self, other._definition, self.problem(Options()))
         return other
 
-    def standstill(self) -> Callable[[Trajectory], float | None]:
+    def standstill_test(self) -> Callable[[Trajectory], float | None]:
         """Return what tells after how many periods a run stands still; None if it does not."""
         problem = "of an actuator alone; give a function (mode, t, y, p) that falls through zero"
         raise InvalidParameter("until", "still", "", problem=problem)
@@ -561,7 +561,7 @@ class System(Numerics):
         """Return what warns of a run that leaves the range in which the system's model holds."""
         return None
 
-    def tidied(self, mode: int, y: Floats) -> Floats:
+    def snap_to_mode(self, mode: int, y: Floats) -> Floats:
         """Return a state that Newton's method has found, without what rounding made of it."""
         return y
 
@@ -575,11 +575,11 @@ class System(Numerics):
         """Return the problems for all values of the parameters, in the units of the numerics."""
         if not self.is_scaled and self.forced:
             warn_if_badly_scaled_orbit(self.numbers().period, self.parameters)
-        return Family(Build(self, options), self.inner_parameters)
+        return Family(Build(self, options), self.internal_parameters)
 
     def at(self, inner: Mapping[str, float]) -> System:
         """Return the system at values in the units of the numerics, allowed or not."""
-        changes = self.changes_to(inner, self.inner_parameters)
+        changes = self.parameter_changes(inner, self.internal_parameters)
         return self.shifted(changes) if changes else self
 
     def problem(self, options: Options) -> Problem:

@@ -599,7 +599,7 @@ def mode_monitor(system: Terms, problem: Problem) -> ModeMonitor | None:
     """Return what notes the modes that a run meets; None for a system without functions."""
     if definition_of(problem.automaton) is None:
         return None
-    return ModeMonitor(system.unended, problem)  # what ends a run is a margin alone
+    return ModeMonitor(system.without_until, problem)  # what ends a run is a margin alone
 
 
 # --- A short interpreted run of a system, on which its functions are tried.
@@ -951,7 +951,7 @@ def _measured(observable: Observable, *arguments: Any) -> None:
     try:
         value = observable.function(*arguments)
     except Exception as error:
-        found, always = function.blamed(error)
+        found, always = function.explain_exception(error)
         if always:
             raise found from error
         return

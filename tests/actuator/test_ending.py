@@ -38,7 +38,7 @@ def test_a_run_of_it_in_a_file(tmp_path):
     assert there.system.functions == {"until": f"{__name__}:arrived"}
     assert mi.load(place, system=run.system) == run
     with pytest.raises(mi.InvalidParameter, match=r"system\.ending\(until\)"):
-        mi.load(place, system=run.system.unended)
+        mi.load(place, system=run.system.without_until)
 
 
 @pytest.mark.slow
@@ -61,7 +61,7 @@ def test_other_values_and_other_functions():
     with pytest.raises(mi.InvalidParameter, match="account of the energy"):
         system.with_energy()
     with pytest.raises(mi.InvalidParameter, match="account of the energy"):
-        system.unended.with_energy().ending(further)
+        system.without_until.with_energy().ending(further)
 
 
 @pytest.mark.slow

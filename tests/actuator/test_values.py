@@ -49,7 +49,7 @@ ALL = {**DRIVES, **OWN}
 
 
 def is_own(drive):
-    return not ActuatorSystem(ZHAO, drive).told_by_numbers
+    return not ActuatorSystem(ZHAO, drive).is_data_only
 
 
 @pytest.mark.parametrize("name", ALL)

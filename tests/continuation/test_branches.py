@@ -272,7 +272,9 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     found = OrbitBranch("amplitude", special_points=list(special))
     walker = _OrbitContinuation(found, 0.1, 0.3, StepControl(), True)
     along = first.direction if listed else -first.direction
-    walker._rename(met, first.orbit.point, first.orbit.shooting, first.orbit.point, along)
+    walker._reclassify_coincident(
+        met, first.orbit.point, first.orbit.shooting, first.orbit.point, along
+    )
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
         ("fold", 0.16, fold.monitor)
     ]

@@ -37,7 +37,7 @@ def check_one(problem, start, periods, tolerance=1e-5, h=1e-5):
     free = [i for i in range(n) if i not in problem.automaton.cyclic]
     one = LyapunovIntegrator(problem, start, 1, chunk=periods)
     moved = carried(problem, start, periods, one._at.y[n:].copy(), h)[free]
-    one.go_on()
+    one.advance_exponents()
     assert one.grown[0][0] == pytest.approx(math.log(np.linalg.norm(moved)), abs=tolerance)
 
 
@@ -49,7 +49,7 @@ def check(problem, start, periods, tolerance=1e-5):
     every = LyapunovIntegrator(problem, start, len(free), chunk=periods)
     columns = every._at.y[n:].reshape(-1, n)[every._at.alive == 1]
     moved = [carried(problem, start, periods, column.copy())[free] for column in columns]
-    every.go_on()
+    every.advance_exponents()
     volume = 0.5 * math.log(np.linalg.det(np.array(moved) @ np.array(moved).T))
     assert every.grown[0][every._at.alive == 1].sum() == pytest.approx(volume, abs=tolerance)
 
@@ -175,7 +175,7 @@ def test_at_rest_nothing_is_left():
     problem = system.problem(FAST)
     start = system.instant(None, problem)
     stretching = LyapunovIntegrator(problem, start, 2, chunk=2)
-    stretching.go_on()
+    stretching.advance_exponents()
     assert stretching.result.per_period.tolist() == [-math.inf, -math.inf]
     assert stretching.result.errors.tolist() == [0.0, 0.0]
 
@@ -185,7 +185,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     system = lorenz()
     problem = system.problem(PLAIN)
     one = LyapunovIntegrator(problem, system.instant(None, problem), chunk=30)
-    one.go_on()
+    one.advance_exponents()
     assert one._at.y[:3].tolist() == one.final.y.tolist()
 
 

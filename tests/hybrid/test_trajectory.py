@@ -72,7 +72,7 @@ def test_what_is_an_impact(log):
 
 
 def test_what_begins_an_arc(log):
-    assert np.flatnonzero(log.begin_arcs).tolist() == [0, 1, 2, 6]
+    assert np.flatnonzero(log.starts_arc).tolist() == [0, 1, 2, 6]
 
 
 @pytest.mark.parametrize(("direction", "rows"), [(0, [4, 5]), (1, [4]), (-1, [5])])

@@ -71,7 +71,7 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Arc]:
     trajectory = run.trajectory
     period = trajectory.period
     begin = trajectory.start
-    for row in np.flatnonzero(log.begin_arcs).tolist():
+    for row in np.flatnonzero(log.starts_arc).tolist():
         cycle, time = int(log.cycle[row]), float(log.time[row])
         if cycle + time / period > first:
             start, length = begin, (cycle - begin.cycle) * period + (time - begin.time)
@@ -113,7 +113,7 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Arc]:
     for i, segment in enumerate(found.segments):
         start, end = float(found.point.starts[i]), float(found.point.ends[i])
         event = found.point.events[i]
-        y = orbit.system.tidied(segment.mode, states[i]) + gathered
+        y = orbit.system.snap_to_mode(segment.mode, states[i]) + gathered
         last = found.point.arcs[i].end
         after = last if event is None else event.after
         v2 = float(last[V2]), float(after[V2])
@@ -177,7 +177,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     drive, kinds = system.drive, tuple(term.kind for term in system.actuator.terms)
     automaton = accounted_automaton(
         kinds, drive.voltage, drive.voltage_rate, drive.left_voltage, drive.left_rate,
-        not system.told_by_numbers,
+        not system.is_data_only,
     )  # fmt: skip
     p = problem.parameters
     if not kinds:  # the paper's equations need no scratch, those with terms do

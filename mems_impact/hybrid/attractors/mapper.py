@@ -253,7 +253,7 @@ class AttractorMapper:
         self._loop = LoopMemory(problem, bound, SAMPLES, per_period=int(forced))
         clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
-        places, self._kept = bound.links(clock, observe, n, gains + marks)
+        places, self._kept = bound.kernel_addresses(clock, observe, n, gains + marks)
         self._work = bound.record(
             recurrence.WORK,
             {},
@@ -319,7 +319,7 @@ class AttractorMapper:
                     recurrence.map_points,
                     self._clock,
                     work,
-                    self._bound.quota,
+                    self._bound.steps_per_call,
                 )
             except FunctionError:  # told by who runs the point again
                 status = workspace.PAUSED

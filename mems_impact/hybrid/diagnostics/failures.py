@@ -139,7 +139,7 @@ def _by_array(
     try:
         function.call(*arguments[fault.role])
     except Exception as error:
-        return function.blamed(error)[0]
+        return function.explain_exception(error)[0]
     return None
 
 

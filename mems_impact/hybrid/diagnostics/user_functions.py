@@ -123,7 +123,7 @@ class UserFunction(NamedTuple):
         """Return the sentence about a result of it."""
         return FunctionError(self.role, problem, remedy, *place_of(self.call))
 
-    def blamed(self, error: BaseException) -> tuple[FunctionError, bool]:
+    def explain_exception(self, error: BaseException) -> tuple[FunctionError, bool]:
         """Return the sentence about what it raised, and whether it is wrong whatever the values."""
         problem, remedy, always = _told(error)
         place = innermost_user_line(error.__traceback__, self.call)
@@ -347,7 +347,7 @@ class CheckedFunctions:
                 function.call(at.mode, at.t, CheckedVector("y", at.y, fixed=True), self.p, *watched)
             except Exception as closer:
                 error = closer
-        found, always = function.blamed(error)
+        found, always = function.explain_exception(error)
         if always:
             return found
         problem = f"{found.problem} {self.place(at)}"

@@ -102,7 +102,7 @@ class LyapunovIntegrator:
         self.grown: list[Floats] = []
         self.lengths: list[float] = []
         self._run = own = create_engine(problem)
-        own.engine.learn(start.remembered)
+        own.engine.import_memory(start.remembered)
         self._memory = LoopMemory(
             problem,
             own,
@@ -116,8 +116,8 @@ class LyapunovIntegrator:
         )
         self._memory.put(start.y)
         clock = self._memory.clock
-        places, _ = own.links(clock, None, n, 0)
-        numbers = {"plain": own.stand_in, "advance": places.get("advance", 0)}
+        places, _ = own.kernel_addresses(clock, None, n, 0)
+        numbers = {"plain": own.handle_address, "advance": places.get("advance", 0)}
         self._work = own.record(STRETCHING, {}, numbers)
         self._bound = create_engine(
             Problem(
@@ -185,7 +185,9 @@ class LyapunovIntegrator:
         slope = np.abs(self._slopes()[0])
         return float(slope[self._setup.cyclic == 0].max(initial=0.0))
 
-    def go_on(self, count: int = 1, progress: Callable[[float], None] | None = None) -> None:
+    def advance_exponents(
+        self, count: int = 1, progress: Callable[[float], None] | None = None
+    ) -> None:
         """Run some chunks more.
 
         Raises
@@ -210,7 +212,7 @@ class LyapunovIntegrator:
                     self._setup,
                     lengths,
                     grown,
-                    self._bound.quota,
+                    self._bound.steps_per_call,
                 )
                 fall = self._memory.take_fall()
                 if fall is not None and self.problem.falls is not None:
@@ -228,7 +230,7 @@ class LyapunovIntegrator:
             float(clock["end_phase"]),
             int(clock["mode"]),
             self._memory.state,
-            self._run.engine.learnt(),
+            self._run.engine.export_memory(),
         )
 
     def turn(self, progress: Callable[[float], None] | None = None) -> None:
@@ -236,11 +238,11 @@ class LyapunovIntegrator:
 
         Another one if events have changed what was taken to be fixed.
         """
-        self.go_on(1, progress)
+        self.advance_exponents(1, progress)
         loose = self._at.changed == 1
         if (self._fixed & loose).any():
             self._begin(loose)
-            self.go_on(1, progress)
+            self.advance_exponents(1, progress)
         self.grown.clear()
         self.lengths.clear()
 
@@ -328,7 +330,7 @@ def largest(
     stretching.turn()
     count = FEWEST
     while True:
-        stretching.go_on(count)
+        stretching.advance_exponents(count)
         (exponent,), (error,), done = stretching.result
         told = abs(exponent) > max(sure * error, tolerance)
         if error <= tolerance or told or done + chunk > periods:

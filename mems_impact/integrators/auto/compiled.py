@@ -67,11 +67,11 @@ class Engine(CompiledEngine):
         """Arcs that BDF has begun so far."""
         return int(self.handle["begun"])
 
-    def learnt(self) -> tuple[int, ...]:
+    def export_memory(self) -> tuple[int, ...]:
         """Return what is remembered of each mode; see `choosing`."""
         return tuple(map(int, self._remembered.tolist()))
 
-    def learn(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, known: tuple[int, ...]) -> None:
         """Begin with what was remembered of each mode."""
         self._remembered[: len(known)] = known
 

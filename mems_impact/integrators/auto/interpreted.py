@@ -43,11 +43,11 @@ class Engine(Functions):
         """Arcs that BDF has begun so far."""
         return self.begun
 
-    def learnt(self) -> tuple[int, ...]:
+    def export_memory(self) -> tuple[int, ...]:
         """Return what is remembered of each mode; see `choosing`."""
         return tuple(map(int, self.rows[MEMORY][: self.modes]))
 
-    def learn(self, known: tuple[int, ...]) -> None:
+    def import_memory(self, known: tuple[int, ...]) -> None:
         """Begin with what was remembered of each mode."""
         self.rows[MEMORY][: len(known)] = known
 

@@ -126,7 +126,7 @@ def _compute(study: Study, kept: ChunkStore, crew: WorkerPool, progress: Progres
         ):
             Scheduler(study, kept, crew, notice, told).run()
     except KeyboardInterrupt:
-        kept.take_stock()
+        kept.scan_completed()
         raise StudyInterrupted(kept.table(), kept.done, study.points) from None
     except ExecutorLost as error:
         raise WorkersLost(str(error), kept.table(), kept.done, study.points) from None
@@ -155,16 +155,16 @@ class Scheduler:
         self.study, self.kept, self.crew, self.notice = study, kept, crew, notice
         self.told = told
         self.ready = deque(number for number in kept.missing if kept.is_ready(number))
-        self.suspects: deque[int] = deque()
+        self.quarantined: deque[int] = deque()
         self.trial: int | None = None  # the suspect that is under way, with nothing beside it
-        self.deaths: Counter[int] = Counter()
+        self.worker_deaths: Counter[int] = Counter()
         self.under_way: dict[Future[Result], int] = {}
         self.broken = ""  # why the executor is of no use any more
 
     def run(self) -> None:
         """Compute all parts."""
         try:
-            while self.ready or self.suspects or self.under_way:
+            while self.ready or self.quarantined or self.under_way:
                 self.give_out()
                 self.take(wait(self.under_way, TICK, FIRST_COMPLETED).done)
                 if self.broken:
@@ -179,9 +179,9 @@ class Scheduler:
     def give_out(self) -> None:
         """Give out parts, as many as keep all workers busy; a suspect by itself."""
         while not self.broken and self.trial is None:
-            if self.suspects and not self.under_way:
-                number = self.trial = self.suspects.popleft()
-            elif self.ready and not self.suspects and len(self.under_way) < self.crew.window:
+            if self.quarantined and not self.under_way:
+                number = self.trial = self.quarantined.popleft()
+            elif self.ready and not self.quarantined and len(self.under_way) < self.crew.window:
                 number = self.ready.popleft()
             else:
                 return
@@ -225,10 +225,10 @@ class Scheduler:
         """Try a part again whose worker may have died of it; give up one that has killed three."""
         alone = number == self.trial
         # Dask has tried such a part on several workers already, but with others beside it.
-        self.deaths[number] += DEATHS - 1 if killed_by_its_chunk(error) else 1
+        self.worker_deaths[number] += DEATHS - 1 if killed_by_its_chunk(error) else 1
         if isinstance(error, BrokenExecutor | CancelledError):
             self.broken = _one_line(error)
-        if alone and self.deaths[number] >= DEATHS:
+        if alone and self.worker_deaths[number] >= DEATHS:
             self.trial = None
             part, carried = self.kept.parts[number], self.kept.carried(number)
             reason = f"its chunk killed {DEATHS} workers ({_one_line(error)})"
@@ -239,8 +239,8 @@ class Scheduler:
     def again(self, number: int) -> None:
         """Let a part be given out again."""
         self.trial = None if number == self.trial else self.trial
-        if self.deaths[number] >= DEATHS - 1:
-            self.suspects.append(number)
+        if self.worker_deaths[number] >= DEATHS - 1:
+            self.quarantined.append(number)
         else:
             self.ready.appendleft(number)
 

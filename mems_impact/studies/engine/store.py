@@ -151,7 +151,7 @@ class ChunkStore(ABC):
         self.done += self.parts[number].points
         self.failed += failed
 
-    def take_stock(self) -> None:
+    def scan_completed(self) -> None:
         """Count what is kept and not counted: of an earlier run, or where Ctrl-C came between."""
         for number in self.missing:
             failed = self.failed_in(number)
@@ -416,7 +416,7 @@ class DirectoryStore(ChunkStore):
         _tell_of_versions(directory, manifest["versions"], made)
         if alone:
             _tidy(directory)
-        self.take_stock()
+        self.scan_completed()
 
     def keep(self, number: int, columns: Columns, carried: Any, failed: int) -> None:
         """Write the file of a part."""

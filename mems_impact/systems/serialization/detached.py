@@ -218,7 +218,7 @@ class DetachedSystem(System):
             time_scale=told["time_scale"],
             section=self.section,
             options=options,
-            refusal=self._refusal(),
+            unavailable_reason=self._refusal(),
         )
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
@@ -229,11 +229,11 @@ class DetachedSystem(System):
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 
-    def measure(self, observable: Observable, y: Floats, problem: Problem) -> float:
+    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 
-    def measure_event(
+    def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
         """Refuse."""

@@ -137,7 +137,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     if not isinstance(value, Result):
         raise InvalidFile(source, "holds no result", REMEDY)
     if tables and system is None:
-        value.take_over(tables)
+        value.attach_saved_tables(tables)
     return value
 
 
@@ -159,7 +159,7 @@ def register_storables() -> None:
 def _kept(value: Result) -> dict[str, Any]:
     """Return what could not be made again without the functions of the result's system."""
     system = getattr(value, "system", None)
-    if system is None or system.told_by_numbers:
+    if system is None or system.is_data_only:
         return {}
     found = {}
     for name in value.kept:
@@ -234,7 +234,7 @@ def identity(system: System) -> dict[str, Any]:
     }
     automaton = system.automaton
     functions = [automaton.flow, automaton.margins, automaton.transition]
-    functions += [each.function for each in system.studied]
+    functions += [each.function for each in system.study_observables]
     return {"system": node, "arrays": arrays, "functions": digest(*functions)}
 
 

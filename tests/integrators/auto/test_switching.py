@@ -233,7 +233,7 @@ def test_a_run_is_sampled_and_taken_up_with_what_was_learnt_before(case):
                      60 * late.cycle + np.rint(60 * late.time / setup.period))  # fmt: skip
     assert len(late.y) > 30
     assert np.array_equal(grid.y[inside][:-1], late.y[:-1])  # time at the end is rounded twice
-    begins = np.flatnonzero(whole.events.begin_arcs)
+    begins = np.flatnonzero(whole.events.starts_arc)
     i = begins[len(begins) // 2]
     event = whole.events[i : i + 1]
     known = whole.events[:i].remembered(())
