@@ -17,7 +17,6 @@ from typing import Any, NoReturn
 
 import click
 
-from mems_impact.cli.former import in_present_words
 from mems_impact.cli.output import finish
 from mems_impact.cli.runtime import (
     INTERRUPTED,
@@ -71,12 +70,6 @@ class _Commands(click.Group):
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
         return with_options(command)
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, command, in_present_words(name or "", rest)
 
     def make_context(self, *arguments: Any, **more: Any) -> click.Context:
         with past_click():  # help pages are written here

@@ -76,7 +76,7 @@ def test_one_quantity():
     assert mi.plot_sweep(silent_table(), quantity="v1").get_ylabel() == "$v_1$ at $x_2 = 0$"
     with pytest.raises(mi.InvalidParameter, match="one of v2, step, speed"):
         mi.plot_sweep(silent_table(), quantity="x1")
-    # A table of an earlier version has neither step nor speed.
+    # This table has neither step nor speed.
     with pytest.raises(mi.InvalidParameter, match="one of v2, v1, impacts per period"):
         mi.plot_sweep(made_table(), quantity="speed")
 

@@ -338,6 +338,7 @@ def rewritten(path, change):
 
 DAMAGES = {
     "newer": (lambda header: header.update(format=99), "is of format 99 .* update mems_impact"),
+    "older": (lambda header: header.update(format=1), "is of format 1 .* save the result again"),
     "no format": (lambda header: header.pop("format"), "holds no result"),
     "no tables": (lambda header: header.pop("tables"), "holds no result"),
     "unknown kind": (lambda header: header["result"].update({"is": "os.system"}), "not known here"),

@@ -46,7 +46,7 @@ from mems_impact.studies.engine.study import (
     plain,
 )
 from mems_impact.systems.result import SummaryRepr
-from mems_impact.systems.serialization.file import versions
+from mems_impact.systems.serialization.file import check_format, versions
 
 __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study"]
 
@@ -357,7 +357,8 @@ def damaged(path: Path, error: Exception | None = None) -> InvalidFile:
 # --- A study in a directory: what it is in ``study.json``, its chunks as Parquet files beside
 # that.
 
-FORMAT = 1
+# Raised by every change of what is written; no other format is read.
+FORMAT = 2
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
 ANOTHER = "give another directory for this one"
 LONGEST = 2000  # characters of what each chunk says of the identity, by name
@@ -454,7 +455,7 @@ def manifest_of(directory: Path) -> dict[str, Any]:
     Raises
     ------
     InvalidFile
-        If there is none, or it is of a newer format.
+        If there is none, or it is of another format.
     """
     path = directory / MANIFEST
     remedy = "give the directory that was a study's store"
@@ -466,9 +467,7 @@ def manifest_of(directory: Path) -> dict[str, Any]:
         raise InvalidFile(directory, f"holds no study ({MANIFEST}: {reason})", remedy) from None
     except (ValueError, TypeError, LookupError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
-    if number > FORMAT:
-        reason = f"is of format {number} (mems_impact {made}); this version reads up to {FORMAT}"
-        raise InvalidFile(directory, reason, "update mems_impact")
+    check_format(directory, number, FORMAT, made, "run the study again in a new directory")
     manifest: dict[str, Any] = found
     return manifest
 

@@ -26,6 +26,7 @@ from mems_impact.systems.system import System
 
 __all__ = [
     "FORMAT",
+    "check_format",
     "identity",
     "identity_of_options",
     "identity_of_state",
@@ -36,9 +37,8 @@ __all__ = [
 
 # --- The file of a result: a zip file of ``header.json`` and one ``.npy`` an array.
 
-# 1: instants without what an engine remembers, trajectories without `implicit_arcs`
-# 2: what was kept of an orbit's states in one array, in the units of the numerics
-FORMAT = 3
+# Raised by every change of what is written; no other format is read.
+FORMAT = 4
 HEADER = "header.json"
 ARRAY = ".npy"
 REMEDY = "give a file that a result's save(path) wrote"
@@ -89,7 +89,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     Raises
     ------
     InvalidFile
-        If the file cannot be read, is none that was saved, is damaged, or of a newer format.
+        If the file cannot be read, is none that was saved, is damaged, or of another format.
     InvalidParameter
         If `system` is not that of the file.
 
@@ -119,8 +119,6 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     try:
         value = reader.value(header["result"])
         tables = {name: reader.value(node) for name, node in header["tables"].items()}
-        if header["format"] < FORMAT:
-            tables.pop("shown_states", None)
     except InvalidParameter as error:
         if error.field == "system":
             raise
@@ -204,10 +202,26 @@ def _check_header(source: str, header: Any) -> None:
     number = header.get("format") if isinstance(header, dict) else None
     if not isinstance(number, int) or not {"result", "tables"} <= header.keys():
         raise InvalidFile(source, "holds no result", REMEDY)
-    if number > FORMAT:
-        made = header.get("versions", {}).get("mems_impact", "a later version")
-        reason = f"is of format {number} (mems_impact {made}); this version reads up to {FORMAT}"
-        raise InvalidFile(source, reason, "update mems_impact")
+    made = header.get("versions", {}).get("mems_impact", "of an unknown version")
+    check_format(source, number, FORMAT, made, "save the result again with this version")
+
+
+def check_format(path: str | PathLike[str], number: int, read: int, made: str, again: str) -> None:
+    """Refuse what another version wrote in a format that this one does not read.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+    number, read : int
+        The format that the file is of, and the one that is read.
+    made : str
+        The version of mems_impact that wrote it.
+    again : str
+        What to do if its format is older.
+    """
+    if number != read:
+        reason = f"is of format {number} (mems_impact {made}); this version reads format {read}"
+        raise InvalidFile(path, reason, "update mems_impact" if number > read else again)
 
 
 def _check_path(path: Any) -> None:

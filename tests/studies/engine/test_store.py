@@ -195,12 +195,18 @@ def test_what_is_no_study_cannot_be_read(tmp_path, content):
         mi.read_study(tmp_path)
 
 
-def test_a_newer_format_is_refused(store):
+@pytest.mark.parametrize(
+    ("number", "remedy"),
+    [(99, "update mems_impact"), (1, "run the study again in a new directory")],
+)
+def test_another_format_is_refused(store, number, remedy):
     run_study(STUDY, store=store)
     manifest = json.loads((store / "study.json").read_text())
-    (store / "study.json").write_text(json.dumps({**manifest, "format": 99}))
-    with pytest.raises(mi.InvalidFile, match=r"is of format 99 .*; update mems_impact"):
+    (store / "study.json").write_text(json.dumps({**manifest, "format": number}))
+    with pytest.raises(mi.InvalidFile, match=rf"is of format {number} .*; {remedy}"):
         run_study(STUDY, store=store)
+    with pytest.raises(mi.InvalidFile, match=rf"is of format {number} .*; {remedy}"):
+        mi.read_study(store)
 
 
 def test_a_full_disk_leaves_the_chunks_before(store):
