@@ -12,7 +12,8 @@ from mems_impact.actuator.drives import WAVEFORMS
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(DOCS.glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "validation" / "README.md"]
+PAGES += sorted(DOCS.glob("*.md"))
 PAGES += [*sorted((DOCS / "terms").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
 
 FENCE = re.compile(r"^ *```(\w*|\{\w+\})\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
@@ -89,6 +90,15 @@ def test_the_map_of_the_house_names_what_is_there():
     assert [path for path in sorted(paths) if not (ROOT / path).exists()] == []
     for name, path in re.findall(r"`([A-Z_]+)` of `([^`]+)`", page):
         assert re.search(rf"^ *{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_the_page_of_validation_says_how_to_run_each_folder():
+    page = (ROOT / "validation" / "README.md").read_text(encoding="utf-8")
+    folders = {path.parent.name for path in (ROOT / "validation").glob("*/__init__.py")}
+    assert set(re.findall(r"^\| `(\w+)/`", page, re.MULTILINE)) == folders
+    for module in set(re.findall(r"`python -m ([\w.]+)", page)):
+        path = ROOT / module.replace(".", "/")
+        assert (path / "__main__.py").exists() or path.with_suffix(".py").exists(), module
 
 
 def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):

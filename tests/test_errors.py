@@ -22,7 +22,7 @@ from mems_impact.errors import (
     SweepInterrupted,
     WorkersLost,
 )
-from mems_impact.paper.suite import SuiteInterrupted
+from validation.paper.suite import SuiteInterrupted
 
 RUN_ERROR = RunError(
     reason="too many events",

@@ -52,7 +52,6 @@ COMMANDS = (
     "simulate",
     "sweep",
     "terms",
-    "validate",
 )
 
 

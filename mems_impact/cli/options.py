@@ -306,19 +306,14 @@ guess_options = apply_decorators(
 )
 
 
-def directory_options(default: str, text: str) -> Decorator:
-    """Return the option of the directory that a command writes to."""
-    return click.option(
-        "--output",
-        type=click.Path(),
-        default=default,
-        show_default=True,
-        metavar="DIR",
-        help=f"{text}; created if need be.",
-    )
-
-
-directory_option = directory_options("out", "Where tables and figure go")
+directory_option = click.option(
+    "--output",
+    type=click.Path(),
+    default="out",
+    show_default=True,
+    metavar="DIR",
+    help="Where tables and figure go; created if need be.",
+)
 
 
 def _wanted(_ctx: click.Context, _parameter: click.Parameter, asked: bool | None) -> bool:

@@ -196,7 +196,6 @@ def _plain(value: Any) -> Any:
 # --- Where results go: a directory of tables and a figure, checked before the work begins.
 
 FIGURES = (".png", ".pdf", ".svg")
-MOST_NAMED = 10
 REMEDY = "give another place with --output or --figure"
 
 
@@ -302,8 +301,6 @@ class Output:
         """Return what was written, as a sentence."""
         if not self.written:
             return "nothing was written"
-        if len(self.written) > MOST_NAMED:
-            return f"written: {len(self.written)} files in {self.directory}"
         return f"written: {', '.join(map(str, self.written))}"
 
     def _make(self, directory: Path) -> None:

@@ -1,6 +1,7 @@
 """How commands end early: what stands on the disk then, what is said, and the exit status."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -116,13 +117,15 @@ def test_a_full_disk_leaves_the_tables_of_the_run_before(tmp_path):
 
 def test_an_interrupt_before_anything_leaves_no_folder(tmp_path):
     directory = tmp_path / "new" / "out"
-    command = started("validate", "--quick", "--output", str(directory))
+    arguments = ["--start", "0.46", "--stop", "0.47", "--periods", "1000000", "--no-progress"]
+    command = started("chart", "zhao2004", *arguments, "--output", str(directory))
     while not directory.exists():
         time.sleep(0.01)
     time.sleep(0.3)
     seconds, errors = stopped(command, signal.SIGINT)
     assert command.returncode == 130
-    assert errors.strip() == ("mems-impact: interrupted after 0 of 6 figures; nothing was written")
+    after = r"( after 0 of \w+ boundaries)?"  # none where it still imports what it needs
+    assert re.fullmatch(f"mems-impact: interrupted{after}; nothing was written\n", errors)
     assert names(tmp_path) == []
     assert seconds < 5.0
 
@@ -148,22 +151,6 @@ def read_until(stream, words):
         assert more, f"the process ended after saying {said!r}"
         said += more
     return said
-
-
-@pytest.mark.slow
-def test_validate_stops_at_once_and_keeps_what_is_done(tmp_path):
-    arguments = ["3", "7", "--quick", "--progress"]
-    command = started("validate", *arguments, "--output", str(tmp_path))
-    read_until(command.stderr, "figure 3 done")
-    seconds, errors = stopped(command, signal.SIGINT)
-    assert command.returncode == 130
-    assert seconds < 5.0  # a second on a machine that does nothing else; figure 7 takes thirty
-    line = errors.splitlines()[-1]
-    assert line.startswith("mems-impact: interrupted after 1 of 2 figures; written: ")
-    assert {"figure3.png", "report.md", "verdicts.csv"} < set(names(tmp_path))
-    assert not any("figure7" in name for name in names(tmp_path))
-    assert "3.displacement" in (tmp_path / "report.md").read_text()
-    assert "leaked" not in errors
 
 
 @pytest.mark.slow

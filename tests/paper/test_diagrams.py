@@ -3,8 +3,7 @@
 import pandas as pd
 
 import mems_impact as mi
-from mems_impact.paper.automaton import plot_automaton
-from mems_impact.paper.displacement import MEASURED, plot_displacement
+from validation.paper.diagrams import MEASURED, plot_automaton, plot_displacement
 
 
 def test_automaton(tmp_path):

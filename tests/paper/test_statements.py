@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from mems_impact.paper.statements import Statement, Verdict, judge, load_statements
-from mems_impact.paper.suite import FIGURES
+from validation.paper.figures import FIGURES
+from validation.paper.statements import Statement, Verdict, judge, load_statements
 
 STATEMENTS = load_statements()
 

@@ -1,17 +1,16 @@
 """The suite on its quickest figures: files, verdicts that change with the device, diagram."""
 
 import csv
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.paper.figure2 import transitions
-from mems_impact.paper.outcome import Devices, Effort
-from mems_impact.paper.suite import changed_verdicts, expected_verdicts, run_suite
+from validation.paper.figures import Devices, Effort
+from validation.paper.statements import load_statements
+from validation.paper.suite import changed_verdicts, expected_verdicts, run_suite
+from validation.paper.transitions import transitions
 
 pytestmark = pytest.mark.slow
 
@@ -64,8 +63,6 @@ def test_a_perturbed_paper_set_changes_verdicts():
 
 
 def test_expected_verdicts_cover_all_statements():
-    from mems_impact.paper.statements import load_statements
-
     assert set(expected_verdicts(EXPECTED)) == {s.id for s in load_statements()}
 
 
@@ -105,12 +102,3 @@ def mi_modes():
     from mems_impact.actuator.automaton import MODES
 
     return MODES
-
-
-def test_a_script_for_every_figure(tmp_path):
-    for number in range(2, 8):
-        assert (ROOT / "validation" / f"figure{number}.py").exists()
-    script = [sys.executable, "validation/figure3.py", "--quick", "--output", str(tmp_path)]
-    done = subprocess.run(script, cwd=ROOT, capture_output=True, text=True, check=True)
-    assert "2 statements: 2 agrees" in done.stdout
-    assert (tmp_path / "figure3.png").exists()

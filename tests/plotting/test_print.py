@@ -8,9 +8,6 @@ import pytest
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.paper import figure2, tables
-from mems_impact.paper.automaton import plot_automaton
-from mems_impact.paper.displacement import plot_displacement
 from mems_impact.studies.sampling import Axis, Grid
 from tests.actuator.figures.test_chart import chart
 from tests.plotting.reading import flaws
@@ -21,6 +18,8 @@ from tests.plotting.test_map import made_table as made_map
 from tests.plotting.test_sensitivity import MITA, ZHAO
 from tests.plotting.test_sensitivity import made as made_sensitivity
 from tests.plotting.test_tolerance_analysis import made as made_scatter
+from validation.paper import figures
+from validation.paper.diagrams import plot_automaton, plot_displacement
 
 COLUMN, PAGE = (3.4, 2.4), (7.0, 4.2)
 DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
@@ -92,12 +91,12 @@ def displacement():
     device = mi.load_actuator("mita2003")
     run = mi.simulate(device, mi.Sine(amplitude=100.0, omega=2.0 * np.pi), 3)
     rows = [(f, v, 1e-10 * v * f**0.1, 1.0) for f in (0.1, 1.0, 10.0) for v in (38.0, 90.0, 150.0)]
-    return plot_displacement(tables.displacement(rows), run, 36.6)[0]
+    table = pd.DataFrame(rows, columns=figures.DISPLACEMENT_COLUMNS)
+    return plot_displacement(table, run, 36.6)[0]
 
 
 def automaton():
-    found = figure2.compute(SimpleNamespace(paper=mi.load_actuator("zhao2004")),
-                            SimpleNamespace(of=lambda full, quick: quick))  # fmt: skip
+    found = figures.figure2(figures.Devices(), figures.Effort(quick=True))
     return plot_automaton(found.tables["transitions"])
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from enum import StrEnum
-from importlib.resources import files
+from pathlib import Path
 from typing import Any, Literal
 
 __all__ = ["Judgement", "Statement", "Verdict", "judge", "load_statements"]
@@ -116,6 +116,6 @@ def judge(statement: Statement, computed: Value | None) -> Judgement:
 
 def load_statements() -> tuple[Statement, ...]:
     """Return all statements, in the order of the figures."""
-    raw = (files("mems_impact.paper") / "statements.toml").read_text("utf-8")
+    raw = Path(__file__).with_name("statements.toml").read_text("utf-8")
     entries: list[Mapping[str, Any]] = tomllib.loads(raw)["statement"]
     return tuple(Statement(**entry) for entry in entries)

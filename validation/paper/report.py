@@ -6,7 +6,7 @@ import html
 import math
 from collections.abc import Mapping, Sequence
 
-from mems_impact.paper.statements import Judgement, Value, Verdict
+from validation.paper.statements import Judgement, Value, Verdict
 
 __all__ = ["summary", "to_html", "to_markdown"]
 
@@ -30,7 +30,7 @@ HEADINGS = (
 )
 INTRODUCTION = (
     "What the paper states, beside what this package computes. The statements and the rules by "
-    "which they are judged stand in mems_impact/paper/statements.toml and were written before "
+    "which they are judged stand in validation/paper/statements.toml and were written before "
     "the runs (7.boundaries was revised after one, as it says there); nothing is tuned, and a "
     "difference is shown as one."
 )

@@ -1,8 +1,8 @@
-"""Fig. 2: the automaton as a diagram, drawn from the code's own transitions.
+"""The transitions of the actuator's automaton, found by letting its guards fire (Fig. 2).
 
 Nothing here knows the rules. Every mode is put into very many states in which it may be, under
 several voltages and devices; every guard that watches it is let fire on its boundary; where the
-transition leads is what the diagram shows.
+transition leads is counted.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from mems_impact.actuator.automaton import (
     MODES,
     RELEASE,
     RIGHT_IMPACT,
-    SLIP_END,
     STATES,
     V1,
     V2,
@@ -28,50 +27,16 @@ from mems_impact.actuator.automaton import (
     side_of,
 )
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.impacts import is_impact
 from mems_impact.actuator.parameters import Actuator
-from mems_impact.analysis.simulate import simulate
 from mems_impact.hybrid.automaton import Automaton
-from mems_impact.paper import tables
-from mems_impact.paper.automaton import plot_automaton
-from mems_impact.paper.outcome import Devices, Effort, Outcome
 
-__all__ = ["compute", "transitions"]
+__all__ = ["Transition", "code_name", "transitions"]
 
 BISECTIONS = 60
-Step = tuple[int, int, int]  # mode, code, mode
+Transition = tuple[int, int, int]  # mode, code, mode
 
 
-def compute(devices: Devices, effort: Effort) -> Outcome:
-    """Return the diagram, and what the paper says of impact and phases."""
-    found = transitions(devices.paper, effort.of(40_000, 6_000))
-    steps = set(found)
-    free = {mode for mode in range(len(MODES)) if side_of(mode) == 0}
-    stuck, sliding = MODES.index("stuck-free"), MODES.index("forward-free")
-    momentum, restitution = _impact_errors(devices.paper)
-    log = tables.transitions(
-        [(MODES[a], _name(code), MODES[b], count) for (a, code, b), count in sorted(found.items())]
-    )
-    reached = {b for _, _, b in steps} & free
-    return Outcome(
-        values={
-            "2.phases": {stuck, sliding} <= reached,
-            "2.impact-moves": (stuck, RIGHT_IMPACT, sliding) in steps,
-            "2.slip-ends": (sliding, SLIP_END, stuck) in steps,
-            "2.momentum": momentum,
-            "2.restitution": restitution,
-        },
-        tables={"transitions": log},
-        draw=lambda: plot_automaton(log).figure,
-        notes=(
-            f"{len(steps)} transitions between {len(MODES)} modes were found by letting guards "
-            "fire in random states. The flow chart of the paper has the middle column alone: it "
-            "leaves out rest on a stopper.",
-        ),
-    )
-
-
-def transitions(actuator: Actuator, samples: int) -> Counter[Step]:
+def transitions(actuator: Actuator, samples: int) -> Counter[Transition]:
     """Return how often each (mode, code, mode) was seen.
 
     Parameters
@@ -85,7 +50,7 @@ def transitions(actuator: Actuator, samples: int) -> Counter[Step]:
     automaton = actuator_automaton(Sine.voltage, Sine.voltage_rate)
     weak = actuator.replace(mu_s=actuator.mu_s / 200.0, mu_d=actuator.mu_d / 200.0)
     generator = np.random.default_rng(0)
-    seen: Counter[Step] = Counter()
+    seen: Counter[Transition] = Counter()
     for device in (actuator, weak):
         for _ in range(samples):
             seen.update(_trial(automaton, device, generator))
@@ -94,7 +59,7 @@ def transitions(actuator: Actuator, samples: int) -> Counter[Step]:
 
 def _trial(
     automaton: Automaton, device: Actuator, generator: np.random.Generator
-) -> Iterator[Step]:
+) -> Iterator[Transition]:
     """Put one mode into a random state on one of its guards and let that fire."""
     m = len(GUARDS)
     q = Sine(amplitude=float(generator.uniform(0.05, 1.6) ** 2), omega=1.0).parameters()
@@ -131,7 +96,9 @@ def _trial(
             yield mode, m + guard, int(automaton.transition(mode, m + guard, t, y, p))
 
 
-def _by_time(automaton: Automaton, mode: int, guard: int, y: Floats, p: Floats) -> Iterator[Step]:
+def _by_time(
+    automaton: Automaton, mode: int, guard: int, y: Floats, p: Floats
+) -> Iterator[Transition]:
     """Let time go until the guard fires, the state held."""
     m = len(GUARDS)
     g, r = np.empty(m), np.empty(m)
@@ -173,26 +140,9 @@ def _random(mode: int, device: Actuator, generator: np.random.Generator) -> Floa
     return y
 
 
-def _name(code: int) -> str:
+def code_name(code: int) -> str:
+    """Return the name of the event with that code."""
     m = len(GUARDS)
     if code < m:
         return GUARDS[code].name
     return f"chatter ends {'right' if code == m + RIGHT_IMPACT else 'left'}"
-
-
-def _impact_errors(actuator: Actuator) -> tuple[float, float]:
-    """Return the largest relative errors of Equations (5) and (6) over the impacts of a run."""
-    run = simulate(actuator, Sine(amplitude=0.24, omega=0.45), 300)
-    log = run.trajectory.events
-    hits = log[is_impact(log)]
-    if len(hits) == 0:
-        return np.nan, np.nan
-
-    def momentum(y: Floats) -> Floats:
-        total: Floats = (actuator.m1 + actuator.m2) * y[:, V1] + actuator.m2 * y[:, V2]
-        return total
-
-    change = np.abs(momentum(hits.after) - momentum(hits.before))
-    size = actuator.m2 * np.abs(hits.before[:, V2])
-    rebound = -hits.after[:, V2] / hits.before[:, V2]
-    return float((change / size).max()), float(np.abs(rebound / actuator.e - 1.0).max())

@@ -9,21 +9,18 @@ import multiprocessing
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
 from mems_impact._util.files import replacing, unwritable
 from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter
-from mems_impact.paper.outcome import Devices, Effort, Outcome
-from mems_impact.paper.report import summary, to_html, to_markdown
-from mems_impact.paper.statements import Judgement, Value, judge, load_statements
 from mems_impact.plotting.style import wearing
 from mems_impact.studies.engine.executors import ctrl_c_for_us_alone
+from validation.paper.figures import FIGURES, Devices, Effort
+from validation.paper.report import summary, to_html, to_markdown
+from validation.paper.statements import Judgement, Value, judge, load_statements
 
-__all__ = ["FIGURES", "SuiteInterrupted", "changed_verdicts", "expected_verdicts", "run_suite"]
-
-FIGURES = (2, 3, 4, 5, 6, 7)
+__all__ = ["Report", "SuiteInterrupted", "changed_verdicts", "expected_verdicts", "run_suite"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +75,7 @@ class SuiteInterrupted(Interrupted):
 
 
 def run_suite(
-    figures: Sequence[int] = FIGURES,
+    figures: Sequence[int] = tuple(FIGURES),
     *,
     output: str | Path | None = None,
     effort: Effort = Effort(),  # noqa: B008 - immutable
@@ -204,7 +201,7 @@ def _computed(
 
 def _figure(number: int, devices: Devices, effort: Effort, drawn: bool) -> _Done:
     """Compute one figure, and draw it if that is wanted."""
-    outcome: Outcome = import_module(f"mems_impact.paper.figure{number}").compute(devices, effort)
+    outcome = FIGURES[number](devices, effort)
     files: dict[str, bytes] = {}
     if not drawn:
         return _Done(outcome.values, outcome.notes, files)

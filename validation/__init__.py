@@ -1,0 +1,1 @@
+"""What shows that the package is right: the paper, benchmarks, the campaign, judges, mutation."""
