@@ -13,8 +13,10 @@ from mems_impact.actuator.drives import WAVEFORMS
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "validation" / "README.md"]
-PAGES += sorted(DOCS.glob("*.md"))
-PAGES += [*sorted((DOCS / "terms").glob("*.md")), *sorted((DOCS / "howto").glob("*.md"))]
+PAGES += [ROOT / "validation" / "benchmarks" / "README.md", *sorted(DOCS.glob("*.md"))]
+PAGES += [
+    page for room in ("terms", "howto", "methods") for page in sorted((DOCS / room).glob("*.md"))
+]
 
 FENCE = re.compile(r"^ *```(\w*|\{\w+\})\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 ELSEWHERE = re.compile(r"\]\((https?:[^)\s]+)\)")
@@ -99,6 +101,16 @@ def test_the_page_of_validation_says_how_to_run_each_folder():
     for module in set(re.findall(r"`python -m ([\w.]+)", page)):
         path = ROOT / module.replace(".", "/")
         assert (path / "__main__.py").exists() or path.with_suffix(".py").exists(), module
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_pages_name_files_that_are_there(page):
+    text = page.read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w.-]+/[\w./-]*?)`", text))
+    named = {path for path in named if path.endswith((".py", ".pyi")) and path.islower()}
+    roots = (ROOT, ROOT / "mems_impact", page.parent)
+    missing = [path for path in named if not any((root / path).exists() for root in roots)]
+    assert missing == []
 
 
 def test_pages_show_the_pictures_that_their_blocks_write(tmp_path, monkeypatch):
