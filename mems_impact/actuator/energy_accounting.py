@@ -1,7 +1,7 @@
 """Works and losses as additional states.
 
-The flow is that of `composed`; nothing but the sums is added to it, so that they are as exact as
-the motion.
+The flow is that of `extended_automaton`; nothing but the sums is added to it, so that they are as
+exact as the motion.
 """
 
 from __future__ import annotations
@@ -117,7 +117,8 @@ def summing_automaton(
 ) -> Automaton:
     """Return the automaton of an actuator that sums up works and losses along its arcs.
 
-    Its states are those of the actuator, and a sum for each of `SUMMED` and of `Accounts.lost`.
+    Its states are those of the actuator, and a sum for each of `SUMMED` and of
+    `EnergyAccounts.lost`.
 
     Parameters
     ----------

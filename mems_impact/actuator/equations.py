@@ -32,7 +32,7 @@ M1, M2, K, C, D, DELTA, E, MU_S, MU_D, ALPHA, G, DRIVE = range(12)
 # contact_force_rate  its time derivative
 # frame_speed_after, block_speed_after   restitution, Equations (5) and (6)
 #
-# The same as functions that terms may put others in place of (see `terms.base`):
+# The same as functions that terms may put others in place of (see `actuator.terms.base`):
 #
 # capacitance, capacitance_slope   2 alpha/(d - x), x towards the electrode, and its derivative
 # mu_d, restitution, no_adhesion, no_slopes   of the paper: constants, and none

@@ -62,9 +62,9 @@ class ArrayLayout:
     Attributes
     ----------
     states : tuple of str
-    terms : tuple of Places
+    terms : tuple of ParameterIndices
         Of each term, without electrodes.
-    electrodes : tuple of tuple of Places
+    electrodes : tuple of tuple of ParameterIndices
         Of each term at each electrode.
     scratch, drive : int
         Where scratch arrays and the numbers of the drive begin in ``p``.
@@ -108,8 +108,8 @@ class Model:
 
     Attributes
     ----------
-    layout : Arrangement
-    contributions : tuple of Contribution
+    layout : ArrayLayout
+    contributions : tuple of TermContribution
         In the order of the terms.
     electrodes : tuple of Electrode
         The right one, and the left one where there is one.

@@ -174,7 +174,7 @@ def blows(run: ActuatorRun) -> BlowStatistics:
 
     Returns
     -------
-    Blows
+    BlowStatistics
 
     See Also
     --------
@@ -315,7 +315,7 @@ class BlowTable:
 
 
 def each_blow(events: Events, actuator: Actuator) -> BlowTable:
-    """Return the blows among events, in which `Rests` has told the ends of contacts."""
+    """Return the blows among events, in which `RestDetector` has marked the ends of contacts."""
     log, steps = contacts(events)
     first, _ = blow_of(log)
     begins = first == np.arange(len(log))

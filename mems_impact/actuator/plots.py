@@ -89,7 +89,7 @@ def plot_chart(chart: Charted, ax: Any = None) -> Any:
 
     Parameters
     ----------
-    chart : Chart
+    chart : OperatingChart
     ax : matplotlib Axes, optional
         Where to draw; a new figure by default.
 

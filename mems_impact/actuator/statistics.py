@@ -168,7 +168,7 @@ class Statistics:
         impacts; 0 if it rested on a stopper.
     chatter_sequences : int
         Sequences of impacts that ended in rest on a stopper. Rest on one that yields is a contact
-        that lasts longer than bounces do (see `Rests`), and counts when it ends.
+        that lasts longer than bounces do (see `RestDetector`), and counts when it ends.
     energy_lost_per_period : float
         In impacts, chatter included, and in contacts with stoppers that yield.
     """
@@ -203,9 +203,9 @@ class Accumulator:
     ----------
     actuator : Actuator
         In the units of the numerics.
-    start : Instant
+    start : HybridState
         Where the run begins.
-    window : Span
+    window : TimeWindow
     """
 
     def __init__(self, actuator: Actuator, start: HybridState, window: TimeWindow) -> None:
@@ -238,7 +238,7 @@ class Accumulator:
 
         Parameters
         ----------
-        final : Instant
+        final : HybridState
         borders : sequence of two float array
             The state where the window begins and ends.
         """

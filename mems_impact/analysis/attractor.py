@@ -168,7 +168,7 @@ class Attractor:
         for, -inf where events leave nothing of perturbations.
     status : str
         "ok", or why there is none.
-    instant : Instant
+    instant : HybridState
         `final` in the units of the numerics.
     """
 
@@ -197,7 +197,7 @@ def map_attractors(
 
     Parameters
     ----------
-    cases : sequence of Case
+    cases : sequence of InitialCondition
     settle : RecurrenceOptions, optional
     options : Options, optional
     watch : callable, optional

@@ -204,7 +204,7 @@ def continue_orbit(
         Value towards which the branch sets out, and at which it ends.
     back : float, optional
         A branch that turns round ends here at the latest; where it began by default.
-    steps : Steps, optional
+    steps : StepControl, optional
         Lengths of the steps, and their largest number.
     through_grazing : bool, optional
         Whether to go on with the orbit that has one impact more, or less, where one is grazed. If
@@ -743,7 +743,7 @@ def continue_equilibrium(
         Value towards which the branch sets out, and at which it ends.
     back : float, optional
         A branch that turns round ends here at the latest; where it began by default.
-    steps : Steps, optional
+    steps : StepControl, optional
         Lengths of the steps, and their largest number.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with every value.

@@ -33,7 +33,7 @@ class Equilibrium(Result):
     ----------
     system : System
         At the parameters of the equilibrium.
-    found : StationaryState
+    found : EquilibriumState
         The equilibrium as arrays.
 
     See Also

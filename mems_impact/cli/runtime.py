@@ -106,7 +106,7 @@ class ClickBypass(Exception):
 
 @contextlib.contextmanager
 def past_click() -> Iterator[None]:
-    """Turn what click would answer itself into `PastClick`."""
+    """Turn what click would answer itself into `ClickBypass`."""
     try:
         yield
     except (KeyboardInterrupt, OSError) as error:

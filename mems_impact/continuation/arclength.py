@@ -72,7 +72,7 @@ def tangent(point: Linearised, along: Floats | None = None) -> Floats:
 
     Parameters
     ----------
-    point : Point or Balance
+    point : ShootingEvaluation or EquilibriumEvaluation
         With one active parameter.
     along : float array, optional
         The direction in which to look; without it, the parameter grows.
@@ -90,7 +90,7 @@ def correct(
 
     Parameters
     ----------
-    equations : Shooting or Balancing
+    equations : Shooting or EquilibriumEquations
         With one active parameter.
     plane, direction : float array, shape (unknowns + 1,)
     guess : float array, optional
@@ -124,7 +124,7 @@ class PredictorStep(Generic[P]):
     correct : callable
         ``correct(plane, along, guess)`` returns the `Solution` in the plane through `plane` across
         `along`.
-    point : Point or Balance
+    point : ShootingEvaluation or EquilibriumEvaluation
         Where the step begins.
     along : float array
         The unit tangent there.
@@ -228,7 +228,7 @@ class ClosureDetector:
     Parameters
     ----------
     shooting : Shooting
-    point : Point
+    point : ShootingEvaluation
         The first orbit.
     along : float array
         The direction in which the branch sets out.

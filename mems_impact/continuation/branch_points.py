@@ -43,7 +43,7 @@ class BranchPoints(Generic[P]):
 
     Parameters
     ----------
-    equations : Shooting or Balancing
+    equations : Shooting or EquilibriumEquations
         With one active parameter.
     """
 
@@ -58,7 +58,7 @@ class BranchPoints(Generic[P]):
 
         Parameters
         ----------
-        step : Step
+        step : PredictorStep
         length : float
         first, last : float
             `regularity` at its ends, of opposite signs.

@@ -124,7 +124,7 @@ def switch_at_hopf(equilibrium: EquilibriumState, parameter: str) -> tuple[Perio
 
     Parameters
     ----------
-    equilibrium : StationaryState
+    equilibrium : EquilibriumState
         At a Hopf point.
     parameter : str
 

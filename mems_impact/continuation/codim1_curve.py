@@ -131,7 +131,7 @@ def follow_curve(
         Bounds of the second parameter.
     direction : float
         Sign of the first step in the second parameter.
-    steps : Steps, optional
+    steps : StepControl, optional
     progress : callable, optional
         Called with every value of the second parameter.
 

@@ -58,7 +58,7 @@ class EquilibriumEvent:
         The guard that it meets, if it meets one.
     value : float
         Of the parameter.
-    equilibrium : StationaryState
+    equilibrium : EquilibriumState
     """
 
     kind: str
@@ -79,7 +79,7 @@ class Equilibria:
     Attributes
     ----------
     parameter : str
-    points : list of StationaryState
+    points : list of EquilibriumState
     special_points : list of EquilibriumEvent
     ended : str
         Why the branch ends.
@@ -105,7 +105,7 @@ def follow_equilibrium(
 
     Parameters
     ----------
-    equilibrium : StationaryState
+    equilibrium : EquilibriumState
         An isolated one.
     parameter : str
         A parameter of its family.
@@ -113,7 +113,7 @@ def follow_equilibrium(
         Bounds of the parameter.
     direction : float
         Sign of the first step in the parameter.
-    steps : Steps
+    steps : StepControl
     progress : callable, optional
         Called with every value of the parameter.
 

@@ -7,7 +7,7 @@ margin, xi_k = grad h . M^k kick, M being the monodromy matrix of the orbit with
 the grazing (Nordmark 1991).
 
 At a grazing, and where an event moves past another one, the other signature follows from the orbit
-(`reconnect`). Elsewhere a run from a little beyond shows it (`neighbour`).
+(`change_signature`). Elsewhere a run from a little beyond shows it (`neighbour`).
 """
 
 from __future__ import annotations
@@ -219,7 +219,7 @@ def change_signature(
     ----------
     orbit : PeriodicOrbit
         Located at a zero of `monitor`.
-    monitor : Monitor
+    monitor : TestFunction
         With the role "approach" (an event comes in), "rate" (one drops out) or "length" (one moves
         into another period, or past another event).
 

@@ -171,7 +171,7 @@ def follow(
         Bounds of the parameter.
     direction : float
         Sign of the first step in the parameter; the branch is followed this way only.
-    steps : Steps, optional
+    steps : StepControl, optional
     reconnecting : bool
         Whether to go on with the changed signature where a guard is touched at zero speed. If
         not, the branch goes on with the old one onto orbits that the automaton does not have.

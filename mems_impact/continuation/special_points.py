@@ -55,7 +55,7 @@ class BranchEvent:
     orbit : PeriodicOrbit
     direction : float array
         Tangent of the branch.
-    monitor : Monitor
+    monitor : TestFunction
         The test function that is zero.
     """
 

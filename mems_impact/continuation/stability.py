@@ -294,7 +294,7 @@ class Bifurcation(NamedTuple, Generic[P]):
     place : float
     kind : str
         "fold", "branch point", "crossing" or "unexplained".
-    point : Point or Balance
+    point : ShootingEvaluation or EquilibriumEvaluation
     value : complex
         The eigenvalue on the border of stability.
     """
@@ -314,7 +314,7 @@ class Bifurcations(Generic[P]):
 
     Parameters
     ----------
-    equations : Shooting or Balancing
+    equations : Shooting or EquilibriumEquations
         With one active parameter.
     border : Border
         Of stability.
@@ -344,7 +344,7 @@ class Bifurcations(Generic[P]):
 
         Parameters
         ----------
-        step : Step
+        step : PredictorStep
         length : float
         first, last : float
             `regularity` at both ends.

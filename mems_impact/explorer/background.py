@@ -125,7 +125,7 @@ _here = threading.local()
 
 @contextmanager
 def route_warnings() -> Iterator[None]:
-    """Let `gathered` hear warnings, of each thread its own, each time that they are given.
+    """Let `capture_warnings` hear warnings, of each thread its own, each time that they are given.
 
     Python's own recorder changes what the whole process does with warnings, and here pictures of
     several pages are computed side by side.

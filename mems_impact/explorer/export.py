@@ -31,7 +31,7 @@ def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -
     ----------
     subject : Subject
     setting : PageSetting
-    dial : Dial or None
+    dial : SliderSpec or None
         Of the parameter of the diagram; None for a system without parameters.
     """
     system = setting.system(subject)

@@ -131,7 +131,7 @@ def diagram_of(
     ----------
     subject : Subject
     asked : Asked
-    dial : Dial
+    dial : SliderSpec
         Of the parameter.
     watch : callable, optional
         Called while the sweep goes on; what it raises ends it.

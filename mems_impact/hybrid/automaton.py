@@ -232,7 +232,7 @@ class Automaton:
 
     @cached_property
     def rows(self) -> tuple[tuple[int, list[float]], ...]:
-        """What it puts into the loop's table: rows of `record`, each with its numbers."""
+        """What it puts into the loop's table: rows of `workspace`, each with its numbers."""
         return (
             (ORDER, [float(guard.order or 0) for guard in self.guards]),
             (IMPACT, [float(guard.impact) for guard in self.guards]),

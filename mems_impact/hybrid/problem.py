@@ -171,7 +171,7 @@ class EngineBinding:
     quota : int
         Steps after which the event loop should look at its caller.
     links : callable
-        ``links(clock, observe, n, count)`` returns what compiled code of `settling` calls by
+        ``links(clock, observe, n, count)`` returns what compiled code of `recurrence` calls by
         address, and what has to live as long: of interpreted code `observe` itself.
     place : callable
         What stands for an array in a record: its address, or the array.
@@ -363,7 +363,7 @@ class LoopMemory:
     Parameters
     ----------
     problem : Problem
-    bound : Bound
+    bound : EngineBinding
     sample_rows : int
         Room for samples.
     **numbers
@@ -371,7 +371,7 @@ class LoopMemory:
 
     Attributes
     ----------
-    clock : CLOCK
+    clock : LOOP_STATE
     table : float array, or lists where they are read by Python
     events, samples : float array
     """

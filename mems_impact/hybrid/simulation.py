@@ -164,7 +164,7 @@ class Trajectory:
     Attributes
     ----------
     problem : Problem
-    start, final : Instant
+    start, final : HybridState
     events : Events
     steps, arcs : int
         Steps of the method and arcs (restarts) that the run took.
@@ -356,7 +356,7 @@ def run(
     Parameters
     ----------
     problem : Problem
-    start : Instant
+    start : HybridState
     periods : float
         Length of the run in periods, above 0.
     consume : callable, optional

@@ -2,8 +2,8 @@
 
 The loop of `mems_impact.hybrid.event_loop.loop` is written in terms of the functions below and
 nothing else. Interpreted, they call the methods of an `Engine` in the file `interpreted` of a
-method's folder; compiled by numba, overloads take their place (`engines.handles` and the file
-`compiled` of the folder), so that one text of the loop serves both.
+method's folder; compiled by numba, overloads take their place (`integrators.jit.kernels` and the
+file `compiled` of the folder), so that one text of the loop serves both.
 
 An engine holds one system of ``n`` equations with ``m`` margins. Its root functions are, in this
 order, the ``m`` margins (plus their bias), the ``m`` rates of the margins and one section:

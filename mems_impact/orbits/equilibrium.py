@@ -189,7 +189,7 @@ class EquilibriumState:
     family : Family
         At the values for which it was found.
     mode : int
-    balance : Balance
+    balance : EquilibriumEvaluation
     eigenvalues : complex array
         Of the flow's derivative, largest real part first, without the zeros of `neutral`; where
         contacts hold or a surface slides, of that on what they hold.

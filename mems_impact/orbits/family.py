@@ -36,10 +36,11 @@ class Family:
     Notes
     -----
     Where `build` has an attribute ``automaton``, this is the automaton of all its problems. Where
-    it has a method ``numbers(values)``, this returns the `Numbers` of a problem without making one:
-    corrections and differences by a parameter ask for them by thousands. Where it has a method
-    ``by(method)``, this returns what builds the same problems for another method of integration;
-    ``amount(heading, value)`` and ``convert(error)`` tell numbers in the units of the user.
+    it has a method ``numbers(values)``, this returns the `ProblemParameters` of a problem without
+    making one: corrections and differences by a parameter ask for them by thousands. Where it has a
+    method ``by(method)``, this returns what builds the same problems for another method of
+    integration; ``amount(heading, value)`` and ``convert(error)`` tell numbers in the units of the
+    user.
     """
 
     build: Callable[[Mapping[str, float]], Problem]

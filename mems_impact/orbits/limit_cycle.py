@@ -41,7 +41,7 @@ def limit_cycle_guess(
     Parameters
     ----------
     family : Family
-    start : Instant
+    start : HybridState
     transient : float
         Time to run before a return is looked for.
     period : float, optional

@@ -53,7 +53,7 @@ P_co = TypeVar("P_co", bound=Linearised, covariant=True)
 
 
 class Solvable(Protocol[P_co]):
-    """What can be evaluated: `Shooting`, `Balancing`."""
+    """What can be evaluated: `Shooting`, `EquilibriumEquations`."""
 
     def evaluate(self, unknowns: Floats, values: Floats) -> P_co:
         """Evaluate residual and derivatives."""
@@ -65,7 +65,7 @@ class Solution(NamedTuple, Generic[P]):
     Attributes
     ----------
     unknowns : float array
-    point : Point or Balance
+    point : ShootingEvaluation or EquilibriumEvaluation
         The equations there.
     iterations : int
         Newton steps until the next one was as small as the error of the integration.
@@ -97,7 +97,8 @@ def newton(
     Raises
     ------
     OrbitError
-        With `reason` and `remedy` if that does not come about; the last `Point` is in it.
+        With `reason` and `remedy` if that does not come about; the last `ShootingEvaluation` is in
+        it.
     """
     unknowns, previous, needed = guess, np.inf, iterations
     point, residual, matrix = equations(unknowns)
@@ -137,7 +138,7 @@ def solve(shooting: Shooting, unknowns: Floats, values: Floats) -> ShootingEvalu
     Raises
     ------
     OrbitError
-        If the iteration does not converge; the last `Point` is in it.
+        If the iteration does not converge; the last `ShootingEvaluation` is in it.
     """
     return solve_at(
         shooting,

@@ -63,7 +63,7 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     Parameters
     ----------
     problem : Problem
-    start : Instant
+    start : HybridState
     units : float array, shape (n,)
         The user's units of the components, in those of the numerics.
     forced : bool
@@ -153,7 +153,7 @@ def find_periodic_orbit(
     Parameters
     ----------
     family : Family
-    guess : Instant
+    guess : HybridState
         A state near the orbit.
     periods : int, optional
         Periods of the problem after which the orbit closes; None: recognised from a run.
@@ -219,7 +219,7 @@ def find_cycle(
     Parameters
     ----------
     family : Family
-    guess : Instant
+    guess : HybridState
         A state near the cycle, or one from which a run comes there.
     period : float, optional
         That of the cycle, roughly, where `guess` lies near it; recognised from a run by default.

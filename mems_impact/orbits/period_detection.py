@@ -192,7 +192,7 @@ class PeriodEstimate(NamedTuple):
         Its first period.
     near : int
         To its beginning; 0 if it does not.
-    later : Instant
+    later : HybridState
         Where it has come after many periods.
     settled : int
         To that; 0 if it does not, or that was not looked at.
@@ -239,7 +239,7 @@ def detect_period(
     Raises
     ------
     OrbitError
-        If it does not, or comes to rest; the last `Instant` is in it.
+        If it does not, or comes to rest; the last `HybridState` is in it.
     """
     free = [i for i in free_components(problem.automaton) if not unread(problem, start, i)]
     free = free or list(free_components(problem.automaton))

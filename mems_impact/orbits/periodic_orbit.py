@@ -56,13 +56,13 @@ class PeriodicOrbit:
     periods : int
         Periods of the problem that the orbit takes.
     shooting : Shooting
-    point : Point
+    point : ShootingEvaluation
         The solved equations.
     multipliers : complex array
         Floquet multipliers on the components that are neither cyclic nor fixed in the first
         segment, largest first, without the trivial one of a cycle; where all are fixed, as at rest
         on a stopper, a single 0: what disturbs such an orbit is gone in finite time.
-    defects : tuple of Defect
+    defects : tuple of AdmissibilityViolation
         Empty if the orbit is admissible.
     """
 

@@ -8,7 +8,7 @@ penetrates the guard. Whether an orbit is one of the automaton is a question apa
 Where nothing forces the system the period is one more unknown, the last one, and a phase condition
 one more equation.
 
-All are shape (unknowns + k,), and follow from the columns that a `Point` has already.
+All are shape (unknowns + k,), and follow from the columns that a `ShootingEvaluation` has already.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class UnknownLayout:
     def passage(
         self, setting: ParameterPoint, starts: Floats, ends: Floats
     ) -> tuple[Floats, Floats | None]:
-        """Return times and motions for `Variational.traverse`."""
+        """Return times and motions for `propagate_segments`."""
         rooms, looked = np.full(ends.size, math.inf), ends
         if not setting.switches.size:
             return np.stack([starts, ends, rooms, looked], axis=1), None
@@ -171,7 +171,7 @@ class ShootingEvaluation:
     Attributes
     ----------
     unknowns : float array, shape (N f + events,), or one more
-    setting : Setting
+    setting : ParameterPoint
         The problem's numbers at the values of the active parameters; the period is the orbit's own
         where nothing forces the system.
     residual : float array, shape of `unknowns`

@@ -1,6 +1,7 @@
 """Figures of what any system did, from what `mems_impact.analysis` returns.
 
-One kind of figure a file: `run`, `orbit`, `sweep`, `branch`, `curve`, `sensitivity`, `pareto`;
-`motion` is what the first two share. A kind of system that has a figure of its own names it:
+`trajectories` draws runs and orbits, `animation` moves them, `bifurcation` draws sweeps, branches
+and curves, `maps` maps and basins, `uncertainty` tolerances, sensitivities and Pareto fronts;
+`style` and `labels` are what all share. A kind of system that has a figure of its own names it:
 ``Run.figure``, ``Orbit.figure``.
 """

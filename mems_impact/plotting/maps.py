@@ -247,7 +247,7 @@ def plot_map(
     column : str, optional
         What to draw: a column of numbers. Where it has none, or is 0 since the device is off, the
         map is grey. Kinds of motions by default; from the fifth on, longer periods share a colour.
-    boundaries : Curve, Chart, DataFrame, or a sequence of these, optional
+    boundaries : Curve, OperatingChart, DataFrame, or a sequence of these, optional
         Curves over the same two parameters, or their tables, drawn over the map; inadmissible
         parts are left out. Of a chart both its boundaries: where it switches on, and off.
     ax : matplotlib Axes, optional

@@ -123,7 +123,7 @@ def plot_tolerance_analysis(
 
     Parameters
     ----------
-    scatter : Scatter or StoredStudy
+    scatter : ToleranceAnalysis or StoredStudy
         The store of one, be it still running, tells neither specification nor indices.
     quantity : str or sequence of str, optional
         Columns of the table; what is specified by default, or the first that vary.

@@ -1,4 +1,4 @@
 """Studies: tables of many points of a system, on one core or on a cluster, and nothing is lost.
 
-What a study is says `study`; `running` runs any of them.
+`engine.study` says what a study is, `engine.scheduler` runs any of them.
 """

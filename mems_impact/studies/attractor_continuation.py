@@ -57,7 +57,7 @@ def match_branches(
     rows : DataFrame
         Of all chains, as they were followed: the parameter first.
     chains : sequence of range
-    rules : Recognition
+    rules : AttractorMatcher
     """
     parameter = str(rows.columns[0])
     stretch, origins, jumps = _stretches(rows, chains)
@@ -192,9 +192,9 @@ class AttractorContinuationStudy(Study):
         Of the attractors.
     states : tuple of State
         One of each.
-    measuring : Measuring
+    measuring : AttractorEvaluator
         Of the system at its own value.
-    recognition : Recognition
+    recognition : AttractorMatcher
     """
 
     over: Axis

@@ -238,8 +238,8 @@ def match_attractors(
     table : DataFrame
     names : sequence of str
         The components in which starts differ.
-    rules : Recognition
-    measuring : Measuring
+    rules : AttractorMatcher
+    measuring : AttractorEvaluator
     """
     system, count = measuring.system, len(table)
     columns = {name: table[name].to_numpy() for name in table}
@@ -294,10 +294,10 @@ def label_points(
     ----------
     table : DataFrame
     labels : array of int
-        Of each point, as `Recognition` tells them.
+        Of each point, as `AttractorMatcher` tells them.
     found : sequence of Attractor
         As `followed` returns them of the `representatives`.
-    starts : Starts
+    starts : InitialConditions
         Bounds of shares depend on whether they are a grid.
     longest : int
         Returns after which motions were looked at for whether they repeat themselves.

@@ -75,7 +75,7 @@ class Iterate(Generic[T]):
     x : float array, shape (n,)
     item : object
         What was made of it.
-    local : Local
+    local : LocalModel
     ended : str
         "converged", "lost" (the points beyond cannot be evaluated), "small" (steps are as small as
         rounding), "spent" (the number of iterations); "" while it goes on.
@@ -153,7 +153,7 @@ def search(
 
     Returns
     -------
-    Search
+    Iterate
     """
     here = Iterate(start, item, look(item))
     report(here)

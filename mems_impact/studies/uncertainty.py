@@ -60,7 +60,7 @@ def indices_table(
 
     Parameters
     ----------
-    draws : Draws
+    draws : ParameterSample
         With the samples that indices need.
     quantities : sequence of str
     values : float array, shape (points, quantities)
@@ -70,7 +70,7 @@ def indices_table(
     Returns
     -------
     DataFrame
-        See `mems_impact.scatter`.
+        See `mems_impact.tolerance_analysis`.
     """
     missing = np.isnan(values).sum(axis=0)
     whole = missing == 0
@@ -332,7 +332,7 @@ def tolerance_analysis(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> ToleranceAnalysis:
-    """Tell what tolerances make of a system; ``scatter(actuator, drive, over=…)``.
+    """Tell what tolerances make of a system; ``tolerance_analysis(actuator, drive, over=…)``.
 
     Every point is a system with parameters of its own, drawn from their distributions, and is
     followed until it repeats itself, as in `operating_map`.
@@ -379,7 +379,7 @@ def tolerance_analysis(
 
     Returns
     -------
-    Scatter
+    ToleranceAnalysis
 
     Raises
     ------

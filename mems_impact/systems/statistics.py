@@ -495,7 +495,7 @@ def measures(system: System, settled: RecurrenceResult, period: float) -> dict[s
     Parameters
     ----------
     system : System
-    settled : Settled
+    settled : RecurrenceResult
     period : float
         The period of the problem, in the units of the numerics.
     """

@@ -65,7 +65,7 @@ def warn_if_badly_scaled_run(
     states : tuple of str
     options : Options
     trajectory : Trajectory
-    largest : Largest
+    largest : MaxStateRecorder
     timed : bool
         Whether the system has a time of its own: a period, or a time scale.
     """

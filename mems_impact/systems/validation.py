@@ -150,7 +150,7 @@ def tell_of_fall(system: System, at: HybridState, length: float) -> bool:
     ----------
     system : System
         One that is written of functions.
-    at : Instant
+    at : HybridState
         Where such a step begins, in the units of the numerics; cyclic components mean nothing.
     length : float
         Of the step.
@@ -192,8 +192,8 @@ def tell_of_jump(
 
     Parameters
     ----------
-    tried : Tried
-    at : Place
+    tried : CheckedFunctions
+    at : EvaluationPoint
     slope : sequence of float
         The flow there.
     watching : sequence of int
@@ -454,8 +454,8 @@ def check_times(
 
     Parameters
     ----------
-    tried : Tried
-    at : Place
+    tried : CheckedFunctions
+    at : EvaluationPoint
     slope : sequence of float
         The flow there.
     period : float or None
@@ -630,8 +630,8 @@ class DryRun:
 
     Parameters
     ----------
-    tried : Tried
-    clock : Clock
+    tried : CheckedFunctions
+    clock : TimeGrid
     met : callable
         Called with guard, point before and point after at every transition.
     """
@@ -649,7 +649,7 @@ class DryRun:
 
         Parameters
         ----------
-        start : Place
+        start : EvaluationPoint
         meant : bool
             Whether the user says that runs start there; else a function need have no value there.
 

@@ -92,7 +92,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
 
     Returns
     -------
-    Duty
+    DutyCycle
 
     Raises
     ------
@@ -500,7 +500,7 @@ def period_one_window(
 
     Returns
     -------
-    Window
+    PeriodOneWindow
 
     Raises
     ------

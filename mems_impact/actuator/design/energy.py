@@ -48,7 +48,7 @@ class Arc(NamedTuple):
 
     Attributes
     ----------
-    begin : Instant
+    begin : HybridState
     length : float
         Time that it lasts.
     v2 : tuple of float
@@ -239,7 +239,7 @@ def summed(
     system : ActuatorSystem
     options : Options
         By which arcs are integrated.
-    arcs : iterator of Leg
+    arcs : iterator of Arc
     window : tuple of float
         Forcing periods between which works and losses count.
     blows : set of int
@@ -319,7 +319,7 @@ class Energy(Result):
     system : ActuatorSystem
     periods : float
         How long, in forcing periods.
-    sums : Sums
+    sums : WorkSums
         What is lost and stored all along, in the units of the numerics.
     end : int
         The row of `sums` at which all ends; of an orbit one more may follow, its first blow once

@@ -279,7 +279,7 @@ def _unheld(system: ActuatorSystem, margin: float) -> float:
     """Return by how much more a frame at rest may be pushed, from the margin of its guard."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     limit = model.static_limit(system.numbers().parameters)
-    push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `composed.spare`
+    push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `static_reserve`
     return float(system.scales.out(limit - push, "N"))
 
 

@@ -432,7 +432,7 @@ class ChartBuilder:
     ----------
     system : ActuatorSystem
     options : Options
-    steps : Steps
+    steps : StepControl
     tell : callable
         Called with a line for every part.
     omega : tuple of float
@@ -896,7 +896,7 @@ def operating_chart(
         Forcing periods for which an attractor has to persist in these simulations.
     options : Options, optional
         Of the continuation; by default as in `find_orbit`.
-    steps : Steps, optional
+    steps : StepControl, optional
         Of the continuation.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
@@ -905,7 +905,7 @@ def operating_chart(
 
     Returns
     -------
-    Chart
+    OperatingChart
         With what could be computed; ``notes`` says what could not.
 
     Raises

@@ -88,7 +88,7 @@ def life(
 
     Returns
     -------
-    Life
+    WearLife
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """The interface of optional terms of the model, their registry and limits of validity.
 
 A term is a checked object of its parameters, and tells which scalar functions it contributes. These
-read all numbers from the array ``p`` and the state ``y`` by places that `Places` gives, so that one
-compiled automaton serves all values. With the block free, the frame stuck or slipping,
+read all numbers from the array ``p`` and the state ``y`` by indices that `ParameterIndices` gives,
+so that one compiled automaton serves all values. With the block free, the frame stuck or slipping,
 
     m1 a1 = load + on_frame - friction,        load = k x2 + c v2 - pull - sum of forces
     m2 (a1 + a2) = -load + on_block

@@ -32,7 +32,7 @@ class Controls:
     Parameters
     ----------
     subject : Subject
-    dials : tuple of Dial
+    dials : tuple of SliderSpec
     setting : PageSetting
         That they begin with.
     changed : callable

@@ -68,7 +68,7 @@ class Page:
     document : Document
         Bokeh's, of one session.
     subject : Subject
-    dials : tuple of Dial
+    dials : tuple of SliderSpec
     query : mapping of str to iterable of str
         Of the address.
     """

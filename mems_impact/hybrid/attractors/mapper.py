@@ -137,7 +137,7 @@ def _times(name: str, unit: float) -> str:
     return name if unit == 1.0 else f"{name} * {unit!r}"
 
 
-# --- Many points of one automaton, each followed to where it comes to: what drives `settling`.
+# --- Many points of one automaton, each followed to its attractor by `recurrence`.
 
 SAMPLES = 128  # forcing periods whose beginnings fit between two looks
 
@@ -156,7 +156,7 @@ class RecurrenceSettings:
     tolerance : float
         To which it has to, relative to the size of each component.
     returned : int
-        What a return is: AT_PERIODS, AT_SECTION or AT_GUARD of `settling`.
+        What a return is: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
     at : int
         The direction of the section, or the guard.
     """
@@ -176,7 +176,7 @@ class RecurrenceResult:
     Attributes
     ----------
     outcome : int
-        PERIODIC, WANDERS, REST or FAILED of `settling`.
+        PERIODIC, APERIODIC, STATIONARY or FAILED of `recurrence`.
     repeats : int
         Returns after which the motion repeats itself; 0 if it does not.
     returns : int
@@ -185,7 +185,7 @@ class RecurrenceResult:
         Returns over which was gathered what follows: once round a periodic motion.
     still : bool
         Whether nothing moves but cyclic components.
-    final : Instant
+    final : HybridState
         Where it was left: at the last return of a periodic motion.
     duration : float
         Time over which was gathered.
@@ -231,8 +231,8 @@ class AttractorMapper:
     problem : Problem
         Its parameters are replaced by those of each point; their number, and that of the switching
         times, is that of all points.
-    recipe : Recipe
-    observed : Observed, optional
+    recipe : RecurrenceSettings
+    observed : CompiledObservables, optional
         What is gathered beside counts and times.
     """
 
@@ -292,7 +292,7 @@ class AttractorMapper:
 
         Parameters
         ----------
-        points : sequence of (Numbers, Instant)
+        points : sequence of (ProblemParameters, HybridState)
             The problem's numbers at each, and where the motion starts.
         watch : callable, optional
             Called several times a second with the points done; it may raise.
@@ -375,7 +375,7 @@ NOTHING = CompiledObservables(lambda mode, code, t, states, p, out: None, (), ()
 
 
 def _row(numbers: ProblemParameters, start: HybridState) -> NDArray[np.float64]:
-    """Return a row of the inputs of `settling`."""
+    """Return a row of the inputs of `recurrence`."""
     scale = numbers.time_scale or numbers.period
     head = np.zeros(NUMBERS)
     head[recurrence.PERIOD], head[recurrence.SCALE] = numbers.period, scale

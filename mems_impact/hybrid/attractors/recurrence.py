@@ -1,9 +1,6 @@
 """Attractors by recurrence: detection of the period, statistics over it.
 
-Written over the engine's contract, as `mems_impact.hybrid.attractors.recurrence` is, which calls
-it.
-
-Written over the engine's contract, for both forms: compiled, a whole batch of points goes by
+Written over the interface of integrators, for both forms: compiled, a whole batch of points goes by
 without Python. Of a point the event loop computes a few steps at a time; what it has written is
 read here, return by return, and gathered.
 
@@ -293,7 +290,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
     ----------
     engine
     s, w : records
-        CLOCK and WORK.
+        LOOP_STATE and WORK.
     quota : int
 
     Returns

@@ -1,8 +1,8 @@
 """Checked calls of user functions, and explanations of their exceptions.
 
-What a function must return or write, `Tried` asks of every call. What is wrong comes back as one
-sentence, a `FunctionError` with the function, the line and the remedy; as `Undefined` where only
-these values may be to blame: a logarithm of a negative number, a table that ends.
+What a function must return or write, `CheckedFunctions` asks of every call. What is wrong comes
+back as one sentence, a `FunctionError` with the function, the line and the remedy; as `DomainError`
+where only these values may be to blame: a logarithm of a negative number, a table that ends.
 """
 
 from __future__ import annotations

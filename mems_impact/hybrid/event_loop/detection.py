@@ -1,15 +1,14 @@
 """Event detection: margins of guards, hidden crossings, the Poincaré section.
 
 Functions over the engine's contract, like the loop itself, which calls them. Scratch rows that a
-function overwrites are those of `record`: ``G`` always, others as its docstring says.
+function overwrites are those of `workspace`: ``G`` always, others as its docstring says.
 
 An engine tells margins that have changed their sign over a step. Those that came to zero and went
 back are found by a look at their values and rates at both ends, and where these leave doubt, by
-walking through the step. Functions over the engine's contract, as in `guards`.
+walking through the step.
 
 An engine sees that a step ends on the other side of the section. Where it may have been there and
-come back in between, the step is walked through, as `search` does for margins. Functions over the
-engine's contract.
+come back in between, the step is walked through, as for margins.
 """
 
 from __future__ import annotations
@@ -87,13 +86,16 @@ def margin_error_scales(engine: Any, s: Any, mode: int, t: float, y: Any) -> Non
 
 
 def rounding_error(s: Any, k: int) -> float:
-    """Return within how much of zero margin or rate `k` has no sign; after `resolution`."""
+    """Return within how much of zero margin or rate `k` has no sign.
+
+    After `margin_error_scales`.
+    """
     rounding: float = ROUNDINGS * EPS * (table_row(s, SIZE)[k] + table_row(s, TIMED)[k])
     return rounding
 
 
 def integration_error(s: Any, k: int) -> float:
-    """Return what the integration may make of margin or rate `k`; after `resolution`."""
+    """Return what the integration may make of margin or rate `k`; after `margin_error_scales`."""
     size, gain = table_row(s, SIZE)[k], table_row(s, GAIN)[k]
     error: float = s.rtol * size + s.atol * gain
     return error
@@ -127,9 +129,10 @@ def rk4_probe(engine: Any, s: Any, mode: int, t: float, y: Any, h: float, out: A
 def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
     """Return whether margin `i` is about to fall, by what comes next.
 
-    After `resolution`. The flow is followed for longer and longer until the margin has moved by
-    more than rounding: a gap that opens with no speed and no acceleration, as that of a body which
-    a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE, SUM.
+    After `margin_error_scales`. The flow is followed for longer and longer until the margin has
+    moved by more than rounding: a gap that opens with no speed and no acceleration, as that of a
+    body which a moving wall lets go, is told by what comes next. Overwrites AHEAD, STAGE, SLOPE,
+    SUM.
     """
     g, ahead = table_row(s, G), table_row(s, STATE_AHEAD)
     seen, drift = rounding_error(s, i), rounding_error(s, s.m + i)
@@ -148,12 +151,12 @@ def decreases_ahead(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) ->
 
 
 def is_decreasing(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether margin `i` really falls at (t, y); after `resolution`.
+    """Return whether margin `i` really falls at (t, y); after `margin_error_scales`.
 
     The polynomial of a step has the integration error, and a difference of large numbers its
     rounding; below them a margin seems to fall through zero where it does not, again and again.
     A rate that is clearly negative is believed, else the flow is asked. Overwrites what
-    `about_to_fall` does.
+    `decreases_ahead` does.
     """
     m = s.m
     rate = table_row(s, MARGINS_AT)[m + i]
@@ -176,7 +179,8 @@ def first_violated_guard(
     Its margin is zero or below, to rounding, and falls; or it is clearly negative, and no gap. Of
     guards that only record, those fire whose margin has come there now. The guard `but` is left
     out, and with it, since then a state is only tried, those that only record. Of impacts alone,
-    those up to `after`, in order, come last. Overwrites what `resolution` and `about_to_fall` do.
+    those up to `after`, in order, come last. Overwrites what `margin_error_scales` and
+    `decreases_ahead` do.
     """
     order = table_row(s, ORDER)
     margin_error_scales(engine, s, mode, t, y)
@@ -198,8 +202,8 @@ def first_violated_guard(
 def recorded_already(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
     """Return whether the margin of guard `i`, which only records, has not fallen to zero now.
 
-    After `resolution` of a state that a transition has left, PAST being the one before it, or that
-    is looked at again because of a margin in doubt.
+    After `margin_error_scales` of a state that a transition has left, PAST being the one before it,
+    or that is looked at again because of a margin in doubt.
     """
     looked, passed, g = table_row(s, MARGINS_AT)[i], table_row(s, BELOW_ZERO), table_row(s, G)
     rounding = rounding_error(s, i)
@@ -221,7 +225,7 @@ def recorded_already(engine: Any, s: Any, mode: int, i: int, t: float) -> bool:
 
 
 def fires_here(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool:
-    """Return whether guard `i` fires where the state is put; after `resolution`."""
+    """Return whether guard `i` fires where the state is put; after `margin_error_scales`."""
     m, looked = s.m, table_row(s, MARGINS_AT)
     rate = looked[m + i]
     # What closes within the rounding of time does so now; what is no number never does.
@@ -237,7 +241,7 @@ def fires_here(engine: Any, s: Any, mode: int, i: int, t: float, y: Any) -> bool
 def violation_threshold(s: Any, i: int) -> float:
     """Return how far below zero margin `i` must be to be there for no error's sake.
 
-    After `resolution`.
+    After `margin_error_scales`.
     """
     rate = table_row(s, MARGINS_AT)[s.m + i]
     far: float = TOLERANCES * integration_error(s, i) + 1e-6 * abs(rate) * s.scale
@@ -264,7 +268,7 @@ def inadmissible_gap(engine: Any, s: Any, t: float, y: Any) -> int:
 def certainly_decreasing(s: Any, k: int, rate: float) -> bool:
     """Return whether a rate is so far below zero that nobody needs to look again.
 
-    Measured by the `resolution` at the start of the arc, or later, with much room.
+    Measured by the `margin_error_scales` at the start of the arc, or later, with much room.
     """
     return bool(rate < -SURELY * (rounding_error(s, k) + integration_error(s, k)))
 
@@ -327,7 +331,7 @@ def first_event_in_step(
 
     A margin fires where the engine says so; where it has dipped below zero at its closest
     approach, a root of its rate; and where a look inside the step finds it. Overwrites STATE and
-    what `violated` does.
+    what `first_violated_guard` does.
     """
     m = s.m
     order = table_row(s, ORDER)
@@ -434,12 +438,12 @@ def find_hidden_crossing(
 ) -> float:
     """Return when margin `i` first falls below zero inside the last step; infinity if it does not.
 
-    A step of a flow that is nearly a polynomial may be long enough for two minima of a margin.
-    What the margin may do between two instants is bounded by its values and rates there and by
-    how much the rates change (`stays`): for most steps that says enough. This step is walked
+    A step of a flow that is nearly a polynomial may be long enough for two minima of a margin. What
+    the margin may do between two instants is bounded by its values and rates there and by how much
+    the rates change (`certify_no_crossing`): for most steps that says enough. This step is walked
     through, in parts so short that the bound holds; its margin is `end` where it ends. One that
     begins below zero (`side` -1) must come above it first: until then the same is asked of its
-    negative. Overwrites STATE and, where it finds something, what `resolution` does.
+    negative. Overwrites STATE and, where it finds something, what `margin_error_scales` does.
     """
     m = s.m
     then, now = table_row(s, MARGINS_BEFORE), table_row(s, MARGINS_AFTER)

@@ -4,7 +4,7 @@ A margin that begins near zero, rises and falls again makes a flight. An error d
 moves the impact at its end by d/u, u being the speed there: of a flight that is itself hardly
 higher than the tolerance it would spoil all digits, and the next flight inherits that. So what a
 flight is integrated to is the relative tolerance of its height. Functions over the engine's
-contract, as in `guards`.
+contract, as in `detection`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def sharpen(engine: Any, s: Any, y: Any) -> None:
 
     Of all impacts that it may end with, the lowest flight counts. One at whose beginning another
     margin comes to zero is none: its acceleration changes there, as with the end of a slip.
-    Overwrites SLOPE, AHEAD and what `resolution` does.
+    Overwrites SLOPE, AHEAD and what `margin_error_scales` does.
     """
     m, t, now = s.m, s.t, table_row(s, MARGINS_AFTER)
     watched = False

@@ -2,14 +2,14 @@
 
 Plain functions over arrays and one record, resumable at every return, so that a driver in Python
 can drain the event buffer, show progress and hear Ctrl-C between two calls. Interpreted they run
-as they stand; `hybrid.native` has numba compile them unchanged.
+as they stand; `hybrid.event_loop.compiled` has numba compile them unchanged.
 
 An arc is integrated step by step until a guard fires. What fires is found in four ways: the
 engine's own root finding (a margin changes sign over a step), the rate guards (a margin dipped
 below zero and came back within a step, so its closest approach is a root too), a look inside the
 step where the margin may have done so twice, and a look at all margins after every transition
-(what fires in the same instant). The first three are in `search`, the last in `guards`; `chatter`
-completes sequences of impacts; `record` holds what the loop remembers.
+(what fires in the same instant). All are in `detection`; `zeno` completes sequences of impacts;
+`workspace` holds what the loop remembers.
 """
 
 from __future__ import annotations
@@ -94,17 +94,17 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     Parameters
     ----------
     engine : an engine of the contract in `mems_impact.integrators.interface`
-    s : CLOCK record
+    s : LOOP_STATE record
     quota : int
         Steps that this call may take.
 
     Returns
     -------
     int
-        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `record`). ``s.fallen`` is above zero
-        where the last step was so short that the flow may jump. ``s.failure`` is the
-        engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
-        mode after NO_SUCH_MODE.
+        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `workspace`). ``s.fallen`` is above
+        zero where the last step was so short that the flow may jump. ``s.failure`` is the engine's
+        code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the mode
+        after NO_SUCH_MODE.
     """
     y = table_row(s, Y)
     while True:

@@ -48,7 +48,7 @@ class Kind(IntEnum):
 
 # --- What the event loop knows, remembers and writes: codes, the clock, rows of numbers, events.
 
-# What `loop.advance` answers, for compiled code: see `Status`.
+# What `loop.run_steps` answers, for compiled code: see `Status`.
 PAUSED, BUFFER_FULL, DONE, FAILED, STEP_BUDGET, EVENT_BUDGET, CYCLING = map(int, list(Status)[:7])
 INADMISSIBLE, WITHOUT_EFFECT, NO_SUCH_MODE, NOT_FINITE, ENDED = map(int, list(Status)[7:])
 

@@ -4,7 +4,7 @@ Under a constant closing acceleration the speeds of separation, and with them th
 a constant ratio. What remains after a flight of length T is T ratio/(1 - ratio); then the contact
 persists, which is an impact without rebound. On average over the flights it does so from the first:
 two bodies that slide on meanwhile keep their momentum, and the gap between them comes back to zero.
-Functions over the engine's contract, as in `guards`.
+Functions over the engine's contract, as in `detection`.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ BISECTIONS = 60
 def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     """Complete a sequence of impacts at `guard` once its flights are weak.
 
-    After `resolution` of the state after the impact, `y` at ``s.t``. They become those at the end
-    of the sequence, all that moves having moved on until then; or stay, and the sequence goes on.
-    Returns False if it plainly goes on: then what `resolution` left still stands.
+    After `margin_error_scales` of the state after the impact, `y` at ``s.t``. They become those at
+    the end of the sequence, all that moves having moved on until then; or stay, and the sequence
+    goes on. Returns False if it plainly goes on: then what `margin_error_scales` left still stands.
     """
     past, entered, left = table_row(s, PAST), table_row(s, ENTERED), table_row(s, LEFT)
     mode, t, code = s.mode, s.t, s.m + guard
@@ -118,7 +118,8 @@ def remaining_chatter_time(
 
     Or the last flights, from the impact that led into the same mode.
 
-    After `resolution`. Infinity if there is no sequence, or none that may be completed yet.
+    After `margin_error_scales`. Infinity if there is no sequence, or none that may be completed
+    yet.
     """
     m, speed = s.m, table_row(s, MARGINS_AT)[s.m + guard]
     hit_time, hit_begin, hit_interval = (

@@ -1,9 +1,10 @@
 """Lyapunov exponents of a run.
 
-`Stretching` runs a problem chunk by chunk and carries columns along (`perturbed`); `largest` is for
-studies: a Problem and an Instant on the attractor in, the largest exponent per period, its standard
-error and the periods used out. It draws on nothing but its arguments, so that its result is the
-same to the last bit wherever and however often it is asked for; all integration releases the GIL.
+`LyapunovIntegrator` runs a problem chunk by chunk and carries columns along (`propagation`);
+`largest` is for studies: a `Problem` and a `HybridState` on the attractor in, the largest exponent
+per period, its standard error and the periods used out. It draws on nothing but its arguments, so
+that its result is the same to the last bit wherever and however often it is asked for; all
+integration releases the GIL.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class LyapunovIntegrator:
     Parameters
     ----------
     problem : Problem
-    start : Instant
+    start : HybridState
         On the attractor.
     count : int, optional
         k, up to the number of components that are not cyclic.
@@ -309,7 +310,7 @@ def largest(
     Parameters
     ----------
     problem : Problem
-    start : Instant
+    start : HybridState
         On the attractor.
     tolerance : float
         Done when the error is below.

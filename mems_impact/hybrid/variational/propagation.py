@@ -2,12 +2,10 @@
 
 One call takes all arcs and events of an orbit, with what they do to perturbations.
 
-Written over the engine's contract, for both forms, as `passage`. The run itself is not integrated
-again to find its events: it writes them to its buffer, and after each the state is the run's.
-So nothing that is asked of perturbations moves the run by a rounding.
-
-Written over the engine's contract, for both forms. The run has an engine of its own, and writes its
-events; the columns are carried through them by that of the extended flow.
+Written over the interface of integrators, for both forms. Along a run perturbations follow its log
+of events, and after each the state is the run's; nothing that is asked of them moves the run by a
+rounding. The run has an integrator of its own, and the columns are carried through its events by
+that of the extended flow.
 """
 
 from __future__ import annotations
@@ -126,7 +124,7 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
         Of the extended flow (see `mems_impact.hybrid.variational.flow`).
     block : float array, shape (parameters * (1 + directions),)
         p and the directions in its space.
-    way : Passage
+    way : SegmentBatch
 
     Returns
     -------
@@ -198,7 +196,8 @@ def integrate(
 ) -> bool:
     """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well.
 
-    Closest approaches are written into the row `place` of the arrays of `into`, as of a `Passage`.
+    Closest approaches are written into the row `place` of the arrays of `into`, as of a
+    `SegmentBatch`.
     """
     m, minima, touches = into.m, into.minima[place], into.touches[place]
     for i in range(m):
@@ -276,8 +275,8 @@ def differentiate_event(
 ) -> None:
     """Differentiate margin and transition `code` at (t, y) by state, time and parameters.
 
-    Into the row `place` of margin and jump of `into`, as of a `Passage`. Differences in time stay
-    within `room` of `t`. The engine's parameters are moved and put back.
+    Into the row `place` of margin and jump of `into`, as of a `SegmentBatch`. Differences in time
+    stay within `room` of `t`. The engine's parameters are moved and put back.
     """
     n, m, count, directions = into.n, into.m, into.parameters, into.directions
     margin, jump, width, work = into.margin[place], into.jump[place], into.width, into.work
@@ -423,7 +422,7 @@ class PropagationProblem(NamedTuple):
         1 for a mode whose states lie on a manifold.
     switches : float array, shape (s,)
     minima, touches, margin, jump, work
-        As of a `Passage` of one segment.
+        As of a `SegmentBatch` of one segment.
     """
 
     n: int
@@ -755,11 +754,11 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
     ----------
     engine
         Of the extended flow (see `mems_impact.hybrid.variational.flow`).
-    s : CLOCK
+    s : LOOP_STATE
         Of the run.
     w : STRETCHING
-    at : Perturbed
-    setup : Setup
+    at : PerturbationState
+    setup : PropagationProblem
     lengths : float array, shape (N,)
         Periods in each chunk.
     grown : float array, shape (N, k)

@@ -156,7 +156,7 @@ class Variational:
         Parameters
         ----------
         segments : int array, shape (N, 2)
-            Mode, and code of the transition at the end (or `passage.NO_EVENT`).
+            Mode, and code of the transition at the end (or `propagation.NO_EVENT`).
         states : float array, shape (N, n)
         times : float array, shape (N, 4)
             Start; end; the time from the end to the nearest switch of the drive, which no
@@ -246,13 +246,13 @@ class Variational:
     def arc(
         self, mode: int, y: Floats, start: float, end: float, motion: Floats | None = None
     ) -> Arc:
-        """Integrate `mode` from (start, y) to `end`, with all columns; see `traverse`."""
+        """Integrate `mode` from (start, y) to `end`, with all columns; see `propagate_segments`."""
         motions = None if motion is None else motion[None]
         arcs, _ = self._one(mode, NO_EVENT, y, (start, end, math.inf, end), motions)
         return Arc(*(part[0] for part in arcs))
 
     def event(self, mode: int, code: int, t: float, y: Floats, room: float = math.inf) -> Event:
-        """Carry out the transition `code` at (t, y), with its derivatives; see `traverse`."""
+        """Carry out the transition `code` at (t, y), with derivatives; see `propagate_segments`."""
         _, events = self._one(mode, code, y, (t, t, room, t))
         return Event(*(part[0] for part in events))
 

@@ -68,7 +68,7 @@ class Engine(CompiledEngine):
         return int(self.handle["begun"])
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what is remembered of each mode; see `choosing`."""
+        """Return what is remembered of each mode; see `switching`."""
         return tuple(map(int, self._remembered.tolist()))
 
     def import_memory(self, known: tuple[int, ...]) -> None:

@@ -16,7 +16,7 @@ from mems_impact.integrators.python_functions import Fault, Functions
 
 
 class Engine(Functions):
-    """Two engines that share parameters and biases; the text of `choosing` says which is at work.
+    """Two engines that share parameters and biases; the text of `switching` says which is at work.
 
     The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`. The attributes
     are the fields of `compiled.HANDLE`.
@@ -44,7 +44,7 @@ class Engine(Functions):
         return self.begun
 
     def export_memory(self) -> tuple[int, ...]:
-        """Return what is remembered of each mode; see `choosing`."""
+        """Return what is remembered of each mode; see `switching`."""
         return tuple(map(int, self.rows[MEMORY][: self.modes]))
 
     def import_memory(self, known: tuple[int, ...]) -> None:

@@ -8,9 +8,9 @@ From Python the functions are ctypes functions (`call`). From code compiled by n
 external symbols (`symbol`), whose addresses are handed to LLVM under a prefixed name, so that
 compiled code can be cached on disk: no address is ever baked into it.
 
-`Engine` owns the memory of one CVODE object, whose callbacks are those of `engines.kernels`. The
-contract of `mems_impact.integrators.interface` gets overloads here, so that a loop compiled by
-numba calls CVODE directly, without Python.
+`Engine` owns the memory of one CVODE object, whose callbacks are those of
+`integrators.jit.kernels`. The contract of `mems_impact.integrators.interface` gets overloads here,
+so that a loop compiled by numba calls CVODE directly, without Python.
 """
 
 from __future__ import annotations

@@ -8,14 +8,14 @@ conditions of all of them.
 Stages count from zero. Stage 12 is the slope at the end of the step, with which the next one
 begins; 13 to 15 serve the dense output alone. Only coefficients that are not zero are listed.
 
-Like the loop, this is one text for both engines: `contract.flow` calls the automaton, and `row` and
-`component` lead to lists in Python and to memory in compiled code.
+Like the loop, this is one text for both engines: `interface.flow` calls the automaton, and `row`
+and `component` lead to lists in Python and to memory in compiled code.
 
 A row of the table holds the 2 m + 1 root functions at one instant: the margins as they are, their
 rates, the section. A margin fires where it (with its bias) falls to zero or below, a rate where it
 rises to zero or above; so a function that starts at zero does not fire by staying there.
 
-The text of `step`, `restart`, `renew` and `interpolate` of the engine's contract, for both engines.
+The text of `step`, `restart`, `reset` and `interpolate` of the engine's contract, for both engines.
 """
 
 from __future__ import annotations
@@ -554,7 +554,7 @@ def close_in(engine: Any, begin: float, end: float) -> float:
 
 # --- Step by step through an arc: control of the step, and roots within it.
 
-ERROR_TEST = -3  # of contract.FAILURES
+ERROR_TEST = -3  # of interface.FAILURES
 
 # Step control of DOP853. The part of the last step's error that it leaves to choose (beta) stays
 # out, as by default there: at 0.04 the paper's set takes 4 to 9 % more steps, at 0.08 28 to 38 %.

@@ -1,9 +1,9 @@
 """Snapshots of functions with all they refer to, and errors of their compilation.
 
-numba builds into compiled code whatever a function reads from elsewhere: globals, variables that
-it closes over, defaults, attributes of modules, and the functions that it calls, with what these
-read. So the name of compiled code, on disk as within a process, must cover all of that, and where
-any of it has changed, the functions must be compiled anew. `take` reads it, every time that an
+numba builds into compiled code whatever a function reads from elsewhere: globals, variables that it
+closes over, defaults, attributes of modules, and the functions that it calls, with what these read.
+So the name of compiled code, on disk as within a process, must cover all of that, and where any of
+it has changed, the functions must be compiled anew. `take_snapshot` reads it, every time that an
 engine is made; a `Snapshot` says whether two readings are the same.
 """
 

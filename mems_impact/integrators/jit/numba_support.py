@@ -23,7 +23,7 @@ from mems_impact.errors import EngineUnavailable
 
 # --- What compiling with numba needs beside numba: its options, and pointers.
 
-# What `_Part` uses of numba beside what is documented.
+# What `UnlinkedLibrary` uses of numba beside what is documented.
 USED = ("_raise_if_finalized", "_ensure_finalized", "_get_module_for_linking")
 
 

@@ -179,7 +179,7 @@ class WorkerPool:
         return int(2 * known + 1)
 
     def submit(self, number: int, part: Chunk, carried: Any) -> Future[Result]:
-        """Give out a part; `Gone` if nobody takes it."""
+        """Give out a part; `ExecutorLost` if nobody takes it."""
         where = part.first, part.last, carried
         try:
             if self.is_local:
@@ -217,7 +217,7 @@ class WorkerPool:
         return isinstance(error, BrokenExecutor | CancelledError) or killed_by_its_chunk(error)
 
     def renew(self, reason: str) -> None:
-        """Make the executor anew; `Gone` if that cannot be, or if its workers die at once."""
+        """Make the executor anew; `ExecutorLost` if that fails, or if its workers die at once."""
         if self._make is None:
             raise ExecutorLost(reason)
         _end(self._executor, at_once=True)

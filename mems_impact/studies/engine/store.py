@@ -52,7 +52,7 @@ __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study
 
 # --- How two studies differ, in words for one line.
 
-KINDS = ("dict", "list")  # what `storing.coding` says beside parts: not names that users know
+KINDS = ("dict", "list")  # what `serialization.codec` says beside parts: not names that users know
 _NONE = "nothing"
 
 

@@ -1,6 +1,5 @@
-"""Parts that stand ready: friction, stopper, relay, switching surface; one file each.
+"""Parts that stand ready: friction and stopper (`contact`), relay and surface (`switching`).
 
-`part` says what a part is, `contact` what those between bodies share, `text` puts the parts of a
-system together into one flow and one choice of modes, `assembly` makes of these what a `System`
-is written of.
+`base` says what a part is and what contacts between bodies share; `statics` whether contacts hold;
+`assembly` puts the parts of a system together into one flow and one choice of modes.
 """

@@ -1,11 +1,11 @@
 """Components of a system, and components in contact.
 
-The parts of a system are put together as source (`text`), of which the compiler sees plain
+The parts of a system are put together as source (`assembly`), of which the compiler sees plain
 arithmetic. So a part answers with expressions. In all of them stand ``t``, the time; ``y[j]``,
 component j of the state; ``p.name``, a parameter; and of the part itself its mode, a number, by the
-name `Words.mode`. Where `Watch` says so, ``x`` holds what the flow makes in the current mode:
-``x[j]``, the derivative of component j; and of a contact `Words.back`, `Words.front`,
-`Words.needed` and `Words.size`.
+name `CodeNames.mode`. Where `GuardSpec` says so, ``x`` holds what the flow makes in the current
+mode: ``x[j]``, the derivative of component j; and of a contact `CodeNames.back`, `CodeNames.front`,
+`CodeNames.needed` and `CodeNames.size`.
 """
 
 from __future__ import annotations
@@ -205,7 +205,7 @@ class Part:
     """Something that a system is put together from: ``System(parts=[...])``.
 
     A subclass is a frozen dataclass of what its user gives. Strings in it name states or
-    parameters of the system, which `Words` turns into expressions and checks.
+    parameters of the system, which `CodeNames` turns into expressions and checks.
 
     Parameters
     ----------
@@ -238,8 +238,8 @@ class Part:
     def fits(self, words: CodeNames) -> list[str]:
         """Return the conditions under which each of its modes fits the state, in order.
 
-        At hand are ``x``, `Words.last`, `Words.fired` and ``jumped``, 1 where the state may have
-        been moved by the event of another part, or a run begins.
+        At hand are ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, 1 where the state may
+        have been moved by the event of another part, or a run begins.
         """
 
     def stays(self, words: CodeNames) -> str:

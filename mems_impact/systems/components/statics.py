@@ -259,9 +259,10 @@ class Holding:
     def room(self, words: CodeNames) -> list[str]:
         """Return the lines that find what room the force of a contact has; ``x`` is at hand.
 
-        `Words.back` and `Words.front` are how far it is from the least and the largest force that
-        it bears, whatever part of it others can take; `Words.needed` how much of its one-sided
-        force is needed with all that they bear; `Words.size` is what that is made up of.
+        `CodeNames.back` and `CodeNames.front` are how far it is from the least and the largest
+        force that it bears, whatever part of it others can take; `CodeNames.needed` how much of its
+        one-sided force is needed with all that they bear; `CodeNames.size` is what that is made up
+        of.
         """
         number = words.contact
         assert number is not None

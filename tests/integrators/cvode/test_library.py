@@ -106,7 +106,7 @@ def test_auto_takes_the_compiled_engine():
 @pytest.mark.parametrize("method", ["adams", "bdf"])
 @pytest.mark.parametrize("kind", [compiled, interpreted])
 def test_an_engine_steps_on_its_own(kind, method):
-    """The contract of `engines.contract`, without the loop."""
+    """The contract of `integrators.interface`, without the loop."""
     engine = make(kind, method)
     swing = np.array([1.0, 0.0])
     if kind is interpreted:

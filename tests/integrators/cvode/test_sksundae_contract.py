@@ -1,4 +1,4 @@
-"""What `engines.cvode.interpreted` relies on, or works around, in scikit-sundae.
+"""What `integrators.cvode.interpreted` relies on, or works around, in scikit-sundae.
 
 If one of these fails with a new scikit-sundae, look at the work-around that it names.
 """
