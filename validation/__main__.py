@@ -36,7 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="of the paper, 2 to 7; all by default",
     )
     parser.add_argument("--quick", action="store_true", help="coarse sweeps: minutes for all")
-    parser.add_argument("--output", type=Path, default=Path("out/paper"), metavar="DIR")
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("out/paper"),
+        metavar="DIR",
+        help="where the files go (default: out/paper)",
+    )
     parser.add_argument(
         "--expect",
         type=Path,
