@@ -47,23 +47,8 @@ __all__ = [
 BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
 
 
-class Followed(Result):
-    """What continuation has followed: orbits, one after the other."""
-
-    system: System
-    found: Any
-
-    def __len__(self) -> int:
-        return len(self.found.points)
-
-    @cached_property
-    def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in the order in which they were followed."""
-        return tuple(orbit_of(self.system, point.orbit) for point in self.found.points)
-
-
-class OneParameter(Result):
-    """A branch over one parameter, told in a line."""
+class ContinuationResult(Result):
+    """What continuation has followed: a branch over one parameter, unless the kind says more."""
 
     system: System
     parameter: str
@@ -73,36 +58,62 @@ class OneParameter(Result):
     found: Any
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
-    of: ClassVar[str]
+    of: ClassVar[str] = "orbits"
     """What there is along it, in the plural."""
 
     def __len__(self) -> int:
         return len(self.found.points)
 
     def __repr__(self) -> str:
-        low, high = self.bounds
         return (
-            f"{type(self).__name__}({self.parameter} {low:g} to {high:g}, {len(self)} {self.of}, "
-            f"special points: {self._special()}; ended: {self.ended})"
+            f"{type(self).__name__}({self._subject}, {len(self)} {self.of}, "
+            f"special points: {self._special}; ended: {self.ended})"
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return the range, the special points and why the branch ends."""
-        low, high = self.bounds
+        """Return what is followed over what, the special points and why it ends."""
         return {
             "system": repr(self.system),
-            self.system.label(self.parameter): f"{low:g} to {high:g}",
+            **self._subject_rows,
             self.of: len(self),
-            "special points": self._special(),
+            "special points": self._special,
             "ended": self.ended,
         }
 
+    @property
+    def _subject(self) -> str:
+        """What is followed over what, in the line."""
+        return f"{self.parameter} {self._range}"
+
+    @property
+    def _subject_rows(self) -> dict[str, Any]:
+        """The same in the summary."""
+        return {self.system.label(self.parameter): self._range}
+
+    @property
+    def _range(self) -> str:
+        low, high = self.bounds
+        return f"{low:g} to {high:g}"
+
+    @property
     def _special(self) -> str:
         return ", ".join(f"{s.label} {s.value:.6g}" for s in self.special_points) or "none"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Branch(OneParameter, Followed):
+def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
+    """Return all orbits of what was followed; those of special points are the points' own.
+
+    An orbit integrates itself once for its tables: the same orbit shall not be there twice.
+    """
+    special = {id(s.orbit.found): s.orbit for s in result.special_points}
+    return tuple(
+        special.get(id(point.orbit)) or orbit_of(result.system, point.orbit)
+        for point in result.found.points
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Branch(ContinuationResult):
     """Periodic orbits over one parameter.
 
     Attributes
@@ -141,7 +152,10 @@ class Branch(OneParameter, Followed):
     ended: str
     found: OrbitBranch = field(repr=False)
 
-    of: ClassVar[str] = "orbits"
+    @cached_property
+    def orbits(self) -> tuple[Orbit, ...]:
+        """All orbits, in the order in which they were followed."""
+        return _orbits_of(self)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -433,8 +447,8 @@ def check_value(system: System, parameter: str, field: str, value: Any) -> None:
 # --- Curves of special points in two parameters.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Curve(Followed):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Curve(ContinuationResult):
     """A special point followed in a second parameter.
 
     Attributes
@@ -472,25 +486,21 @@ class Curve(Followed):
     ended: str
     found: OrbitCurve = field(repr=False)
 
-    kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
+    @cached_property
+    def orbits(self) -> tuple[Orbit, ...]:
+        """All orbits, in the order in which they were followed."""
+        return _orbits_of(self)
 
-    def __repr__(self) -> str:
-        return (
-            f"Curve({self.label} over {' and '.join(self.parameters)}, {len(self)} orbits, "
-            f"special points: {self._special()}; ended: {self.ended})"
-        )
+    @property
+    def _subject(self) -> str:
+        return f"{self.label} over {' and '.join(self.parameters)}"
 
-    def summary(self) -> dict[str, Any]:
-        """Return what is followed, the points of codimension two and why the curve ends."""
-        return {
-            "system": repr(self.system),
-            "kind": self.kind,
-            "parameters": ", ".join(map(self.system.label, self.parameters)),
-            "orbits": len(self),
-            "special points": self._special(),
-            "ended": self.ended,
-        }
+    @property
+    def _subject_rows(self) -> dict[str, Any]:
+        names = ", ".join(map(self.system.label, self.parameters))
+        return {"kind": self.kind, "parameters": names}
 
+    @property
     def _special(self) -> str:
         found = [
             f"{s.kind} ({', '.join(f'{value:.6g}' for value in s.values.values())})"
@@ -634,8 +644,8 @@ def curve_of(system: System, found: OrbitCurve) -> Curve:
 EQUILIBRIUM_STEPS = StepControl(largest=0.2)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EquilibriumBranch(OneParameter):
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class EquilibriumBranch(ContinuationResult):
     """Equilibria over one parameter.
 
     Attributes

@@ -18,7 +18,7 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import unguarded
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events, Samples, Trajectory, run
+from mems_impact.hybrid.simulation import Events, Samples, Trajectory, run, run_with_samples
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
 from mems_impact.orbits import orbit_search
@@ -36,6 +36,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole, with_units
 from mems_impact.systems.statistics import (
+    SAMPLES_PER_PERIOD,
     Moments,
     evaluate_observables,
     largest_values,
@@ -273,8 +274,7 @@ class Orbit(Result):
     def _grid(self, per_period: int) -> Samples:
         parts: list[Samples] = []
         last, period = -1, self.found.point.period
-        for cycle, offset, trajectory in self._arcs():
-            grid = trajectory.samples(per_period)
+        for cycle, offset, _, grid in self._arcs(per_period):
             number = np.rint((cycle + grid.cycle + grid.time / period) * per_period)
             new = number > last
             if new.any():
@@ -291,9 +291,9 @@ class Orbit(Result):
     def _crossings(self) -> Events:
         """The crossings of the section, either way."""
         parts = []
-        for cycle, offset, trajectory in self._arcs():
+        for cycle, offset, trajectory, _ in self._arcs():
             log = trajectory.events.crossings(0)
-            moved = {"before": log.before + offset, "after": log.after + offset}
+            moved: dict[str, Any] = {"before": log.before + offset, "after": log.after + offset}
             parts.append(replace(log, cycle=log.cycle + cycle, **moved))
         return Events.joined(parts)
 
@@ -355,7 +355,8 @@ class Orbit(Result):
     @property
     def _largest(self) -> Floats:
         """The largest value of each state over the orbit."""
-        arcs = (offset + largest_values(arc) for _, offset, arc in self._arcs())
+        passed = self._arcs(SAMPLES_PER_PERIOD)
+        arcs = (offset + largest_values(arc, grid) for _, offset, arc, grid in passed)
         return np.max([*self._log.before, *self._log.after, *arcs], axis=0)
 
     @property
@@ -406,11 +407,12 @@ class Orbit(Result):
         later[:, list(self.system.automaton.cyclic)] += self.found.advance
         return later
 
-    def _arcs(self) -> Iterator[tuple[int, Floats, Any]]:
+    def _arcs(self, per_period: int = 0) -> Iterator[tuple[int, Floats, Trajectory, Samples]]:
         """Integrate the orbit's segments, each in its mode to its end whatever the guards say.
 
         The orbit may penetrate what it strikes, and one that is very unstable would be left by a
-        run. With each comes what the cyclic states had gathered before.
+        run. With each come its forcing period, what the cyclic states had gathered before, and its
+        samples, so many per period.
         """
         found, problem = self.found, self._problem
         cyclic = list(problem.automaton.cyclic)
@@ -424,7 +426,8 @@ class Orbit(Result):
                 y = self.system.snap_to_mode(segment.mode, states[i])
                 begin = HybridState(0, start, segment.mode, y)
                 length = (end - start) / problem.period
-                yield segment.cycle, offset.copy(), run(problem, begin, length)
+                passed = run_with_samples(problem, begin, length, per_period)
+                yield segment.cycle, offset.copy(), *passed
             offset[cyclic] += found.point.arcs[i].end[cyclic]
 
     def _segment_end(self, code: int) -> str:

@@ -42,7 +42,7 @@ WEAK = 3.0
 MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end in rest
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Verification(Result):
     """A run beside the same run by an unrelated method.
 

@@ -378,6 +378,23 @@ def run(
     RunInterrupted
         On Ctrl-C, with what was computed.
     """
+    return Simulation(problem, start, _end(problem, start, periods), 0, consume, progress).go()
+
+
+def run_with_samples(
+    problem: Problem, start: HybridState, periods: float, per_period: int
+) -> tuple[Trajectory, Samples]:
+    """Integrate as `run` does, and take `Trajectory.samples` on the way: in one pass.
+
+    For runs of which both are wanted, and whose arcs need not be looked at anew.
+    """
+    end = _end(problem, start, periods)
+    simulation = Simulation(problem, start, end, per_period, None, None)
+    return simulation.go(), simulation.samples
+
+
+def _end(problem: Problem, start: HybridState, periods: float) -> HybridState:
+    """Return where a run ends in time; InvalidParameter if `start` or `periods` does not fit."""
     if not 0.0 < periods <= MAX_CYCLE:
         allowed = f"above 0 and up to {MAX_CYCLE:g}"
         raise InvalidParameter(field="periods", value=periods, allowed=allowed)
@@ -396,8 +413,7 @@ def run(
         raise InvalidParameter(field="start.cycle", value=start.cycle, allowed=allowed)
     whole = math.floor(periods)
     phase = start.time + (periods - whole) * problem.period
-    end = HybridState(start.cycle + whole, phase, start.mode, start.y)
-    return Simulation(problem, start, end, 0, consume, progress).go()
+    return HybridState(start.cycle + whole, phase, start.mode, start.y)
 
 
 def resample(problem: Problem, start: HybridState, end: HybridState, per_period: int) -> Samples:
@@ -407,9 +423,7 @@ def resample(problem: Problem, start: HybridState, end: HybridState, per_period:
     # A run that failed fails again in the same place: its samples end there.
     with contextlib.suppress(RunError):
         run_again.go()
-    rows = run_again.memory.samples[: run_again.clock["taken"]]
-    integer = rows[:, :3].astype(np.int64)
-    return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
+    return run_again.samples
 
 
 class Simulation:
@@ -479,6 +493,13 @@ class Simulation:
         if status not in (workspace.DONE, workspace.ENDED):
             raise self._failure(status)
         return self._trajectory(ended=status == workspace.ENDED)
+
+    @property
+    def samples(self) -> Samples:
+        """The samples taken so far."""
+        rows = self.memory.samples[: self.clock["taken"]]
+        integer = rows[:, :3].astype(np.int64)
+        return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
     def _done(self) -> float:
         """Return the periods done so far."""

@@ -7,6 +7,7 @@ import re
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -153,7 +154,7 @@ class AttractorEvaluator:
     settle: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
 
-    @property
+    @cached_property
     def threaded(self) -> bool:
         """Whether points hold no lock of Python's."""
         return is_compiled(self.system.problem(self.options).options)

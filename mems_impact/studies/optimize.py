@@ -140,7 +140,7 @@ ENDINGS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Optimum(Result):
     """The best orbit that a search has found.
 
@@ -524,7 +524,7 @@ SENSES = ("maximize", "minimize")
 EQUAL = 1e-6  # part of its size by which one point must beat another in an aim
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ParetoFront(Result):
     """Optima none of which is better in both aims than another.
 

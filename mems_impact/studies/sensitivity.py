@@ -468,7 +468,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
 # --- How the numbers of an orbit move with the parameters, and how they scatter with tolerances.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sensitivity(Result):
     """The derivatives of an orbit's quantities by its parameters, in the units of the system.
 

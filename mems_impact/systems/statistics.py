@@ -17,7 +17,7 @@ from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
 from mems_impact.hybrid.definition import NO_GUARD
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.simulation import Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
 
@@ -31,6 +31,7 @@ __all__ = [
     "PERIODIC",
     "QUASI_PERIODIC",
     "RESTING",
+    "SAMPLES_PER_PERIOD",
     "UNSETTLED",
     "EventObserver",
     "Moments",
@@ -48,16 +49,15 @@ __all__ = [
 
 # --- The largest values that the states reach, between samples too: of an arc, or all of a run.
 
-SAMPLES = 200  # in a period
+SAMPLES_PER_PERIOD = 200  # between which the largest values are sought
 STILL = 1e-9  # part of the largest value by which a state moves that stands still
 
 
-def largest_values(arc: Trajectory) -> Floats:
+def largest_values(arc: Trajectory, grid: Samples) -> Floats:
     """Return the largest value of each state along an arc without events, shape (n,).
 
-    Around the largest sample a state is the cubic that has its values and its rates.
+    Around the largest of its samples a state is the cubic that has its values and its rates.
     """
-    grid = arc.samples(SAMPLES)
     found = np.maximum(arc.start.y, arc.final.y)
     if not len(grid.y):
         return np.asarray(found)
@@ -89,7 +89,7 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
     first : float
         In periods of the run's problem.
     """
-    grid = run.samples(SAMPLES, first)
+    grid = run.samples(SAMPLES_PER_PERIOD, first)
     log = run.events[
         np.isin(run.events.kind, (workspace.TRANSITION, workspace.ACCUMULATION, workspace.SWITCH))
     ]

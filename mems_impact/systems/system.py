@@ -7,7 +7,8 @@ import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
+from operator import itemgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -176,6 +177,11 @@ class Numerics(Shown):
             switches=tuple(switch / time for switch in switches),
             time_scale=scale,
         )
+
+    @property
+    def forced(self) -> bool:
+        """Whether the system has a forcing period; a function that gives it is not asked."""
+        return self._period is not None if "_period" in vars(self) else super().forced
 
     @property
     def forcing_period(self) -> float | None:
@@ -436,6 +442,7 @@ class System(Numerics):
         problem, time = self.problem(Options()), sizes.get("time")
         checks.dry_run(self, self._definition, problem, time=time, meant=initial is not None)
         if sizes:
+            del self._checked_numbers  # in other units
             self._typical = typical_of(
                 sizes,
                 definition=self._definition,
@@ -487,7 +494,7 @@ class System(Numerics):
         for name in values:
             self.check_parameter(name)
         other = self.shifted(values)
-        other.problem(Options())
+        other._checked_numbers  # noqa: B018 - raises where they are not allowed
         return other
 
     def shifted(self, values: Mapping[str, float]) -> System:
@@ -584,8 +591,7 @@ class System(Numerics):
 
     def problem(self, options: Options) -> Problem:
         """Return what the event loop integrates, in the units of the numerics."""
-        numbers = self.numbers()
-        check_times(numbers, self.factor("time"), self.unit("time"))
+        numbers = self._checked_numbers
         written = "_definition" in vars(self)
         return Problem(
             automaton=self.automaton,
@@ -594,6 +600,13 @@ class System(Numerics):
             falls=partial(checks.tell_of_fall, self) if written else None,
             **numbers._asdict(),
         )
+
+    @cached_property
+    def _checked_numbers(self) -> ProblemParameters:
+        """What of the problem depends on the parameters, once for all problems of the system."""
+        numbers = self.numbers()
+        check_times(numbers, self.factor("time"), self.unit("time"))
+        return numbers
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
@@ -624,14 +637,19 @@ class System(Numerics):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, with functions fit to go to another process."""
-        state: dict[str, Any] = portable(vars(self))
+        state: dict[str, Any] = portable(self._given)
         return state
+
+    @property
+    def _given(self) -> dict[str, Any]:
+        """What the system is made of, without what is derived of that."""
+        return {name: each for name, each in vars(self).items() if name != "_checked_numbers"}
 
     def _key(self) -> tuple[Any, ...]:
         """Return all by which systems differ."""
-        return tuple(vars(self)[name] for name in sorted(vars(self)))
+        return tuple(each for _, each in sorted(self._given.items(), key=itemgetter(0)))
 
     def _copy(self) -> System:
         other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__)
+        other.__dict__.update(self._given)
         return other

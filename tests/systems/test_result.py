@@ -9,12 +9,15 @@ import sys
 import zipfile
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
+from importlib import import_module
 from multiprocessing import get_context
+from pkgutil import walk_packages
 
 import numpy as np
 import pandas as pd
 import pytest
 
+import mems_impact
 import mems_impact as mi
 from mems_impact.systems.serialization.file import FORMAT
 from mems_impact.systems.system import System
@@ -433,3 +436,30 @@ def test_repr_is_short(name):
     assert "array(" not in text
     html = results()[name]._repr_html_()
     assert html.count("<tr>") >= 3
+
+
+def test_no_short_repr_is_hidden_by_that_of_a_dataclass():
+    def writes(kind):
+        return "__repr__" in vars(kind) and not hasattr(vars(kind)["__repr__"], "__wrapped__")
+
+    for module in walk_packages(mems_impact.__path__, "mems_impact."):
+        if ".templates" in module.name or module.name.endswith("__main__"):
+            continue
+        for kind in vars(import_module(module.name)).values():
+            if isinstance(kind, type) and "__dataclass_params__" in vars(kind):
+                assert (
+                    not kind.__dataclass_params__.repr
+                    or writes(kind)
+                    or not any(map(writes, kind.__mro__[1:-1]))
+                ), kind
+
+
+def test_a_branch_is_told_in_a_line():
+    branch, curve = results()["branch"], results()["curve"]
+    ends = f"A 0.36 to 0.6, {len(branch)} orbits, special points: PD "
+    assert repr(branch).startswith(f"Branch({ends}")
+    assert repr(branch).endswith(f"; ended: {branch.ended})")
+    ends = f"PD over A and omega, {len(curve)} orbits, special points: "
+    assert repr(curve).startswith(f"Curve({ends}")
+    assert list(branch.summary()) == ["system", "A", "orbits", "special points", "ended"]
+    assert list(curve.summary())[1:3] == ["kind", "parameters"]

@@ -305,7 +305,7 @@ def _cuts(arc: Arc, low: float, high: float, period: float) -> list[float]:
 # --- Where the energy of a run or an orbit comes from, and where it goes.
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Energy(Result):
     """What the drive gave, what was lost in what, and what was done or stored with the rest.
 

@@ -166,7 +166,7 @@ REMEDIES: dict[Verdict, str] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(SummaryRepr):
     """A fitted actuator, and how well it is known.
 

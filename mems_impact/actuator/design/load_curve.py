@@ -38,7 +38,7 @@ SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in the units of the numeri
 STILL = 1e-12  # of delta: a displacement that is rounding
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class LoadCurve(Result):
     """Mean speed over an opposing force, in the units of the device.
 
