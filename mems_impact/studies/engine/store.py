@@ -10,8 +10,6 @@ and what a process that was killed leaves behind is at most a hidden temporary f
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import io
 import json
 import logging
@@ -31,6 +29,7 @@ from zlib import crc32
 
 import numpy as np
 import pandas as pd
+from filelock import FileLock, Timeout
 
 from mems_impact._util.files import replacing, unwritable
 from mems_impact._util.formatting import label, shown
@@ -215,12 +214,14 @@ def provenance() -> dict[str, str]:
 # --- One process at a time: a lock that goes with the process that holds it.
 
 _log = logging.getLogger("mems_impact")
-_held: set[Path] = set()  # by this process, which a lock of the system would let in again
 
 
 @contextmanager
 def locked(path: Path) -> Iterator[bool]:
     """Hold the lock file `path` in the block; gives False where the file system knows no locks.
+
+    The system itself ends the lock of a process that is killed, also where workers that it has
+    forked live on for a while.
 
     Raises
     ------
@@ -228,37 +229,46 @@ def locked(path: Path) -> Iterator[bool]:
         If another process holds it, or it cannot be written.
     """
     real = Path(os.path.realpath(path))
-    if real in _held:
-        raise _in_use(path, "by another study in this process")
     try:
-        file = os.open(real, os.O_RDWR | os.O_CREAT, 0o666)
+        os.close(os.open(real, os.O_RDWR | os.O_CREAT, 0o666))
     except OSError as error:
         raise unwritable(path.parent, error) from None
+    lock = FileLock(real, blocking=False, preserve_lock_file=True, on_acquired=_sign)
+    alone = True
     try:
-        alone = _take(file, path)
-        _held.add(real)
-        yield alone
-    finally:
-        _held.discard(real)
-        os.close(file)
-
-
-def _take(file: int, path: Path) -> bool:
-    try:
-        # Of POSIX, since it is not inherited: the workers of a process that was killed, which may
-        # live on for a while, do not hold it.
-        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock.acquire()
+    except Timeout:
+        raise _in_use(path, _holder(real)) from None
     except OSError as error:
-        if error.errno in (errno.EACCES, errno.EAGAIN):
-            holder = os.read(file, 200).decode(errors="replace").strip()
-            raise _in_use(path, f"by {holder}" if holder else "by another process") from None
         # Some file systems of clusters have no locks. Chunks are whole and the same whoever writes
         # them, so that two processes lose time there and nothing else.
         _log.warning("%s: cannot be locked (%s)", path, (error.strerror or str(error)).lower())
-        return False
+        alone = False
+    try:
+        yield alone
+    finally:
+        lock.release()
+
+
+def _signature() -> str:
+    return f"process {os.getpid()} on {socket.gethostname()}"
+
+
+def _sign(file: int) -> None:
+    """Write into the lock file who holds it."""
     os.ftruncate(file, 0)
-    os.write(file, f"process {os.getpid()} on {socket.gethostname()}".encode())
-    return True
+    os.write(file, _signature().encode())
+
+
+def _holder(path: Path) -> str:
+    """Return who holds a lock, in words that follow "in use"."""
+    try:
+        holder = path.read_bytes()[:200].decode(errors="replace").strip()
+    except OSError:  # a file that is locked cannot be read on Windows
+        holder = ""
+    if holder == _signature():
+        return "by another study in this process"
+    return f"by {holder or 'another process'}"
 
 
 def _in_use(path: Path, holder: str) -> InvalidFile:

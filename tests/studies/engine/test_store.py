@@ -5,6 +5,9 @@ import json
 import os
 import random
 import resource
+import signal
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
@@ -272,13 +275,49 @@ def test_a_second_study_in_one_process_is_refused(store):
         run_study(STUDY, store=store, progress=again)
 
 
-def test_a_file_system_without_locks(store, monkeypatch, caplog):
-    def refuse(*_):
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS])
+def test_a_file_system_without_locks(store, monkeypatch, caplog, number):
+    def refuse(_):
+        raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(locking.fcntl, "lockf", refuse)
+    monkeypatch.setattr("filelock._unix.lock_fd_nonblocking", refuse)
     assert bits(run_study(STUDY, store=store)) == bits(run_study(STUDY))
-    assert "lock: cannot be locked (no locks available)" in caplog.text
+    assert f"lock: cannot be locked ({os.strerror(number).lower()})" in caplog.text
+    assert sorted(path.name for path in store.iterdir()) == ["lock", "points", "study.json"]
+
+
+def hold_with_a_worker(forking, path, said):
+    """Hold a lock, with a forked worker that lives on, until killed."""
+    with locking.locked(path):
+        worker = forking.Process(target=time.sleep, args=(60.0,))
+        worker.start()
+        said.put(worker.pid)
+        time.sleep(60.0)
+
+
+def test_a_lock_ends_with_its_process_though_its_workers_live(forking, tmp_path):
+    path, said = tmp_path / "lock", forking.Queue()
+    process = forking.Process(target=hold_with_a_worker, args=(forking, path, said))
+    process.start()
+    worker = said.get()
+    try:
+        with (
+            pytest.raises(mi.InvalidFile, match=f"by process {process.pid} on "),
+            locking.locked(path),
+        ):
+            pass
+        process.kill()
+        process.join()
+        os.kill(worker, 0)  # alive
+        with locking.locked(path) as alone:
+            assert alone
+    finally:
+        os.kill(worker, signal.SIGKILL)
+
+
+def test_the_modules_of_studies_import_where_there_is_no_fcntl():
+    code = "import sys; sys.modules['fcntl'] = None; import mems_impact.studies.engine.store"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_other_versions_are_told(store, caplog):
