@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from itertools import islice
 from os import PathLike, fspath
-from typing import Any
+from typing import Any, ClassVar
 
 from mems_impact._util.formatting import label, shown
 
@@ -504,10 +504,19 @@ class OrbitError(MemsImpactError, RuntimeError):
 class Interrupted(Picklable, KeyboardInterrupt):
     """Work was interrupted (Ctrl-C); what was done is kept.
 
-    Attributes
+    A kind of it names its ``work``, and in ``kept`` the attribute that holds what was done.
+
+    Parameters
     ----------
     after : str
         How far it had come, worded to follow "after".
+    **done : object
+        What was done, by the attributes that hold it.
+
+    Attributes
+    ----------
+    after
+        As given.
 
     See Also
     --------
@@ -526,7 +535,14 @@ class Interrupted(Picklable, KeyboardInterrupt):
     True
     """
 
-    after: str
+    work: ClassVar[str] = "work"
+    kept: ClassVar[str] = ""
+
+    def __init__(self, after: str, **done: object) -> None:
+        self.after = after
+        vars(self).update(done)
+        where = f"; they are in .{self.kept}" if self.kept else ""
+        super().__init__(f"{self.work} interrupted after {after}{where}")
 
 
 class RunInterrupted(Interrupted):
@@ -556,11 +572,13 @@ class RunInterrupted(Interrupted):
     True
     """
 
+    work = "run"
+    kept = "trajectory"
+    trajectory: Any
+    periods: float
+
     def __init__(self, trajectory: object, periods: float) -> None:
-        self.trajectory = trajectory
-        self.periods = periods
-        self.after = f"{periods:g} periods"
-        super().__init__(f"run interrupted after {self.after}; they are in .trajectory")
+        super().__init__(f"{periods:g} periods", trajectory=trajectory, periods=periods)
 
 
 class SweepInterrupted(Interrupted):
@@ -590,12 +608,14 @@ class SweepInterrupted(Interrupted):
     True
     """
 
+    work = "sweep"
+    kept = "table"
+    table: Any
+    done: int
+    total: int
+
     def __init__(self, table: object, done: int, total: int) -> None:
-        self.table = table
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total} values"
-        super().__init__(f"sweep interrupted after {self.after}; they are in .table")
+        super().__init__(f"{done} of {total} values", table=table, done=done, total=total)
 
 
 class StudyInterrupted(Interrupted):
@@ -626,12 +646,14 @@ class StudyInterrupted(Interrupted):
     1
     """
 
+    work = "study"
+    kept = "table"
+    table: Any
+    done: int
+    total: int
+
     def __init__(self, table: object, done: int, total: int) -> None:
-        self.table = table
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total} points"
-        super().__init__(f"study interrupted after {self.after}; they are in .table")
+        super().__init__(f"{done} of {total} points", table=table, done=done, total=total)
 
 
 class ChartInterrupted(Interrupted):
@@ -662,12 +684,16 @@ class ChartInterrupted(Interrupted):
     True
     """
 
+    work = "chart"
+    kept = "chart"
+    chart: Any
+    done: int
+    total: int
+
     def __init__(self, chart: object, done: int, total: int) -> None:
-        self.chart = chart
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total or 'all'} boundaries"
-        super().__init__(f"chart interrupted after {self.after}; they are in .chart")
+        super().__init__(
+            f"{done} of {total or 'all'} boundaries", chart=chart, done=done, total=total
+        )
 
 
 class OptimizationInterrupted(Interrupted):
@@ -698,11 +724,13 @@ class OptimizationInterrupted(Interrupted):
     'mean speed'
     """
 
+    work = "search"
+    kept = "optimum"
+    optimum: Any
+    points: int
+
     def __init__(self, optimum: object, points: int) -> None:
-        self.optimum = optimum
-        self.points = points
-        self.after = f"{points} points"
-        super().__init__(f"search interrupted after {self.after}; they are in .optimum")
+        super().__init__(f"{points} points", optimum=optimum, points=points)
 
 
 # --- The warnings of the package: what is computed all the same, and may not be what was wanted.

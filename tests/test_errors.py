@@ -139,3 +139,11 @@ def test_messages_stay_on_one_short_line(name, value):
     assert "\n" not in str(error)
     assert len(str(error)) < 800
     assert str(InvalidFile(name, "bad", "mend it")).count("\n") == 0
+
+
+@pytest.mark.parametrize(("error", "after"), INTERRUPTIONS)
+def test_what_every_interruption_says_stands_in_the_base(error, after):
+    assert "__init__" in vars(Interrupted)
+    assert str(error) == f"{error.work} interrupted after {after}; they are in .{error.kept}"
+    assert vars(Interrupted("3 of 4 lines", lines=[1])) == {"after": "3 of 4 lines", "lines": [1]}
+    assert getattr(error, error.kept) is not None

@@ -9,9 +9,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-__all__ = ["ProgressLog", "is_interactive", "parameter_progress", "progress_bar"]
+__all__ = ["ProgressLog", "Watch", "is_interactive", "parameter_progress", "progress_bar"]
 
-Report = Callable[[float], None]
+Watch = Callable[[float], None]
+"""What work calls now and then with how much is done; what it raises ends the work."""
 
 _log = logging.getLogger("mems_impact")
 
@@ -24,7 +25,7 @@ SHARE = 0.1  # of all after which one is
 @contextmanager
 def progress_bar(
     progress: bool | Callable[[float], None], unit: str, total: float | None = None
-) -> Iterator[Report | None]:
+) -> Iterator[Watch | None]:
     """Give what is called with all that is done so far; None where nobody listens.
 
     Parameters
@@ -51,7 +52,7 @@ def progress_bar(
 @contextmanager
 def parameter_progress(
     progress: bool | Callable[[float], None], name: str, unit: str, out: Callable[[float], float]
-) -> Iterator[Report | None]:
+) -> Iterator[Watch | None]:
     """Give what is called with every value of a parameter that work passes, however many.
 
     Parameters

@@ -117,10 +117,10 @@ def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
 
 def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
     """Refuse a column that the table will not have, before it is computed."""
-    from mems_impact.studies.attractor_study import AttractorEvaluator
+    from mems_impact.studies.attractor_study import attractor_schema
 
     settle = {"settle": given["settle"]} if "settle" in given else {}
-    schema = AttractorEvaluator(system=system, **settle).schema
+    schema = attractor_schema(system, **settle)
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
+from mems_impact._util.progress import Watch
 from mems_impact.errors import (
     DiscontinuityWarning,
     ScaleWarning,
@@ -18,12 +19,11 @@ from mems_impact.errors import (
     ValidityWarning,
 )
 
-__all__ = ["LatestOnlyWorker", "Watch", "capture_warnings", "route_warnings"]
+__all__ = ["LatestOnlyWorker", "capture_warnings", "route_warnings"]
 
 # --- Computing beside the page: what was asked last counts, what nobody waits for is given up.
 
 Asked = TypeVar("Asked")
-Watch = Callable[[float], None]
 
 
 class _GivenUp(Exception):

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 
 import mems_impact as mi
 from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import Watch
 from mems_impact.actuator.automaton import slips
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
-from mems_impact.explorer.background import Watch, capture_warnings
+from mems_impact.explorer.background import capture_warnings
 from mems_impact.explorer.session import (
     TIME,
     PageSetting,

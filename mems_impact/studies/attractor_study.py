@@ -49,6 +49,7 @@ __all__ = [
     "SILENT",
     "AttractorEvaluator",
     "AttractorStudy",
+    "attractor_schema",
     "in_order",
     "map_summary",
     "motions",
@@ -139,6 +140,16 @@ EXPONENT, ERROR = "lyapunov exponent", "lyapunov error"
 RETURNS = "returns"
 
 
+def attractor_schema(
+    system: System,
+    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+) -> dict[str, str]:
+    """Return the columns that tell what a motion comes to, each with its kind."""
+    names = dict.fromkeys(system.measure_names, "float")
+    told = {EXPONENT: "float", ERROR: "float"} if settle.exponents != "none" else {}
+    return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
+
+
 @dataclass(frozen=True, kw_only=True)
 class AttractorEvaluator:
     """How the motions of a system are followed and told.
@@ -162,9 +173,7 @@ class AttractorEvaluator:
     @property
     def schema(self) -> dict[str, str]:
         """The columns that tell of a motion."""
-        names = dict.fromkeys(self.system.measure_names, "float")
-        told = {EXPONENT: "float", ERROR: "float"} if self.settle.exponents != "none" else {}
-        return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
+        return attractor_schema(self.system, self.settle)
 
     def identity(self) -> dict[str, Any]:
         """Return what the numbers depend on."""

@@ -15,6 +15,7 @@ import numpy as np
 
 from mems_impact import tables as sweep_tables
 from mems_impact._util.arrays import Floats
+from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import at_study_point
 from mems_impact.analysis.run import Run, check_direction
 from mems_impact.analysis.simulate import simulate
@@ -28,7 +29,6 @@ from mems_impact.errors import (
 )
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
-from mems_impact.studies.engine.executors import Watch
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import STATUS, Columns, Study
 from mems_impact.systems.dispatch import takes_system

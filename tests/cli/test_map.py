@@ -3,6 +3,7 @@ import subprocess
 import sys
 import time
 
+import click
 import numpy as np
 import pandas as pd
 import pytest
@@ -128,3 +129,17 @@ def test_an_interrupted_map_keeps_what_is_done(tmp_path):
     done = int(line.split("interrupted after ")[1].split()[0])
     assert "map-table.csv" in line
     assert len(pd.read_csv(tmp_path / "out" / "map-table.csv")) == done > 0
+
+
+def test_a_column_is_checked_by_the_schema_alone(monkeypatch):
+    """No evaluator is made, which is a thing to follow motions by."""
+    from mems_impact.cli.map import _check_column
+    from mems_impact.studies.attractor_study import AttractorEvaluator
+
+    made = []
+    monkeypatch.setattr(AttractorEvaluator, "__init__", lambda *_, **__: made.append(1))
+    system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+    _check_column("period", system, {})
+    with pytest.raises(click.UsageError, match="--column nothing"):
+        _check_column("nothing", system, {})
+    assert made == []

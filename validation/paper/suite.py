@@ -66,12 +66,15 @@ class SuiteInterrupted(Interrupted):
         As given.
     """
 
+    work = "suite"
+    kept = "report"
+    report: Report
+    done: int
+    total: int
+
     def __init__(self, report: Report, done: int, total: int) -> None:
-        self.report = report
-        self.done = done
-        self.total = total
-        self.after = f"{done} of {total} figures"
-        super().__init__(f"suite interrupted after {self.after}; they are in .report")
+        after = f"{done} of {total} figures"
+        super().__init__(after, report=report, done=done, total=total)
 
 
 def run_suite(

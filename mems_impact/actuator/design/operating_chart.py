@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mems_impact._util.progress import Watch
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, GUARDS
 from mems_impact.actuator.design.characteristics import end_of, lasts_until
@@ -39,7 +40,7 @@ from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
-from mems_impact.studies.engine.executors import Watch, stoppable_threads
+from mems_impact.studies.engine.executors import stoppable_threads
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 

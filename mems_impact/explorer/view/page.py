@@ -15,9 +15,10 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.models import ColumnDataSource, CustomJS, Div
 
+from mems_impact._util.progress import Watch
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter, MemsImpactError
-from mems_impact.explorer.background import LatestOnlyWorker, Watch
+from mems_impact.explorer.background import LatestOnlyWorker
 from mems_impact.explorer.export import device_file, python_of, run_picture
 from mems_impact.explorer.session import (
     TIME,

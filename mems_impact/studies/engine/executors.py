@@ -32,6 +32,7 @@ from typing import Any, Self
 
 import cloudpickle
 
+from mems_impact._util.progress import Watch
 from mems_impact._util.warning_scopes import CollectedWarning, collected_warnings
 from mems_impact.errors import InvalidParameter
 from mems_impact.studies.engine.study import Chunk, Columns, Study
@@ -39,7 +40,6 @@ from mems_impact.studies.engine.study import Chunk, Columns, Study
 __all__ = [
     "ExecutorLost",
     "Result",
-    "Watch",
     "WorkerPool",
     "cores",
     "ctrl_c_for_us_alone",
@@ -48,8 +48,6 @@ __all__ = [
 ]
 
 # --- Threads whose runs end as soon as nobody waits for them any more.
-
-Watch = Callable[[float], None]
 
 
 class _ThreadStopped(Exception):
