@@ -199,7 +199,7 @@ class Optimum(Result):
     def margins(self) -> pd.DataFrame:
         """How far each varied parameter may move before the orbit bifurcates.
 
-        As `margins`, from half to one and a half of each value.
+        As `bifurcation_margins`, from half to one and a half of each value.
         """
         return bifurcation_margins(self.orbit, tuple(self.over))
 

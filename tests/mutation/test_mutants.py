@@ -72,6 +72,7 @@ def test_characters_of_several_bytes_do_not_shift_a_mutant():
 def test_every_mutant_of_the_numerics_is_a_program_that_differs():
     every = drawn(PROJECT, 1, 10**6)
     assert len(every) > 1000
+    assert "mems_impact/hybrid/event_loop/loop.py" in {mutant.path for mutant in every}
     for mutant in every[::20]:
         source = (PROJECT / mutant.path).read_text(encoding="utf-8")
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
@@ -79,7 +80,7 @@ def test_every_mutant_of_the_numerics_is_a_program_that_differs():
 
 @pytest.mark.slow
 def test_the_draw_repeats():
-    few = "hybrid/guards"
+    few = "hybrid/event_loop/detection"
     assert drawn(PROJECT, 3, 20, few) == drawn(PROJECT, 3, 20, few)
     assert drawn(PROJECT, 3, 20, few) != drawn(PROJECT, 4, 20, few)
 

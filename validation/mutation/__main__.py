@@ -28,7 +28,7 @@ def drawn(project: Path, seed: int, count: int, only: str = "") -> list[Mutant]:
     """
     every: list[tuple[bytes, Mutant]] = []
     for room in ROOMS:
-        for place in sorted((project / "mems_impact" / room).glob("*.py")):
+        for place in sorted((project / "mems_impact" / room).rglob("*.py")):
             path = place.relative_to(project).as_posix()
             if only in path:
                 source, alike = place.read_text(encoding="utf-8"), Counter[tuple[str, str]]()

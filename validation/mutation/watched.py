@@ -124,7 +124,7 @@ def _uses(root: Path) -> list[tuple[str, tuple[str, int]]]:
     """Return every name that the rooms use, and where."""
     uses = []
     for room in ROOMS:
-        for file in sorted((root / "mems_impact" / room).glob("*.py")):
+        for file in sorted((root / "mems_impact" / room).rglob("*.py")):
             path = file.relative_to(root).as_posix()
             for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
                 match node:
