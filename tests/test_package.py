@@ -51,3 +51,13 @@ def test_what_is_tested_does_not_import_its_tests(room, above):
     files = list((Path(__file__).parents[1] / room).rglob("*.py"))
     assert len(files) > 10
     assert [str(file) for file in files if pattern.search(file.read_text("utf-8"))] == []
+
+
+def test_messages_and_docstrings_name_what_is_public():
+    named = {
+        (path.name, name)
+        for path in Path(mi.__file__).parent.rglob("*.py")
+        for name in re.findall(r"\bmems_impact\.([A-Z]\w*)", path.read_text(encoding="utf-8"))
+    }
+    assert named
+    assert {(file, name) for file, name in named if name not in mi.__all__} == set()

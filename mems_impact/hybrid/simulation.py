@@ -279,8 +279,8 @@ OFFSET = 1e-3  # of a period, by which a state is moved back to see on which sid
 AT_ONCE = 1e-6  # of a period, within which they follow each other
 
 SLIDING_REMEDY = (
-    "say how the state slides between them, in a mode of its own (mems_impact.Surface does), or "
-    "give the switching a hysteresis"
+    "say how the state slides between them, in a mode of its own "
+    "(mems_impact.SwitchingSurface does), or give the switching a hysteresis"
 )
 
 
@@ -607,7 +607,9 @@ class Simulation:
             remedy = "say with rest= of the Impact in which mode and state the bodies stay together"
         if status == workspace.NO_SUCH_MODE and failure == workspace.NO_FIT:
             reason = "two switching surfaces attract the state at once: no mode says how it slides"
-            remedy = "write modes of your own for where they meet, or make the two one Surface"
+            remedy = (
+                "write modes of your own for where they meet, or make the two one SwitchingSurface"
+            )
         if status in (workspace.CYCLING, workspace.EVENT_BUDGET):
             latest = Events.from_rows(self.latest)
             opposite = missing_sliding_mode(latest, self.problem)

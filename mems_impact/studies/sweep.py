@@ -348,10 +348,10 @@ def sweep(
     DataFrame
         One row a crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
-        blows per period (see `mems_impact.Blows`), displacement per period and per impact (the
-        step; NaN without an impact), mean speed and status. A value without any crossing is one
-        row with NaN for what belongs to a crossing. So is one that failed, with NaN for all; its
-        status is the reason rather than "ok", and the chain goes on from the last good state.
+        blows per period (see `mems_impact.BlowStatistics`), displacement per period and per impact
+        (the step; NaN without an impact), mean speed and status. A value without any crossing is
+        one row with NaN for what belongs to a crossing. So is one that failed, with NaN for all;
+        its status is the reason rather than "ok", and the chain goes on from the last good state.
         Where nothing forces the system, crossings have a number, from 0, in place of the period,
         and impacts are counted per time. Of maxima the k-th of each state stand in one row, with
         NaN where a state has no more; a state at rest has its value for the only one.

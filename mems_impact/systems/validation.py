@@ -295,7 +295,7 @@ def _tell(
         remedy = "name the times at which it does in switches="
     else:
         where = " or ".join(by(one)) or tried.place(before).removeprefix("at ")
-        remedy = "make it a Guard between two modes, or a part: Friction, Relay, Surface"
+        remedy = "make it a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
     message = f"the flow is discontinuous: {jump} at {where}, where no step is accurate; {remedy}"
     warn(message, DiscontinuityWarning)
 

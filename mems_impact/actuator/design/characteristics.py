@@ -319,9 +319,9 @@ def speed_over_voltage(
     Returns
     -------
     DataFrame
-        One row an amplitude, ascending: impacts and blows (see `mems_impact.Blows`) per period,
-        displacement per period, per impact and per blow, mean speed. A period is that of the
-        drive, of v^2, also where a term makes the sign of the voltage matter.
+        One row an amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
+        period, displacement per period, per impact and per blow, mean speed. A period is that of
+        the drive, of v^2, also where a term makes the sign of the voltage matter.
 
     See Also
     --------

@@ -406,7 +406,8 @@ def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     """Return why no impact of a run makes a step that the formula knows."""
     if right == 0:
         return (
-            "no impact on the right stopper; raise the voltage, or start with a kick (see kicked)"
+            "no impact on the right stopper; raise the voltage, or start with a kick "
+            "(see kicked_state)"
         )
     if at_rest:
         return f"no step of {at_rest} that begin at rest has ended; simulate more periods"

@@ -31,8 +31,8 @@ class WearLife(SummaryRepr):
     volume_per_blow : float
         Volume that is worn off [m^3]; NaN without blows.
     blows : float
-        Blows (see `mems_impact.Blows`) until the depth is reached; infinite without slip, 0 where
-        the frame slips without blows.
+        Blows (see `mems_impact.BlowStatistics`) until the depth is reached; infinite without slip,
+        0 where the frame slips without blows.
     time : float
         How long that takes [s].
     distance : float

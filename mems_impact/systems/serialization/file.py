@@ -84,7 +84,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
 
     Returns
     -------
-    Run, Orbit, Branch, SpecialPoint, Curve, Chart, Verification or System
+    Run, Orbit, Branch, SpecialPoint, Curve, OperatingChart, Verification or System
 
     Raises
     ------

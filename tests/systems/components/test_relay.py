@@ -52,7 +52,7 @@ def test_without_hysteresis_its_modes_push_against_each_other_and_it_says_so(ban
     with pytest.raises(mi.RunError) as caught:
         mi.simulate(heated(parts=[thermostat]), duration=10.0, options=options)
     assert "modes 'low' and 'high' push against each other at 'thermostat" in str(caught.value)
-    assert "mems_impact.Surface" in caught.value.remedy
+    assert "mems_impact.SwitchingSurface" in caught.value.remedy
 
 
 def test_modes_written_by_hand_that_push_against_each_other_are_told():
