@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Generic
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,7 +15,6 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import ACCEPTED, NOTHING, Shooting, ShootingEvaluation
 
 # --- Pseudo-arclength steps: tangent, prediction, correction.
@@ -23,6 +23,7 @@ ITERATIONS = 8
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 NODES = 3  # corrections from which another one is guessed
+TINY = np.finfo(float).tiny
 APART = 0.01  # least distance between them, as a part of the longest
 
 
@@ -60,11 +61,11 @@ class StepControl:
         self, low: float, high: float, point: Linearised, along: Floats, length: float
     ) -> float:
         """Return a length, shorter if it went far beyond a bound, where the model may end."""
-        ahead = point.values[0] + length * along[-1]
+        ahead = point.values[-1] + length * along[-1]
         bound = high if along[-1] > 0.0 else low
         if low <= ahead <= high:
             return length
-        return max(1.001 * (bound - point.values[0]) / along[-1], self.smallest)
+        return max(1.001 * (bound - point.values[-1]) / along[-1], self.smallest)
 
 
 def tangent(point: Linearised, along: Floats | None = None) -> Floats:
@@ -216,7 +217,6 @@ class PredictorStep(Generic[P]):
 
 # --- Whether a branch, or a curve, has come back to the orbit where it began.
 
-CLOSED = "the branch closed upon itself"
 SAME = 1e-5  # difference between the states of one orbit, met twice
 PARTS = 64  # into which a segment of a cycle is cut to find where a state is nearest
 REFINEMENTS = 6  # of that place, by Newton's method
@@ -334,19 +334,6 @@ def reason_of(error: Exception, family: Family) -> str:
     return str(error)
 
 
-def no_step_message(
-    orbit: PeriodicOrbit, parameters: str | tuple[str, ...], error: Exception
-) -> str:
-    """Return why there is no step beyond `orbit`, however short."""
-    names = (parameters,) if isinstance(parameters, str) else parameters
-    family = orbit.family
-    where = " and ".join(f"{name} = {family.amount(name, family.value(name))}" for name in names)
-    told = f"no further step possible beyond {where}: {reason_of(error, family)}"
-    if np.abs(orbit.multipliers - 1.0).min() < NEUTRAL:
-        return f"{told}; {SIDE_BY_SIDE}"
-    return told
-
-
 def no_orbit_message(error: Exception, family: Family) -> str:
     """Return why the orbits of another signature cannot be found where two signatures meet."""
     point = error.partial if isinstance(error, OrbitError) else None
@@ -365,3 +352,267 @@ def budget_message(
     if held and length < SHORT * steps.largest:
         return f"{told}; steps are down to a length of {length:.2g}: {held}"
     return f"{told}; a step of length {length:.2g} moves {parameter} by a part of {part:.1g}"
+
+
+# --- The predictor-corrector loop, of all that is continued.
+
+R = TypeVar("R")  # what is recorded of a point
+E = TypeVar("E")  # what is recorded where something happens
+Corrector = Callable[[Floats, Floats, Floats], Solution[P]]
+
+
+class Continued(Protocol[R, E]):
+    """What a continuation has found so far: `OrbitBranch`, `OrbitCurve`, `Equilibria`."""
+
+    points: list[R]
+    special_points: list[E]
+    ended: str
+
+
+@dataclass(frozen=True)
+class LocatedEvents(Generic[P, E]):
+    """What happens within a step.
+
+    Attributes
+    ----------
+    events : list
+        In order.
+    loss : object, optional
+        The last of them, if the equations do not go on beyond it.
+    reason : str
+        Why they do not.
+    before : ShootingEvaluation or EquilibriumEvaluation, optional
+        The last point before the loss, where the test functions are looked at.
+    corner : bool
+        Whether the branch has a corner there: it may turn by any angle.
+    """
+
+    events: list[E]
+    loss: E | None = None
+    reason: str = ""
+    before: P | None = None
+    corner: bool = False
+
+
+class Onward(NamedTuple, Generic[P]):
+    """Where a continuation goes on with other equations: point, tangent and length of a step."""
+
+    point: P
+    along: Floats
+    length: float
+
+
+class ContinuationProblem(ABC, Generic[P, R, E]):
+    """What is continued: equations, test functions, and what to do where something happens.
+
+    Attributes
+    ----------
+    branch : Continued
+        What is found.
+    family : Family
+    parameters : tuple of str
+        The active ones; the last is the one with bounds.
+    noun : str
+        What it is called in messages.
+    """
+
+    branch: Continued[R, E]
+    family: Family
+    parameters: tuple[str, ...]
+    noun = "branch"
+
+    @abstractmethod
+    def corrector(self, point: P) -> Corrector[P]:
+        """Return the corrector of a step from `point`, as `PredictorStep` takes it."""
+
+    @abstractmethod
+    def solve(self, guess: Floats) -> P:
+        """Correct `guess` (unknowns and parameters) at its value of the last parameter."""
+
+    @abstractmethod
+    def tests(self, point: P, along: Floats) -> Mapping[Any, float]:
+        """Return the test functions at a point, seen in the direction `along`."""
+
+    @abstractmethod
+    def locate(
+        self,
+        step: PredictorStep[P],
+        length: float,
+        before: Mapping[Any, float],
+        after: Mapping[Any, float],
+    ) -> LocatedEvents[P, E]:
+        """Locate what happens within a step, from the test functions at both its ends."""
+
+    @abstractmethod
+    def closing(self, step: PredictorStep[P], length: float) -> float | None:
+        """Return where in a step the first point is met again, in the same direction."""
+
+    @abstractmethod
+    def record(self, point: P, along: Floats) -> None:
+        """Append a point to what is found."""
+
+    def tangent(self, point: P, along: Floats) -> Floats:
+        """Return the unit tangent at a point, in the direction of `along`."""
+        return tangent(point, along)
+
+    def check(self, point: P, following: P) -> None:
+        """Raise an OrbitError if a step from one point to another is none."""
+
+    def accept(self, located: LocatedEvents[P, E]) -> None:
+        """Append what happens within a step to what is found."""
+        self.branch.special_points += located.events
+
+    def pass_loss(self, located: LocatedEvents[P, E], length: float) -> Onward[P] | str:
+        """Return how it goes on beyond a loss, or why it ends there."""
+        return located.reason
+
+    def rebased(self, point: P, along: Floats) -> tuple[P, Floats] | None:
+        """Return the same point by other equations, where these would soon fail; else None."""
+        return None
+
+    def end_at(self, point: P) -> str:
+        """Return why it ends at a point; empty if it goes on."""
+        return ""
+
+    def stalled(self) -> None:
+        """Note why steps may have become short, where they or the points are used up."""
+
+    def no_step(self, point: P, error: Exception) -> str:
+        """Return why there is no step beyond a point, however short."""
+        values = zip(self.parameters, point.values.tolist(), strict=True)
+        where = " and ".join(f"{name} = {self.family.amount(name, v)}" for name, v in values)
+        return f"no further step possible beyond {where}: {reason_of(error, self.family)}"
+
+
+class Continuation(Generic[P, R, E]):
+    """The pseudo-arclength continuation of a problem from a point; iterate over its points.
+
+    Who stops asking for points interrupts it, and what is found remains.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+    point : ShootingEvaluation or EquilibriumEvaluation
+        A solution.
+    along : float array
+        Its unit tangent, in the direction to follow.
+    low, high : float
+        Bounds of the last parameter.
+    steps : StepControl
+    """
+
+    def __init__(
+        self,
+        problem: ContinuationProblem[P, R, E],
+        point: P,
+        along: Floats,
+        *,
+        low: float,
+        high: float,
+        steps: StepControl,
+    ) -> None:
+        self.problem, self.low, self.high, self.steps = problem, low, high, steps
+        self._held = ""  # why the last step that was shortened was
+        self._set_out(Onward(point, along, steps.initial))
+
+    def __iter__(self) -> Iterator[R]:
+        """Yield what is recorded of the points, until an end."""
+        problem, branch, told = self.problem, self.problem.branch, 0
+        problem.record(self._point, self._along)
+        while True:
+            while told < len(branch.points):
+                told += 1
+                yield branch.points[told - 1]
+            if branch.ended:
+                return
+            if len(branch.points) < self.steps.most:
+                self._advance()
+            else:
+                problem.stalled()
+                branch.ended = self._budget_used()
+
+    def _set_out(self, onward: Onward[P]) -> None:
+        """Go on from a point, of which no earlier one is known by the same equations."""
+        self._point, self._along, self._length = onward
+        self._behind: list[Floats] = []
+        self._before = self.problem.tests(self._point, self._along)
+
+    def _advance(self) -> None:
+        """Take a step, or shorten the next one."""
+        problem, point, along = self.problem, self._point, self._along
+        last: tuple[P, Floats] | None = None
+        try:
+            self._length = self.steps.within(self.low, self.high, point, along, self._length)
+            corrector = problem.corrector(point)
+            step = PredictorStep(corrector, point, along, self._behind[-NODES:])
+            _, following, iterations = step.at(self._length)
+            problem.check(point, following)
+            closing = problem.closing(step, self._length)
+            if closing is not None:  # what lies beyond has been passed before
+                self._length, following = closing, step.at(closing).point
+            after = problem.tests(following, along)
+            located = problem.locate(step, self._length, self._before, after)
+            ahead = problem.tangent(following, along)
+            if ahead @ along < STRAIGHT and not located.corner:
+                raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER)
+            if located.loss is None and not self.low <= following.values[-1] <= self.high:
+                last = self._at_bound(step, following)
+        except CONTINUATION_ERRORS as error:
+            self._length /= 2.0
+            self._held = reason_of(error, problem.family)
+            if self._length < self.steps.smallest:
+                problem.stalled()
+                problem.branch.ended = problem.no_step(point, error)
+            return
+        problem.accept(located)
+        if located.loss is not None:
+            onward = problem.pass_loss(located, self._length)
+            if isinstance(onward, str):
+                problem.branch.ended = onward
+            else:
+                self._set_out(onward)
+        elif last is not None:
+            problem.record(*last)
+            problem.branch.ended = f"{problem.parameters[-1]} reached its bound"
+        else:
+            self._behind.append(step.start)
+            self._point, self._along, self._before = following, ahead, after
+            problem.record(following, ahead)
+            closed = f"the {problem.noun} closed upon itself" if closing is not None else ""
+            problem.branch.ended = closed or problem.end_at(following)
+            if not problem.branch.ended:
+                self._rebase()
+                self._adapt(iterations)
+
+    def _at_bound(self, step: PredictorStep[P], beyond: P) -> tuple[P, Floats]:
+        """Return the point at the bound that a step to `beyond` passes, with its tangent."""
+        start, end = step.start, np.concatenate([beyond.unknowns, beyond.values])
+        bound = self.low if end[-1] < self.low else self.high
+        guess = start + (bound - start[-1]) / (end[-1] - start[-1]) * (end - start)
+        guess[-1] = bound
+        last = self.problem.solve(guess)
+        return last, self.problem.tangent(last, step.along)
+
+    def _rebase(self) -> None:
+        """Go on by other equations where those at hand would soon fail."""
+        try:
+            rebased = self.problem.rebased(self._point, self._along)
+            if rebased is not None:
+                self._set_out(Onward(*rebased, self._length))
+        except CONTINUATION_ERRORS as error:
+            self.problem.branch.ended = self.problem.no_step(self._point, error)
+
+    def _adapt(self, iterations: int) -> None:
+        """Choose the length of the next step by the Newton steps of the last."""
+        if iterations <= EASY:
+            self._length = min(1.5 * self._length, self.steps.largest)
+        elif iterations >= HARD:
+            self._length /= 1.5
+            self._held = f"a correction takes {iterations} Newton steps"
+
+    def _budget_used(self) -> str:
+        """Return that the points are used up, and what has held the last steps back."""
+        value = abs(float(self._point.values[-1]))
+        moved = abs(float(self._along[-1])) * self._length
+        part, parameter = moved / max(value, moved, TINY), self.problem.parameters[-1]
+        return budget_message(self.steps, self._length, self._held, parameter, part)

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
-    NODES,
-    ClosureDetector,
+    SHORTER,
+    Continuation,
+    Corrector,
+    LocatedEvents,
     PredictorStep,
     StepControl,
-    no_step_message,
     reason_of,
 )
 from mems_impact.continuation.grazing import contact_coefficient
-from mems_impact.continuation.orbit_branch import oriented, renumbered
+from mems_impact.continuation.orbit_branch import OrbitProblem, oriented, renumbered
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
     CONTACT,
@@ -28,6 +30,7 @@ from mems_impact.continuation.test_functions import (
     GRAZING,
     NEIMARK_SACKER,
     NEUTRAL,
+    DefiningSystem,
     FoldCondition,
     TestFunction,
     closest_approach,
@@ -39,10 +42,10 @@ from mems_impact.continuation.test_functions import (
     value_of,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
-from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear, rebase_phase
+from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.newton import Solution, newton
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit, reduced_monodromy
-from mems_impact.orbits.shooting import ShootingEvaluation
+from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 __all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
 
@@ -141,33 +144,54 @@ def follow_curve(
     """
     if parameter == second:
         raise InvalidParameter(field="second", value=second, allowed=f"another than {parameter}")
-    return _CurveContinuation(special, parameter, second, (low, high), steps or StepControl()).go(
-        direction, progress
-    )
+    curve = OrbitCurve(special.kind, (parameter, second))
+    orbit, steps = special.orbit, steps or StepControl()
+    try:
+        shooting = orbit.equations(curve.parameters)
+        condition = condition_of(shooting, special.monitor)
+        values = np.array([orbit.family.values[name] for name in curve.parameters])
+        near = shooting.evaluate(orbit.point.unknowns, values)
+        gradient = condition.gradient(near)
+        along = _null_vector(near, gradient)
+        along = along if along[-1] * direction >= 0.0 else -along
+        start = np.concatenate([near.unknowns, values])
+        point = correct_condition(shooting, condition, gradient, start, along, start).point
+    except CONTINUATION_ERRORS as error:
+        curve.ended = f"the first point could not be corrected: {reason_of(error, orbit.family)}"
+        return curve
+    try:
+        problem = _CurveProblem(curve, special, condition, point, along, (low, high))
+        for found in Continuation(problem, point, along, low=low, high=high, steps=steps):
+            if progress is not None:
+                progress(found.values[1])
+    except CONTINUATION_ERRORS as error:
+        curve.ended = reason_of(error, orbit.family)
+    return curve
 
 
-class _CurveContinuation:
-    """The iteration along a curve."""
+class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
+    """Orbits at which one test function is zero, in two parameters."""
+
+    noun = "curve"
 
     def __init__(
         self,
+        curve: OrbitCurve,
         special: BranchEvent,
-        parameter: str,
-        second: str,
+        condition: DefiningSystem,
+        point: ShootingEvaluation,
+        along: Floats,
         bounds: tuple[float, float],
-        steps: StepControl,
     ) -> None:
-        orbit = special.orbit
-        self.monitor, self.bounds, self.steps = special.monitor, bounds, steps
-        self.shooting = orbit.equations((parameter, second))
-        self.condition = condition_of(self.shooting, self.monitor)
-        values = [orbit.family.values[parameter], orbit.family.values[second]]
-        self.start = np.concatenate([orbit.point.unknowns, values])
-        self.curve = OrbitCurve(special.kind, (parameter, second))
-        self.gradient = np.zeros(self.start.size)  # of the condition, where a step begins
-        self.zero: set[TestFunction] = set()
+        super().__init__(condition.shooting, point, along)
+        self.branch, self.monitor, self.bounds = curve, special.monitor, bounds
+        self.condition = condition
+        self._linear: tuple[ShootingEvaluation, Floats] | None = None  # the condition's gradient
+        # What a touched guard takes with it is zero all along, and no point of codimension two.
+        touched = monitors(self.shooting, point, np.zeros(1))
+        self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         # The guard of the impacts that the orbit has, or of the one that it comes closest to.
-        self.guard = self._main_guard(orbit)
+        self.guard = self._main_guard(special.orbit)
 
     def _main_guard(self, orbit: PeriodicOrbit) -> int:
         if orbit.impacts:
@@ -177,95 +201,27 @@ class _CurveContinuation:
         gaps = [(gap.value, j) for gap, j in nearest if gap is not None]
         return min(gaps, default=(0.0, -1))[1]
 
-    def go(self, direction: float, progress: Callable[[float], None] | None) -> OrbitCurve:
-        curve, steps = self.curve, self.steps
-        try:
-            point = self._evaluate(self.start)
-            self.gradient = self.condition.gradient(point)
-            along = self._tangent(point)
-            along = along if along[-1] * direction >= 0.0 else -along
-            point = self._correct(self.start, along, self.start).point
-        except CONTINUATION_ERRORS as error:
-            curve.ended = (
-                f"the first point could not be corrected: {reason_of(error, self.shooting.family)}"
-            )
-            return curve
-        length = steps.initial
-        behind: list[Floats] = []
-        self._append(point)
-        # What a touched guard takes with it is zero all along, and no point of codimension two.
-        touched = monitors(self.shooting, point, np.zeros(1))
-        self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
-        before = self._tests(point)
-        beginning = ClosureDetector(self.shooting, point, along)
-        while len(curve.points) < steps.most:
-            try:
-                step = PredictorStep(self._correct, point, along, behind[-NODES:])
-                following = step.at(length).point
-                check_not_degenerate(self.shooting, point, following)
-                closing = beginning.within(self.shooting, step, length)
-                if closing is not None:  # what lies beyond has been passed before
-                    length, following = closing, step.at(closing).point
-                after = self._tests(following)
-                special, lost, beyond = self._special(step, length, before, after)
-                self.gradient = self.condition.gradient(following)
-                ahead = self._tangent(following, along)
-                if ahead @ along < 0.95:
-                    raise OrbitError("the curve turns too sharply", "take a shorter step")
-            except CONTINUATION_ERRORS as error:
-                self.gradient = self.condition.gradient(point)
-                length /= 2.0
-                if length < steps.smallest:
-                    curve.ended = no_step_message(curve.points[-1].orbit, curve.parameters, error)
-                    return curve
-                continue
-            curve.special_points += special
-            if lost is not None:
-                curve.points.append(CurvePoint(lost.orbit, lost.values))
-                curve.ended = f"{lost.kind}: beyond, {beyond}"
-                return curve
-            if not self._inside(float(following.values[1])):
-                self._correct_at_bound(step, length)
-                curve.ended = f"{curve.parameters[1]} reached its bound"
-                return curve
-            behind.append(step.start)
-            point, along, before = following, ahead, after
-            self._append(point)
-            if closing is not None:
-                curve.ended = "the curve closed upon itself"
-                return curve
-            if not phase_is_clear(self.shooting, point):
-                try:
-                    point, along = self._begin_anew(point, along)
-                    before, behind = self._tests(point), []
-                except CONTINUATION_ERRORS as error:
-                    curve.ended = no_step_message(curve.points[-1].orbit, curve.parameters, error)
-                    return curve
-            if progress is not None:
-                progress(float(point.values[1]))
-            length = min(1.5 * length, steps.largest)
-        curve.ended = f"the budget of {steps.most} points is used up"
-        return curve
-
-    def _begin_anew(
+    def begun_anew(
         self, point: ShootingEvaluation, along: Floats
     ) -> tuple[ShootingEvaluation, Floats]:
-        """Begin the cycles elsewhere; return the same point of the curve, and its direction."""
+        """Begin a cycle elsewhere; return the same point of the curve, and its direction."""
+        shooting, unknowns, first = rebase_phase(self.shooting, point)
         count = len(self.shooting.segments)
-        self.shooting, unknowns, first = rebase_phase(self.shooting, point)
-        self.monitor = renumbered(self.monitor, count, first)
+        monitor = renumbered(self.monitor, count, first)
+        condition = condition_of(shooting, monitor)
+        near = shooting.evaluate(unknowns, point.values)
+        gradient, start = condition.gradient(near), np.concatenate([unknowns, point.values])
+        across = _null_vector(near, gradient)
+        there = correct_condition(shooting, condition, gradient, start, across, start).point
+        self._linear = there, condition.gradient(there)
+        self.shooting, self.monitor, self.condition = shooting, monitor, condition
         self.zero = {renumbered(other, count, first) for other in self.zero}
-        self.condition = condition_of(self.shooting, self.monitor)
-        start = np.concatenate([unknowns, point.values])
-        there = self._evaluate(start)
-        self.gradient = self.condition.gradient(there)
-        there = self._correct(start, self._tangent(there), start).point
-        self.gradient = self.condition.gradient(there)
-        return there, oriented(self._tangent(there), along, 2)
+        return there, oriented(_null_vector(*self._linear), along, 2)
 
-    def _append(self, point: ShootingEvaluation) -> None:
+    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+        """Append an orbit to the curve."""
         values = (float(point.values[0]), float(point.values[1]))
-        self.curve.points.append(CurvePoint(self._orbit(point), values))
+        self.branch.points.append(CurvePoint(self._orbit(point), values))
 
     def _orbit(self, point: ShootingEvaluation) -> PeriodicOrbit:
         """Return the orbit of a point. Where two modes may follow, either is the automaton's."""
@@ -276,60 +232,32 @@ class _CurveContinuation:
         kept = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", here))
         return replace(orbit, defects=tuple(kept))
 
-    def _evaluate(self, u: Floats) -> ShootingEvaluation:
-        return self.shooting.evaluate(u[:-2], u[-2:])
+    def tangent(self, point: ShootingEvaluation, along: Floats) -> Floats:
+        """Return the unit tangent of the curve, in the direction of `along`."""
+        direction = _null_vector(point, self._gradient(point))
+        return direction if direction @ along >= 0.0 else -direction
 
-    def _tangent(self, point: ShootingEvaluation, along: Floats | None = None) -> Floats:
-        wide = np.vstack([np.hstack([point.jacobian, point.by_parameter]), self.gradient])
-        direction = np.linalg.svd(wide)[2][-1]
-        if along is not None and direction @ along < 0.0:
-            direction = -direction
-        return np.asarray(direction)
+    def _gradient(self, point: ShootingEvaluation) -> Floats:
+        """Return the condition's; a condition stays scaled as it was where this was taken."""
+        if self._linear is None or self._linear[0] is not point:
+            self._linear = point, self.condition.gradient(point)
+        return self._linear[1]
 
-    def _correct(self, plane: Floats, along: Floats, guess: Floats) -> Solution:
-        """Correct `guess` in the plane through `plane` across `along`.
+    def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
+        """Return the corrector of a step.
 
         A gradient that costs too much to be taken anew is the one from where the step began,
         brought up to date by what the condition turns out to be (Broyden 1965).
         """
-        gradient, last = self.gradient, None
+        return partial(correct_condition, self.shooting, self.condition, self._gradient(point))
 
-        def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
-            nonlocal gradient, last
-            point = self._evaluate(u)
-            here = self.condition.value(point)
-            if self.condition.derived:
-                gradient = self.condition.gradient(point)
-            elif last is not None:
-                moved = u - last[0]
-                missed = here - last[1] - gradient @ moved
-                gradient = gradient + missed * moved / (moved @ moved)
-            last = u, here
-            residual = np.concatenate([point.residual, [here, along @ (u - plane)]])
-            matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
-            return point, residual, matrix
+    def solve(self, guess: Floats) -> ShootingEvaluation:
+        """Correct a guess at its value of the second parameter."""
+        assert self._linear is not None
+        fixed = np.eye(guess.size)[-1]
+        return self.corrector(self._linear[0])(guess, fixed, guess).point
 
-        return newton(
-            equations,
-            guess,
-            reason="the correction of a step did not converge",
-            remedy="take a shorter step",
-            iterations=ITERATIONS,
-        )
-
-    def _correct_at_bound(self, step: PredictorStep, length: float) -> None:
-        """Put the last point at the bound, which lies within a step."""
-        u, beyond = step.start, step.at(length).unknowns
-        bound = self.bounds[0] if beyond[-1] < self.bounds[0] else self.bounds[1]
-        share = (bound - u[-1]) / (beyond[-1] - u[-1])
-        guess = u + share * (beyond - u)
-        fixed = np.eye(u.size)[-1]
-        try:
-            self._append(self._correct(guess, fixed, guess).point)
-        except OrbitError:
-            return
-
-    def _tests(self, point: ShootingEvaluation) -> Tests:
+    def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:
         """Return the test functions for points of codimension two."""
         names = [
             *multiplier_tests(self.monitor.kind),
@@ -372,10 +300,14 @@ class _CurveContinuation:
             return f"{what}-{own}"
         return f"double {what}" if what == own else f"{own}-{what}"
 
-    def _special(
-        self, step: PredictorStep, length: float, before: Tests, after: Tests
-    ) -> tuple[list[CurveEvent], CurveEvent | None, str]:
-        """Return points of codimension two in a step, the one that ends the curve, and why."""
+    def locate(
+        self,
+        step: PredictorStep[ShootingEvaluation],
+        length: float,
+        before: Mapping[str | TestFunction, float],
+        after: Mapping[str | TestFunction, float],
+    ) -> LocatedEvents[ShootingEvaluation, CurveEvent]:
+        """Locate points of codimension two in a step, up to one that ends the curve."""
         found: list[tuple[float, str | TestFunction, CurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
@@ -385,7 +317,7 @@ class _CurveContinuation:
         found.sort(key=lambda item: item[0])
         lost = [item for item in found if self._beyond(item[1], after)]
         if not lost:
-            return [special for _, _, special in found], None, ""
+            return LocatedEvents([special for _, _, special in found])
         # An impact at zero speed takes with it what follows on it; it is the one to name.
         first = min(
             (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
@@ -395,9 +327,18 @@ class _CurveContinuation:
             ),
         )
         kept = [special for position, _, special in found if position < first[0] - COINCIDENT]
-        return [*kept, first[2]], first[2], self._beyond(first[1], after)
+        reason = f"{first[2].kind}: beyond, {self._beyond(first[1], after)}"
+        return LocatedEvents([*kept, first[2]], first[2], reason)
 
-    def _beyond(self, test: str | TestFunction, after: Tests) -> str:
+    def pass_loss(
+        self, located: LocatedEvents[ShootingEvaluation, CurveEvent], length: float
+    ) -> str:
+        """End the curve at a loss."""
+        assert located.loss is not None
+        self.branch.points.append(CurvePoint(located.loss.orbit, located.loss.values))
+        return located.reason
+
+    def _beyond(self, test: str | TestFunction, after: Mapping[str | TestFunction, float]) -> str:
         """Return why the curve ends where `test` is zero; empty if it goes on."""
         if isinstance(test, TestFunction):
             return "the automaton has no such orbit" if after[test] < 0.0 else ""
@@ -411,7 +352,7 @@ class _CurveContinuation:
     def _locate(
         self,
         test: str | TestFunction,
-        step: PredictorStep,
+        step: PredictorStep[ShootingEvaluation],
         length: float,
         ends: tuple[float, float],
     ) -> tuple[float, CurveEvent] | None:
@@ -439,3 +380,47 @@ class _CurveContinuation:
             return None  # the derivative by the first parameter has changed its sign
         values = (float(point.values[0]), float(point.values[1]))
         return position, CurveEvent(kind, values, orbit)
+
+
+def _null_vector(point: ShootingEvaluation, gradient: Floats) -> Floats:
+    """Return the unit tangent of the curve at a point, in either direction."""
+    rows = np.hstack([point.jacobian, point.by_parameter]), gradient
+    return np.asarray(np.linalg.svd(np.vstack(rows))[2][-1])
+
+
+def correct_condition(
+    shooting: Shooting,
+    condition: DefiningSystem,
+    gradient: Floats,
+    plane: Floats,
+    along: Floats,
+    guess: Floats,
+) -> Solution[ShootingEvaluation]:
+    """Correct `guess` onto the zeros of a condition, in the plane through `plane` across `along`.
+
+    `gradient`: of the condition near by.
+    """
+    last: tuple[Floats, float] | None = None
+
+    def equations(u: Floats) -> tuple[ShootingEvaluation, Floats, Floats]:
+        nonlocal gradient, last
+        point = shooting.evaluate(u[:-2], u[-2:])
+        here = condition.value(point)
+        if condition.derived:
+            gradient = condition.gradient(point)
+        elif last is not None:
+            moved = u - last[0]
+            missed = here - last[1] - gradient @ moved
+            gradient = gradient + missed * moved / (moved @ moved)
+        last = u, here
+        residual = np.concatenate([point.residual, [here, along @ (u - plane)]])
+        matrix = np.vstack([np.hstack([point.jacobian, point.by_parameter]), gradient, along])
+        return point, residual, matrix
+
+    return newton(
+        equations,
+        guess,
+        reason="the correction of a step did not converge",
+        remedy=SHORTER,
+        iterations=ITERATIONS,
+    )

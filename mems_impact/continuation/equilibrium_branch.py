@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -10,13 +10,13 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
-    CLOSED,
     CONTINUATION_ERRORS,
-    EASY,
-    HARD,
     NODES,
     SHORTER,
-    STRAIGHT,
+    Continuation,
+    ContinuationProblem,
+    Corrector,
+    LocatedEvents,
     PredictorStep,
     StepControl,
     correct,
@@ -124,147 +124,89 @@ def follow_equilibrium(
     """
     branch = Equilibria(parameter)
     equations = EquilibriumEquations(equilibrium.family, equilibrium.mode, (parameter,))
-    walker = _EquilibriumContinuation(branch, equations, low, high, steps, progress)
     try:
         value = np.array([equilibrium.family.value(parameter)])
         first = equations.evaluate(equilibrium.balance.unknowns, value)
         along = tangent(first)
-        walker.walk(first, along if direction > 0.0 else -along)
+        along = along if direction > 0.0 else -along
+        problem = _EquilibriumProblem(branch, equations, first, along, low, high, steps)
+        for found in Continuation(problem, first, along, low=low, high=high, steps=steps):
+            if progress is not None:
+                progress(found.family.value(parameter))
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, equilibrium.family)
     return branch
 
 
-class _EquilibriumContinuation:
-    """The iteration along a branch."""
+class _EquilibriumProblem(
+    ContinuationProblem[EquilibriumEvaluation, EquilibriumState, EquilibriumEvent]
+):
+    """Equilibria in one mode."""
 
     def __init__(
         self,
         branch: Equilibria,
         equations: EquilibriumEquations,
+        first: EquilibriumEvaluation,
+        along: Floats,
         low: float,
         high: float,
         steps: StepControl,
-        progress: Callable[[float], None] | None,
     ) -> None:
-        self.branch, self.equations, self.steps = branch, equations, steps
-        self.low, self.high, self.progress = low, high, progress
+        self.branch, self.equations, self.family = branch, equations, equations.family
+        self.parameters, self.low, self.high = (branch.parameter,), low, high
+        self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
         self.bifurcations = Bifurcations(
             equations, AXIS, lambda balance: balance.jacobian, SHORT * steps.largest
         )
 
-    def walk(self, here: EquilibriumEvaluation, along: Floats) -> None:
-        """Walk on, and put what is found into the branch."""
-        first, at_first = _whole(here), along
-        length, behind = self.steps.initial, [_whole(here)]
-        before = self._tests(here, along)
-        self._append(here)
-        while len(self.branch.points) < self.steps.most:
-            length = self.steps.within(self.low, self.high, here, along, length)
-            step = PredictorStep(partial(correct, self.equations), here, along, behind[-NODES:])
-            try:
-                following, iterations = step.at(length).point, step.at(length).iterations
-                closing = self._closing(step, length, first, at_first)
-                if closing is not None:  # what lies beyond has been passed before
-                    length, following = closing, step.at(closing).point
-                onward = tangent(following, along)
-                if onward @ along < STRAIGHT:
-                    raise OrbitError("the branch turns too sharply", "take a shorter step")
-                after = self._tests(following, onward)
-                found = self._crossed(step, length, before, after)
-                if not self.low <= following.values[0] <= self.high:
-                    last = self._at_bound(step, length)
-                    self._take(found)
-                    self._append(last)
-                    self.branch.ended = f"{self.branch.parameter} reached its bound"
-                    return
-            except CONTINUATION_ERRORS as error:
-                length /= 2.0
-                if length < self.steps.smallest:
-                    self.branch.ended = self._stuck(here, error)
-                    return
-                continue
-            self._take(found)
-            here, along, before = following, onward, after
-            behind.append(step.start)
-            self._append(here)
-            if closing is not None:
-                self.branch.ended = CLOSED
-                return
-            if iterations <= EASY:
-                length = min(1.5 * length, self.steps.largest)
-            elif iterations >= HARD:
-                length /= 1.5
-        self.branch.ended = f"the budget of {self.steps.most} points is used up"
+    def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
+        """Return the corrector of a step."""
+        return partial(correct, self.equations)
 
-    def _stuck(self, here: EquilibriumEvaluation, error: Exception) -> str:
-        """Return why there is no step beyond an equilibrium, however short."""
-        family, name = self.equations.family, self.branch.parameter
-        where = f"{name} = {family.amount(name, float(here.values[0]))}"
-        return f"no further step possible beyond {where}: {reason_of(error, family)}"
+    def solve(self, guess: Floats) -> EquilibriumEvaluation:
+        """Correct a guess at its value of the parameter."""
+        reason, remedy = "the bound is missed", "take shorter steps"
+        return solve_at(self.equations, guess[:-1], guess[-1:], reason=reason, remedy=remedy)
 
-    def _closing(
-        self,
-        step: PredictorStep[EquilibriumEvaluation],
-        length: float,
-        first: Floats,
-        along: Floats,
-    ) -> float | None:
+    def record(self, point: EquilibriumEvaluation, along: Floats) -> None:
+        """Append an equilibrium to the branch."""
+        self.branch.points.append(make_equilibrium(self.equations, point))
+
+    def closing(self, step: PredictorStep[EquilibriumEvaluation], length: float) -> float | None:
         """Return where in a step the branch meets its first point and its tangent; else None."""
-        place = float((first - step.start) @ step.along)
+        place = float((self.first - step.start) @ step.along)
         if len(self.branch.points) <= NODES or not 0.0 < place <= length:
             return None
-        near = np.abs(step.at(place).unknowns - first).max() < SAME
-        return place if near and step.along @ along > 0.5 else None
+        near = np.abs(step.at(place).unknowns - self.first).max() < SAME
+        return place if near and step.along @ self.at_first > 0.5 else None
 
-    def _append(self, balance: EquilibriumEvaluation) -> None:
-        self.branch.points.append(make_equilibrium(self.equations, balance))
-        if self.progress is not None:
-            self.progress(float(balance.values[0]))
-
-    def _take(self, found: list[tuple[float, EquilibriumEvent]]) -> None:
+    def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
         """Note what happens within a step, and that the branch passes there."""
-        inside = [each for _, each in found if self.low <= each.value <= self.high]
-        if any(each.kind == BRANCH_POINT for each in inside):
-            # An error tears branches apart, and makes a fold that an earlier step may have met.
-            beside = self.bifurcations.branch_points.beside
-            self.branch.special_points[:] = [
-                each
-                for each in self.branch.special_points
-                if each.kind != FOLD or not beside(each.equilibrium.balance)
-            ]
-        self.branch.special_points += inside
-        self.branch.points += [each.equilibrium for each in inside]
-
-    def _at_bound(
-        self, step: PredictorStep[EquilibriumEvaluation], length: float
-    ) -> EquilibriumEvaluation:
-        """Return the equilibrium at the bound, which lies within a step."""
-        begin, end = step.start[-1], step.at(length).unknowns[-1]
-        bound = self.low if end < self.low else self.high
-        guess = step.start + (bound - begin) / (end - begin) * (
-            step.at(length).unknowns - step.start
+        branch = self.branch
+        branch.special_points[:] = self.bifurcations.without_torn_folds(
+            branch.special_points, lambda each: each.equilibrium.balance
         )
-        reason, remedy = "the bound is missed", "take shorter steps"
-        return solve_at(self.equations, guess[:-1], np.array([bound]), reason=reason, remedy=remedy)
+        branch.special_points += located.events
+        branch.points += [each.equilibrium for each in located.events]
 
-    def _tests(self, balance: EquilibriumEvaluation, direction: Floats) -> dict[Test, float]:
+    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[Test, float]:
         """Return the test functions, zero where something happens."""
-        tests = {BRANCHING: regularity(balance, direction)}
-        guards = self.equations.family.automaton.guards
-        for j, margin in enumerate(self.equations.margins(balance).tolist()):
+        tests = {BRANCHING: regularity(point, tangent(point, along))}
+        guards = self.family.automaton.guards
+        for j, margin in enumerate(self.equations.margins(point).tolist()):
             if np.isfinite(margin) and not guards[j].records:
                 tests[BOUNDARY, j] = margin
         return tests
 
-    def _crossed(
+    def locate(
         self,
         step: PredictorStep[EquilibriumEvaluation],
         length: float,
-        before: dict[Test, float],
-        after: dict[Test, float],
-    ) -> list[tuple[float, EquilibriumEvent]]:
-        """Return what happens within a step, in order."""
+        before: Mapping[Test, float],
+        after: Mapping[Test, float],
+    ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]:
+        """Locate what happens within a step, in order."""
         found = []
         ends = before[BRANCHING], after[BRANCHING]
         for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
@@ -274,11 +216,12 @@ class _EquilibriumContinuation:
             if guard >= 0 and test in after and (before[test] < 0.0) != (after[test] < 0.0):
                 place = self._zero(step, length, test)
                 found.append((place, self._event(step.at(place).point, kind, guard)))
-        return sorted(found, key=lambda item: item[0])
+        found.sort(key=lambda item: item[0])
+        return LocatedEvents([each for _, each in found if self.low <= each.value <= self.high])
 
     def _zero(self, step: PredictorStep[EquilibriumEvaluation], length: float, test: Test) -> float:
         def value(here: EquilibriumEvaluation) -> float:
-            return self._tests(here, tangent(here, step.along))[test]
+            return self.tests(here, step.along)[test]
 
         try:
             return step.zero(value, length)
@@ -289,7 +232,7 @@ class _EquilibriumContinuation:
         self, balance: EquilibriumEvaluation, kind: str, guard: int = -1
     ) -> EquilibriumEvent:
         equilibrium = make_equilibrium(self.equations, balance)
-        name = self.equations.family.automaton.guards[guard].name if guard >= 0 else ""
+        name = self.family.automaton.guards[guard].name if guard >= 0 else ""
         return EquilibriumEvent(kind, name, float(balance.values[0]), equilibrium)
 
 
@@ -301,7 +244,3 @@ def frequency(equilibrium: EquilibriumState) -> float | None:
     if not beside.min(initial=1.0) < NEAR:
         return None
     return float(abs(rotating[np.argmin(beside)].imag))
-
-
-def _whole(balance: EquilibriumEvaluation) -> Floats:
-    return np.concatenate([balance.unknowns, balance.values])

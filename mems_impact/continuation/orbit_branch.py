@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from abc import abstractmethod
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -10,20 +11,21 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
-    CLOSED,
     CONTINUATION_ERRORS,
-    EASY,
-    HARD,
-    NODES,
+    NEUTRAL,
     SIDE_BY_SIDE,
-    STRAIGHT,
     ClosureDetector,
+    Continuation,
+    ContinuationProblem,
+    Corrector,
+    E,
+    LocatedEvents,
+    Onward,
     PredictorStep,
+    R,
     StepControl,
-    budget_message,
     correct,
     no_orbit_message,
-    no_step_message,
     reason_of,
     tangent,
 )
@@ -99,11 +101,58 @@ def renumbered(monitor: TestFunction, segments: int, first: int) -> TestFunction
     return replace(monitor, segment=(monitor.segment - first) % (segments - 1))
 
 
+# --- Periodic orbits as a problem of continuation: what branches and curves have in common.
+
+
+class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
+    """Orbits of one signature at a time.
+
+    Parameters
+    ----------
+    shooting : Shooting
+    point : ShootingEvaluation
+        The first orbit.
+    along : float array
+        The direction in which it is left.
+    """
+
+    def __init__(self, shooting: Shooting, point: ShootingEvaluation, along: Floats) -> None:
+        self.shooting, self.family, self.parameters = shooting, shooting.family, shooting.active
+        self._beginning = ClosureDetector(shooting, point, along)
+
+    def check(self, point: ShootingEvaluation, following: ShootingEvaluation) -> None:
+        """Raise an OrbitError if an orbit has shrunk to a point."""
+        check_not_degenerate(self.shooting, point, following)
+
+    def closing(self, step: PredictorStep[ShootingEvaluation], length: float) -> float | None:
+        """Return where in a step the first orbit is met again, in the same direction."""
+        return self._beginning.within(self.shooting, step, length)
+
+    def rebased(
+        self, point: ShootingEvaluation, along: Floats
+    ) -> tuple[ShootingEvaluation, Floats] | None:
+        """Begin a cycle elsewhere, if where it begins is no longer clear of its events."""
+        return None if phase_is_clear(self.shooting, point) else self.begun_anew(point, along)
+
+    @abstractmethod
+    def begun_anew(
+        self, point: ShootingEvaluation, along: Floats
+    ) -> tuple[ShootingEvaluation, Floats]:
+        """Begin a cycle elsewhere; return it, and the direction of the branch or curve."""
+
+    def no_step(self, point: ShootingEvaluation, error: Exception) -> str:
+        """Return why there is no step beyond an orbit, however short."""
+        told = super().no_step(point, error)
+        multipliers = make_orbit(self.shooting, point).multipliers
+        return f"{told}; {SIDE_BY_SIDE}" if np.abs(multipliers - 1.0).min() < NEUTRAL else told
+
+
 # --- A branch of periodic orbits in one parameter, by pseudo-arclength continuation.
 
 NOISE = 1e-6  # of the regularity of orbits that lie side by side
 COINCIDENT = 1e-7  # distance on the branch below which two losses are one
 ASIDE = 1e-5  # distance from a loss below which another one comes with it
+HALF_PERIOD = "the orbit of half the period, from which this one comes"
 
 
 @dataclass(frozen=True)
@@ -211,8 +260,8 @@ def points_of(
     parameter, value = branch.parameter, orbit.family.value(branch.parameter)
     if not low <= value <= high:
         least, value_told, most = (orbit.family.amount(parameter, v) for v in (low, value, high))
-        problem = f"is {value_told}, must be between the bounds {least} and {most}"
-        raise InvalidParameter(parameter, None, "", problem=problem)
+        reason = f"is {value_told}, must be between the bounds {least} and {most}"
+        raise InvalidParameter(parameter, None, "", problem=reason)
     shooting = orbit.equations((parameter,))
     try:
         point = solve(shooting, orbit.point.unknowns, np.array([value]))
@@ -222,151 +271,113 @@ def points_of(
     along = tangent(point)
     if direction < 0.0:
         along = -along
-    walker = _OrbitContinuation(branch, low, high, steps or StepControl(), reconnecting)
+    steps = steps or StepControl()
     try:
-        yield from walker.walk(shooting, point, along)
+        problem = _BranchProblem(branch, shooting, point, along, low, high, steps, reconnecting)
+        yield from Continuation(problem, point, along, low=low, high=high, steps=steps)
     except CONTINUATION_ERRORS as error:
         branch.ended = reason_of(error, orbit.family)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """What a step passed: special points in order, the last of them where the orbit is lost.
+class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
+    """Orbits in one parameter, from one signature to the next."""
 
-    With it the last point before, where the test functions are looked at.
-    """
-
-    special_points: list[BranchEvent]
-    lost: BranchEvent | None
-    before: ShootingEvaluation
-
-
-class _OrbitContinuation:
-    """The iteration along a branch, from one signature to the next."""
+    branch: OrbitBranch
 
     def __init__(
-        self, branch: OrbitBranch, low: float, high: float, steps: StepControl, reconnecting: bool
+        self,
+        branch: OrbitBranch,
+        shooting: Shooting,
+        point: ShootingEvaluation,
+        along: Floats,
+        low: float,
+        high: float,
+        steps: StepControl,
+        reconnecting: bool,
     ) -> None:
+        super().__init__(shooting, point, along)
         self.branch, self.low, self.high, self.steps = branch, low, high, steps
         self.reconnecting = reconnecting
+        self.piece = 0
+        self.budget = steps.most  # of events that move into another period, or past another one
         self.bifurcations: Bifurcations[ShootingEvaluation] | None = None  # of the last signature
 
-    def walk(
-        self, shooting: Shooting, point: ShootingEvaluation, along: Floats
-    ) -> Iterator[BranchPoint]:
-        """Yield the points of the branch."""
-        piece, parameter = 0, self.branch.parameter
-        held = ""  # why the last step that was shortened was
-        self.branch.points.append(
-            BranchPoint(make_orbit(shooting, point), point.values[0], along, 0)
-        )
-        yield self.branch.points[-1]
-        length = self.steps.initial
-        budget = self.steps.most  # of events that move into another period, or past another one
-        before = monitors(shooting, point, along)
-        beginning = ClosureDetector(shooting, point, along)
-        behind: list[Floats] = []
-        while len(self.branch.points) < self.steps.most:
-            try:
-                if budget == 0:
-                    raise OrbitError("events go to and fro", "take shorter steps")
-                length = self.steps.within(self.low, self.high, point, along, length)
-                step = PredictorStep(partial(correct, shooting), point, along, behind[-NODES:])
-                following, iterations = step.at(length).point, step.at(length).iterations
-                check_not_degenerate(shooting, point, following)
-                closing = beginning.within(shooting, step, length)
-                if closing is not None:  # what lies beyond has been passed before
-                    length, following = closing, step.at(closing).point
-                ahead = tangent(following, along)
-                after = monitors(shooting, following, ahead)
-                found = self._locate(shooting, step, length, before, after)
-                # Where an event meets a switch the branch has a corner, and ends.
-                at_corner = found.lost is not None and found.lost.monitor.role == "length"
-                if ahead @ along < STRAIGHT and not at_corner:
-                    raise OrbitError("the branch turns too sharply", "take a shorter step")
-                value = float(following.values[0])
-                at_bound = found.lost is None and not self.low <= value <= self.high
-                if at_bound:
-                    self._correct_at_bound(shooting, point, following, piece)
-            except CONTINUATION_ERRORS as error:
-                length /= 2.0
-                held = reason_of(error, shooting.family)
-                if budget == 0 or length < self.steps.smallest:
-                    self._slow()
-                    self.branch.ended = no_step_message(
-                        self.branch.points[-1].orbit, parameter, error
-                    )
-                    return
-                continue
-            self.branch.special_points += found.special_points
-            passed = found.special_points[-1:]
-            if passed and passed[0].kind == PERIOD_DOUBLING and passed[0].monitor.kind == FOLD:
-                self._append(shooting, passed[0].orbit.point, passed[0].direction, piece)
-                yield self.branch.points[-1]
-                self.branch.ended = "the orbit of half the period, from which this one comes"
-                return
-            lost = found.lost
-            if at_bound:
-                yield self.branch.points[-1]
-                self.branch.ended = f"{self.branch.parameter} reached its bound"
-                return
-            if lost is not None and self.reconnecting:
-                joined, reason = self._change_signature(lost)
-                # An event that moves into the next period, or past another one, changes nothing.
-                passing = False
-                if joined is not None and lost.monitor.role == "length":
-                    guard = changed_guard(lost.orbit.shooting, joined[0])
-                    passing = guard == NONE
-                    lost = self._named(lost, guard)
-                if not passing and not lost.orbit.defects:
-                    self.branch.points.append(
-                        BranchPoint(lost.orbit, lost.value, lost.direction, piece)
-                    )
-                    yield self.branch.points[-1]
-                if joined is None:
-                    self.branch.ended = f"{lost.kind}: {reason}"
-                    return
-                shooting, point, along = joined
-                behind = []
-                before = monitors(shooting, point, along)
-                if passing:
-                    self._reclassify_coincident(lost, found.before, shooting, point, along)
-                    length = max(length / 2.0, self.steps.initial)
-                    budget -= 1
-                    continue
-                piece += 1
-                length = self.steps.initial
-                self._append(shooting, point, along, piece)
-                yield self.branch.points[-1]
-                continue
-            behind.append(step.start)
-            point, along, before = following, ahead, after
-            self._append(shooting, point, along, piece)
-            yield self.branch.points[-1]
-            if closing is not None:
-                self.branch.ended = CLOSED
-                return
-            if amplified(point) and self._slow():
-                self.branch.ended = "the period grows beyond bounds"
-                return
-            if not phase_is_clear(shooting, point):
-                shooting, point, along = anew(shooting, point, along)
-                before, behind = monitors(shooting, point, along), []
-            if iterations <= EASY:
-                length = min(1.5 * length, self.steps.largest)
-            elif iterations >= HARD:
-                length /= 1.5
-                held = f"a correction takes {iterations} Newton steps"
-        self._slow()
-        moved, value = abs(float(along[-1])) * length, float(point.values[0])
-        self.branch.ended = budget_message(
-            self.steps, length, held, parameter, moved / max(abs(value), moved)
-        )
+    def corrector(self, point: ShootingEvaluation) -> Corrector[ShootingEvaluation]:
+        """Return the corrector of a step."""
+        return partial(correct, self.shooting)
 
-    def _slow(self) -> bool:
+    def solve(self, guess: Floats) -> ShootingEvaluation:
+        """Correct a guess at its value of the parameter."""
+        return solve(self.shooting, guess[:-1], guess[-1:])
+
+    def tests(self, point: ShootingEvaluation, along: Floats) -> dict[TestFunction, float]:
+        """Return the test functions of an orbit."""
+        return monitors(self.shooting, point, tangent(point, along))
+
+    def record(self, point: ShootingEvaluation, along: Floats) -> None:
+        """Append an orbit to the branch."""
+        orbit = make_orbit(self.shooting, point)
+        self.branch.points.append(BranchPoint(orbit, float(point.values[0]), along, self.piece))
+
+    def accept(self, located: LocatedEvents[ShootingEvaluation, BranchEvent]) -> None:
+        """Append what happens within a step to the branch."""
+        assert self.bifurcations is not None
+        self.branch.special_points[:] = self.bifurcations.without_torn_folds(
+            self.branch.special_points, lambda each: each.orbit.point
+        )
+        self.branch.special_points += located.events
+
+    def pass_loss(
+        self, located: LocatedEvents[ShootingEvaluation, BranchEvent], length: float
+    ) -> Onward[ShootingEvaluation] | str:
+        """Go on with the signature that orbits have beyond a loss, or end there."""
+        lost, before = located.loss, located.before
+        assert lost is not None
+        assert before is not None
+        if located.reason:
+            self.record(lost.orbit.point, lost.direction)
+            return located.reason
+        joined, reason = self._change_signature(lost)
+        # An event that moves into the next period, or past another one, changes nothing.
+        passing = False
+        if joined is not None and lost.monitor.role == "length":
+            guard = changed_guard(lost.orbit.shooting, joined[0])
+            passing = guard == NONE
+            lost = self._named(lost, guard)
+        if not passing and not lost.orbit.defects:
+            self.branch.points.append(
+                BranchPoint(lost.orbit, lost.value, lost.direction, self.piece)
+            )
+        if joined is None:
+            return f"{lost.kind}: {reason}"
+        self.shooting, point, along = joined
+        if not passing:
+            self.piece += 1
+            self.record(point, along)
+            return Onward(point, along, self.steps.initial)
+        self._reclassify_coincident(lost, before, self.shooting, point, along)
+        self.budget -= 1
+        if self.budget == 0:
+            self.stalled()
+            return self.no_step(point, OrbitError("events go to and fro", "take shorter steps"))
+        return Onward(point, along, max(length / 2.0, self.steps.initial))
+
+    def begun_anew(
+        self, point: ShootingEvaluation, along: Floats
+    ) -> tuple[ShootingEvaluation, Floats]:
+        """Begin a cycle elsewhere; return it, and the direction of the branch."""
+        self.shooting, point, along = anew(self.shooting, point, along)
+        return point, along
+
+    def end_at(self, point: ShootingEvaluation) -> str:
+        """Return that periods grow beyond bounds, where they do."""
+        if amplified(point):
+            self.stalled()
+        return "the period grows beyond bounds" if self.branch.passage is not None else ""
+
+    def stalled(self) -> None:
         """Note what the last cycle passes slowly, if periods grow beyond bounds."""
         self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
-        return self.branch.passage is not None
 
     def _change_signature(
         self, lost: BranchEvent
@@ -426,35 +437,18 @@ class _OrbitContinuation:
             special = classify(*here)
             self.branch.special_points += [special] if special else []
 
-    def _append(
-        self, shooting: Shooting, point: ShootingEvaluation, along: Floats, piece: int
-    ) -> None:
-        found = BranchPoint(make_orbit(shooting, point), float(point.values[0]), along, piece)
-        self.branch.points.append(found)
-
-    def _correct_at_bound(
-        self, shooting: Shooting, point: ShootingEvaluation, beyond: ShootingEvaluation, piece: int
-    ) -> None:
-        """Put the last orbit at the bound, which lies between `point` and `beyond`."""
-        bound = self.low if beyond.values[0] < self.low else self.high
-        share = (bound - point.values[0]) / (beyond.values[0] - point.values[0])
-        unknowns = point.unknowns + share * (beyond.unknowns - point.unknowns)
-        last = solve(shooting, unknowns, np.array([bound]))
-        onward = np.append(last.unknowns - point.unknowns, bound - point.values[0])
-        self._append(shooting, last, tangent(last, onward), piece)
-
-    def _locate(
+    def locate(
         self,
-        shooting: Shooting,
-        step: PredictorStep,
+        step: PredictorStep[ShootingEvaluation],
         length: float,
-        before: dict[TestFunction, float],
-        after: dict[TestFunction, float],
-    ) -> _Found:
-        """Locate all sign changes of the last step, up to where the orbit is lost."""
+        before: Mapping[TestFunction, float],
+        after: Mapping[TestFunction, float],
+    ) -> LocatedEvents[ShootingEvaluation, BranchEvent]:
+        """Locate all sign changes of a step, up to where the orbit is lost."""
+        shooting = self.shooting
 
         def crossed(
-            after: dict[TestFunction, float], reach: float
+            after: Mapping[TestFunction, float], reach: float
         ) -> list[tuple[float, BranchEvent]]:
             found = [
                 locate_zero(shooting, step, reach, monitor)
@@ -487,11 +481,17 @@ class _OrbitContinuation:
             after = monitors(shooting, here, tangent(here, step.along))
         special_points = self._bifurcations(shooting, step, reach, before, after)
         if first is None:
-            return _Found(special_points, None, here)
+            halved = special_points[-1:]
+            if halved and halved[0].kind == PERIOD_DOUBLING and halved[0].monitor.kind == FOLD:
+                return LocatedEvents(special_points, halved[0], HALF_PERIOD, here)
+            return LocatedEvents(special_points)
         lost_here = self._admissible(shooting, step, *first)
-        if lost_here.monitor.role == "length":  # where it has none, derivatives are of either side
+        # Where an event meets a switch the branch has a corner, and derivatives are of either side.
+        corner = lost_here.monitor.role == "length"
+        if corner:
             lost_here = replace(lost_here, direction=tangent(here, step.along))
-        return _Found([*special_points, lost_here], lost_here, here)
+        loss = lost_here if self.reconnecting else None
+        return LocatedEvents([*special_points, lost_here], loss, "", here, corner)
 
     def _admissible(
         self,
@@ -528,8 +528,8 @@ class _OrbitContinuation:
         shooting: Shooting,
         step: PredictorStep[ShootingEvaluation],
         length: float,
-        before: dict[TestFunction, float],
-        after: dict[TestFunction, float],
+        before: Mapping[TestFunction, float],
+        after: Mapping[TestFunction, float],
     ) -> list[BranchEvent]:
         """Return where the branch turns, another crosses, or stability changes."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
@@ -540,20 +540,12 @@ class _OrbitContinuation:
         first, last = (test[TestFunction(BRANCH_POINT)] for test in (before, after))
         if max(abs(first), abs(last)) < NOISE:
             first = last = 0.0
-        found, clear = [], True
+        found = []
         for _, kind, here, value in self.bifurcations.within(step, length, first, last):
-            clear = clear and kind != BRANCH_POINT
             monitor = TestFunction(_kind_of(value) if kind == CROSSING else kind)
             special = classify(monitor, shooting, here, tangent(here, step.along))
             if special is not None and self.low <= special.value <= self.high:
                 found.append(special)
-        if not clear:
-            beside = self.bifurcations.branch_points.beside
-            self.branch.special_points[:] = [
-                each
-                for each in self.branch.special_points
-                if each.kind != FOLD or not beside(each.orbit.point)
-            ]
         return found
 
 

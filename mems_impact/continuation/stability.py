@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -286,6 +286,17 @@ CROSSING = "crossing"  # of an eigenvalue that rotates, or of a multiplier -1
 SHORT = 0.01  # part of the largest step, in which what is not found is told
 
 
+class Event(Protocol):
+    """A special point of a branch, as far as its kind is asked for."""
+
+    @property
+    def kind(self) -> str:
+        """What happens there."""
+
+
+X = TypeVar("X", bound=Event)
+
+
 class Bifurcation(NamedTuple, Generic[P]):
     """A point within a step.
 
@@ -381,6 +392,14 @@ class Bifurcations(Generic[P]):
             if each.begin == each.end
         ]
         return sorted(found, key=lambda each: each.place)
+
+    def without_torn_folds(self, events: Sequence[X], point_of: Callable[[X], P]) -> list[X]:
+        """Return special points of the branch without folds that are branch points.
+
+        An error tears branches that cross apart, and makes a fold that an earlier step may meet.
+        """
+        beside = self.branch_points.beside
+        return [each for each in events if each.kind != FOLD or not beside(point_of(each))]
 
     def _behind_of(self, step: PredictorStep[P]) -> tuple[float, Spectrum] | None:
         """Return how far back the last step began, and the spectrum there."""

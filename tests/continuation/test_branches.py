@@ -10,7 +10,7 @@ import mems_impact as mi
 from mems_impact.actuator.drives import Square
 from mems_impact.continuation.arclength import StepControl, correct
 from mems_impact.continuation.grazing import change_signature
-from mems_impact.continuation.orbit_branch import OrbitBranch, _OrbitContinuation, follow
+from mems_impact.continuation.orbit_branch import OrbitBranch, _BranchProblem, follow
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import TestFunction, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
@@ -270,11 +270,12 @@ def test_what_changes_where_two_events_meet_is_listed_once(listed):
     fold = replace(met, monitor=TestFunction("fold"))
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
-    walker = _OrbitContinuation(found, 0.1, 0.3, StepControl(), True)
-    along = first.direction if listed else -first.direction
-    walker._reclassify_coincident(
-        met, first.orbit.point, first.orbit.shooting, first.orbit.point, along
+    orbit = first.orbit
+    problem = _BranchProblem(
+        found, orbit.shooting, orbit.point, first.direction, 0.1, 0.3, StepControl(), True
     )
+    along = first.direction if listed else -first.direction
+    problem._reclassify_coincident(met, orbit.point, orbit.shooting, orbit.point, along)
     assert [(s.kind, s.value, s.monitor) for s in found.special_points] == [
         ("fold", 0.16, fold.monitor)
     ]

@@ -8,14 +8,15 @@ import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.codim1_curve import _CurveContinuation, follow_curve
+from mems_impact.continuation.codim1_curve import _CurveProblem, correct_condition, follow_curve
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.test_functions import DefiningSystem, TestFunction
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.family import Family
+from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
 from tests.orbits.exact import Exact
-from tests.orbits.families import at, find_orbit, oscillator, silent_orbit
+from tests.orbits.families import at, oscillator, silent_orbit
 
 LOW, HIGH = 0.43, 0.52
 
@@ -85,12 +86,13 @@ def test_grazing_curve_towards_larger_frequencies(at_half):
 def test_a_step_of_a_curve_that_is_too_long_is_halved(at_half):
     """As often as it must be, and no more often."""
     (start,) = special(at_half, "grazing")
-    steps = StepControl(initial=0.8, largest=0.8)
+    steps = StepControl(initial=0.16, largest=0.8)
     curve = follow_curve(start, "amplitude", "omega", low=LOW, high=HIGH, steps=steps)
     assert curve.ended == "omega reached its bound"
-    assert len(curve.points) < 12
+    assert len(curve.points) < 8
     first, second = (np.append(p.orbit.point.unknowns, p.values) for p in curve.points[:2])
     halvings = np.log2(steps.initial / np.linalg.norm(second - first))
+    assert halvings > 0.98
     assert halvings == pytest.approx(round(halvings), abs=0.02)
 
 
@@ -116,17 +118,17 @@ def test_a_gradient_by_differences_is_brought_up_to_date_instead_of_taken_anew()
         def gradient(self, point):
             raise AssertionError("taken anew")
 
-    def evaluate(u):
+    def evaluate(unknowns, values):
+        u = np.concatenate([unknowns, values])
         return SimpleNamespace(
             x=u[0], b=u[2], residual=u[:1] - u[1:2], jacobian=np.eye(1),
             by_parameter=np.array([[-1.0, 0.0]]),
         )  # fmt: skip
 
-    curve = SimpleNamespace(
-        gradient=np.array([1.0, 0.0, 2.0]), condition=Costly(), _evaluate=evaluate
-    )
     begin, along = np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 1.0])
-    found = _CurveContinuation._correct(curve, begin + 0.1 * along, along, begin + 0.1 * along)
+    shooting, gradient = SimpleNamespace(evaluate=evaluate), np.array([1.0, 0.0, 2.0])
+    there = begin + 0.1 * along
+    found = correct_condition(shooting, Costly(), gradient, there, along, there)
     assert found.unknowns == pytest.approx([0.79, 0.79, 1.1], abs=1e-12)
 
 
@@ -171,7 +173,7 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
         return replace(made, options=replace(made.options, engine="interpreted", method="dop853"))
 
     family = Family(interpreted, compiled.values)
-    orbit = find_orbit(family, at((0.1, 0.0)), transient=10)
+    orbit = find_periodic_orbit(family, at((0.1, 0.0)), transient=10)
     shooting = orbit.equations(("amplitude", "omega"))
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))
     matrix = expm(np.array([[0.0, 1.0], [-k, -c]]) * 2.0 * np.pi / omega)
@@ -179,7 +181,7 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
     curve = SimpleNamespace(shooting=shooting, monitor=TestFunction("grazing", "approach"))
     for test, multiplier in (("multiplier +1", 1.0), ("multiplier -1", -1.0)):
         expected = np.linalg.det(matrix - multiplier * np.eye(2)) / size
-        assert _CurveContinuation._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
+        assert _CurveProblem._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.slow
@@ -187,7 +189,7 @@ def test_fold_curve_in_closed_form():
     exact = Exact(omega=1.3)
     start = exact.orbit(1.2 * exact.fold_speed())
     family = oscillator(amplitude=start.amplitude, omega=1.3)
-    orbit = find_orbit(family, at((1.0, -0.8 * start.speed), time=start.time))
+    orbit = find_periodic_orbit(family, at((1.0, -0.8 * start.speed), time=start.time))
     branch = follow(orbit, "amplitude", low=0.1, high=0.3, direction=-1)
     for direction, bound in ((-1.0, 1.15), (1.0, 1.5)):
         curve = follow_curve(
@@ -210,7 +212,7 @@ def test_curve_of_period_doublings_in_closed_form():
     exact = Exact(omega=2.1)
     start = exact.orbit(0.9 * exact.doubling_speed())
     family = oscillator(amplitude=start.amplitude, omega=2.1)
-    orbit = find_orbit(family, at((1.0, -0.8 * start.speed), time=start.time))
+    orbit = find_periodic_orbit(family, at((1.0, -0.8 * start.speed), time=start.time))
     branch = follow(orbit, "amplitude", low=3.0, high=4.0)
     curve = follow_curve(
         special(branch, "period-doubling")[0], "amplitude", "omega", low=2.05, high=2.2
@@ -225,7 +227,7 @@ def test_curve_of_period_doublings_in_closed_form():
 @pytest.mark.slow
 def test_grazing_curve_in_closed_form(second, bound):
     exact = Exact(omega=1.3)
-    orbit = find_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
+    orbit = find_periodic_orbit(oscillator(amplitude=0.3, omega=1.3), at((0.0, 0.0)), transient=300)
     branch = follow(orbit, "amplitude", low=0.2, high=0.72)
     curve = follow_curve(special(branch, "grazing")[0], "amplitude", second, low=0.01, high=bound)
     assert curve.points[-1].values[1] == pytest.approx(bound, abs=1e-12)
@@ -238,3 +240,10 @@ def test_grazing_curve_in_closed_form(second, bound):
 def test_two_parameters_are_two(at_half):
     with pytest.raises(InvalidParameter, match="second"):
         follow_curve(at_half.special_points[0], "amplitude", "amplitude", low=0.1, high=0.3)
+
+
+def test_progress_hears_every_point_of_a_curve(at_half):
+    (start,), heard = special(at_half, "grazing"), []
+    curve = follow_curve(start, "amplitude", "omega", low=LOW, high=0.5005, progress=heard.append)
+    assert curve.ended == "omega reached its bound"
+    assert heard == [point.values[1] for point in curve.points]
