@@ -22,7 +22,7 @@ PICTURES = {  # where they are not run, orbit, branch
     "operating_map": {"motions", "speed"},
     "optimal_drive": {"branch", "front", "tornado"},
     "real_device": {"chart", "step"},
-    "tolerances": {"scatter"},
+    "tolerances": {"spread"},
 }
 
 

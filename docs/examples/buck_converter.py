@@ -46,7 +46,7 @@ converter = mi.System(
     flow=flow,
     period=lambda p: p.T,
     switches=lambda p: (p.T,),
-    settle=ramp_drops,
+    switch_transition=ramp_drops,
     parameters={
         "E": 22.0, "R": 22.0, "C": 47e-6, "L": 20e-3,
         "a": 8.4, "V_ref": 11.3, "V_low": 3.8, "V_high": 8.2, "T": 400e-6,

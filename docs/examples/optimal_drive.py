@@ -33,11 +33,11 @@ mi.plot_sensitivity(found, "mean speed").figure.savefig("optimal_drive_tornado.p
 # anyway.
 #
 # Gaps are etched to half a per cent, and springs, whose stiffness goes with the third power of
-# their width, to three. To first order the speed then scatters by a quarter.
+# their width, to three. To first order the standard deviation of the speed is then a quarter.
 
 tolerances = {"delta": 0.0025, "d": 0.005, "k": 0.03}
-scatter = found.scatter(tolerances).set_index("quantity").loc["mean speed"]
-print(scatter)
+deviation = found.standard_deviations(tolerances).set_index("quantity").loc["mean speed"]
+print(deviation)
 
 # %%
 # A better drive

@@ -65,7 +65,7 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 
 
 # %%
-# How they scatter
+# How they are spread
 # ----------------
 # 256 devices twice over, and those between for Sobol's indices: 1792 runs. Each is over once it
 # repeats itself, after four periods.
@@ -79,7 +79,7 @@ print(found)
 print(found.quantiles().loc[[STEP, "impact speed max", "energy lost per period"]])
 indices = found.indices.query("quantity == @STEP").set_index("parameter")
 print(indices[["first", "first low", "first high", "total"]].round(3))
-mi.plot_tolerance_analysis(found, quantity=STEP).figure.savefig("tolerances_scatter.png")
+mi.plot_tolerance_analysis(found, quantity=STEP).figure.savefig("tolerances_spread.png")
 
 # %%
 # Of every five devices one is out. It is the etching: two thirds of the variance would be gone

@@ -19,7 +19,7 @@ store = Path(tempfile.mkdtemp()) / "map"
 found = mi.operating_map(
     actuator, drive,
     x=("amplitude", np.linspace(0.20, 0.28, 12)), y=("omega", np.linspace(0.47, 0.5, 6)),
-    initial=mi.kicked_state(actuator), settle=mi.RecurrenceOptions(exponents="none"),
+    initial=mi.kicked_state(actuator), recurrence=mi.RecurrenceOptions(exponents="none"),
     store=store,
 )  # fmt: skip
 print(mi.map_summary(found.table)[["motion", "points", "share"]].to_string(index=False))
@@ -38,7 +38,7 @@ assert stored.done == stored.total == 72
 #
 # - kinds of motions over two parameters: :doc:`/maps`
 # - attractors reached from many initial states: :doc:`/basins`
-# - scatter under tolerances of manufacture: :doc:`/scatter`
+# - tolerance analysis, of manufacture: :doc:`/tolerances`
 # - derivatives, optima and fronts of an orbit: :doc:`/sensitivity`
 #
 # :doc:`/studies` describes how they are run and stored, :doc:`/cluster` how on many machines.

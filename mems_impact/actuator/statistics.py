@@ -83,7 +83,7 @@ def measure_names(system: ActuatorSystem) -> tuple[str, ...]:
 def measures(system: ActuatorSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
     """Return what was gathered of a point by heading, as `Statistics` has it.
 
-    The scatter of the displacement is its standard deviation from forcing period to forcing
+    The deviation of the displacement is its standard deviation from forcing period to forcing
     period; in contacts with stoppers that yield there are no impact speeds.
     """
     periods = settled.duration / period

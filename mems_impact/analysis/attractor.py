@@ -14,7 +14,7 @@ from mems_impact._util.warning_scopes import at_study_point, collected_warnings
 from mems_impact.analysis.lyapunov import LEAST, SURE, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
-from mems_impact.hybrid.attractors import recurrence
+from mems_impact.hybrid.attractors import recurrence as detection
 from mems_impact.hybrid.attractors.mapper import (
     AttractorMapper,
     RecurrenceResult,
@@ -73,7 +73,7 @@ class RecurrenceOptions:
     exponents : {"unsettled", "all", "none"}
         Of which motions the largest Lyapunov exponent is computed: it tells whether one that has
         not repeated itself is chaotic or quasi-periodic.
-    lasting : float
+    chaos_persistence : float
         Times `transient` + `periods` after which a motion has to be chaotic still to count as
         chaotic, at least 1.
 
@@ -93,7 +93,7 @@ class RecurrenceOptions:
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> found = mi.operating_map(
     ...     actuator, drive, x=("amplitude", [0.2, 0.24]), y=("omega", [0.5]),
-    ...     settle=mi.RecurrenceOptions(transient=100, periods=50, exponents="none"),
+    ...     recurrence=mi.RecurrenceOptions(transient=100, periods=50, exponents="none"),
     ... )
     >>> found.table["period"].tolist()
     [1, 1]
@@ -104,7 +104,7 @@ class RecurrenceOptions:
     longest: int = 16
     tolerance: float = 1e-6
     exponents: Exponents = "unsettled"
-    lasting: float = 16.0
+    chaos_persistence: float = 16.0
 
     def __post_init__(self) -> None:
         for name, least in (("transient", ">= 0"), ("periods", "> 0")):
@@ -117,17 +117,19 @@ class RecurrenceOptions:
         if self.exponents not in get_args(Exponents):
             allowed = f"one of {', '.join(get_args(Exponents))}"
             raise InvalidParameter("exponents", self.exponents, allowed)
-        if not (is_number(self.lasting) and self.lasting >= 1.0):
-            raise InvalidParameter("lasting", self.lasting, "a finite number >= 1")
+        if not (is_number(self.chaos_persistence) and self.chaos_persistence >= 1.0):
+            raise InvalidParameter(
+                "chaos_persistence", self.chaos_persistence, "a finite number >= 1"
+            )
 
     def recipe(self, system: System, problem: Problem, times: float = 1.0) -> RecurrenceSettings:
         """Return how the points of a system are followed, for so many times their time."""
         unit = 1.0 if system.forced else float(system.out("time", problem.period))
-        returned, at = recurrence.STROBOSCOPIC, 0
+        returned, at = detection.STROBOSCOPIC, 0
         if not system.forced:
-            returned, at = recurrence.AT_SECTION, 1
+            returned, at = detection.AT_SECTION, 1
             if system.section is None:
-                returned, at = recurrence.AT_GUARD, _guard_of(system)
+                returned, at = detection.AT_GUARD, _guard_of(system)
         return RecurrenceSettings(
             transient=max(0.0, times * (self.transient + self.periods) - self.periods) / unit,
             length=self.periods / unit,
@@ -186,7 +188,7 @@ class Attractor:
 
 def map_attractors(
     cases: Sequence[InitialCondition],
-    settle: RecurrenceOptions = RecurrenceOptions(),
+    recurrence: RecurrenceOptions = RecurrenceOptions(),
     options: Options = STUDY_OPTIONS,
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
@@ -198,7 +200,7 @@ def map_attractors(
     Parameters
     ----------
     cases : sequence of InitialCondition
-    settle : RecurrenceOptions, optional
+    recurrence : RecurrenceOptions, optional
     options : Options, optional
     watch : callable, optional
         Called several times a second with the points done; it may raise.
@@ -218,7 +220,7 @@ def map_attractors(
         if batch:
             first = len(found)
             told = None if numbers is None else numbers[first : first + len(batch)]
-            found.extend(_followed(batch, settle, options, watch, first, told))
+            found.extend(_followed(batch, recurrence, options, watch, first, told))
             batch.clear()
 
     for case in cases:
@@ -241,7 +243,7 @@ def map_attractors(
 
 def _followed(
     batch: Sequence[tuple[InitialCondition, Problem, HybridState]],
-    settle: RecurrenceOptions,
+    recurrence: RecurrenceOptions,
     options: Options,
     watch: Callable[[float], None] | None,
     before: int,
@@ -249,7 +251,7 @@ def _followed(
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
-    survey = AttractorMapper(problem, settle.recipe(system, problem), system.observed)
+    survey = AttractorMapper(problem, recurrence.recipe(system, problem), system.observed)
     longer: AttractorMapper | None = None
     points: list[tuple[ProblemParameters, HybridState]] = [
         (each.numbers, start) for _, each, start in batch
@@ -273,15 +275,15 @@ def _followed(
             if on is not None:
                 on(0.0)  # exponents take longer than all before: work may end here
             with collected_warnings() if numbers is None else at_study_point(numbers[i]):
-                each = _attractor(case, at, one, settle, options)
+                each = _attractor(case, at, one, recurrence, options)
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:
                 # It has come near an orbit late: once more, from where it is.
                 (later,) = survey.follow([(at.numbers, one.final)], on)
-                if later.outcome == recurrence.PERIODIC:
+                if later.outcome == detection.PERIODIC:
                     arrived = _attractor(
-                        case, at, later, replace(settle, exponents="none"), options
+                        case, at, later, replace(recurrence, exponents="none"), options
                     )
                     each = replace(
                         arrived,
@@ -289,12 +291,12 @@ def _followed(
                         exponent=each.exponent,
                         error=each.error,
                     )
-            elif each.motion == CHAOTIC and settle.lasting > 1.0:
+            elif each.motion == CHAOTIC and recurrence.chaos_persistence > 1.0:
                 if longer is None:
-                    recipe = settle.recipe(system, problem, settle.lasting - 1.0)
+                    recipe = recurrence.recipe(system, problem, recurrence.chaos_persistence - 1.0)
                     longer = AttractorMapper(problem, recipe, system.observed)
                 (later,) = longer.follow([(at.numbers, one.final)], on)
-                after = _attractor(case, at, later, settle, options)
+                after = _attractor(case, at, later, recurrence, options)
                 if after.motion == FAILED:
                     each = replace(each, motion=UNSETTLED)
                 elif after.motion != CHAOTIC:
@@ -311,24 +313,26 @@ def _attractor(
     case: InitialCondition,
     problem: Problem,
     settled: RecurrenceResult,
-    settle: RecurrenceOptions,
+    recurrence: RecurrenceOptions,
     options: Options,
 ) -> Attractor:
     system = case.system
-    if settled.outcome == recurrence.FAILED:
-        return Attractor(motion=FAILED, status=_reason(case, settle, options))
+    if settled.outcome == detection.FAILED:
+        return Attractor(motion=FAILED, status=_reason(case, recurrence, options))
     impacts = [guard.impact for guard in system.automaton.guards]
     hits = float(settled.counts[impacts].sum())
     events = float(settled.counts.sum()) + settled.endings
     stays = settled.still and events == 0.0 and settled.repeats == 1
-    if settled.outcome == recurrence.STATIONARY or stays:
+    if settled.outcome == detection.STATIONARY or stays:
         motion = RESTING
-    elif settled.outcome == recurrence.PERIODIC:
+    elif settled.outcome == detection.PERIODIC:
         motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
     else:
         motion = UNSETTLED
     exponent, error = math.nan, math.nan
-    if settle.exponents == "all" or (settle.exponents == "unsettled" and motion == UNSETTLED):
+    if recurrence.exponents == "all" or (
+        recurrence.exponents == "unsettled" and motion == UNSETTLED
+    ):
         exponent, error = _exponent(problem, settled.final)
         if motion == UNSETTLED:
             told = classify(exponent, error, returns=False)
@@ -379,12 +383,12 @@ def _exponent(problem: Problem, start: HybridState) -> tuple[float, float]:
     return exponent, error
 
 
-def _reason(case: InitialCondition, settle: RecurrenceOptions, options: Options) -> str:
+def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:
     """Return why a point fails: an ordinary run of it, which fails in the same place, says so."""
-    length = settle.transient + settle.periods
-    lasting: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
+    length = recurrence.transient + recurrence.periods
+    span: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
     try:
-        simulate(case.system, **lasting, initial=case.initial, options=options).gathered  # noqa: B018
+        simulate(case.system, **span, initial=case.initial, options=options).gathered  # noqa: B018
     except (RunError, FunctionError, InvalidParameter) as error:
         return str(error)
     return "the run ends before that"

@@ -46,12 +46,12 @@ COMMANDS = (
     "optimize",
     "orbit",
     "pull-in",
-    "scatter",
     "sensitivity",
     "show",
     "simulate",
     "sweep",
     "terms",
+    "tolerances",
 )
 
 

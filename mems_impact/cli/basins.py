@@ -18,8 +18,8 @@ from mems_impact.cli.options import (
     output_options,
     progress_option,
     ranges_option,
+    recurrence_options,
     sample_options,
-    settle_options,
     study_integrator_options,
     study_options,
 )
@@ -51,7 +51,7 @@ HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a 
 @sample_options(1000, "random")
 @drive_options
 @initial_option
-@settle_options
+@recurrence_options
 @study_integrator_options
 @study_options
 @progress_option
@@ -121,7 +121,7 @@ def _follow(
     import mems_impact as mi
     from mems_impact.studies.engine.config import range_axis
 
-    shared = ("settle", "distance", "options", "executor", "workers")
+    shared = ("recurrence", "distance", "options", "executor", "workers")
     same = {name: given[name] for name in shared if name in given}
     store = os.path.join(given["store"], "followed") if "store" in given else None
     parameter, values = range_axis(*options["follow"])

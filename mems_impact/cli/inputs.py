@@ -21,7 +21,7 @@ from mems_impact.cli.options import (
 if TYPE_CHECKING:
     import mems_impact as mi
 
-# --- What the commands that run studies share: study files, how motions settle, what computes.
+# --- What the commands that run studies share: study files, recurrence options, what computes.
 
 # What may stand beside a study file; all other options say what the study is.
 BESIDE = (
@@ -63,7 +63,7 @@ def study_of(
     ----------
     ctx : click.Context
     options : mapping of str to object
-        `device_options`, `initial_option`, `settle_options`, `study_integrator_options` and
+        `device_options`, `initial_option`, `recurrence_options`, `study_integrator_options` and
         `study_options`, with their values.
     kind : str
         Of the study.
@@ -83,7 +83,7 @@ def study_of(
         # The device may not have the term yet of which a parameter is varied.
         terms = {name: value for name, value in varied.items() if "." in name}
         actuator = actuator_from(device, {**terms, **options["changes"]})
-        given = {**own(), **_settling(options)}
+        given = {**own(), **_recurrence_and_integrator(options)}
         system = actuator.under(drive_from(varied))
         if options["initial"]:
             given["initial"] = state_from(options["initial"], actuator)
@@ -91,14 +91,14 @@ def study_of(
     return system, given
 
 
-def _settling(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return how motions are followed, of the options `settle_options` and of the integrator."""
+def _recurrence_and_integrator(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments that `recurrence_options` and those of the integrator make."""
     import mems_impact as mi
 
-    settle = ("transient", "periods", "longest", "tolerance", "exponents", "lasting")
+    words = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
     integrator = ("method", "rtol", "atol", "engine")
     return {
-        "settle": mi.RecurrenceOptions(**{name: given[name] for name in settle}),
+        "recurrence": mi.RecurrenceOptions(**{name: given[name] for name in words}),
         "options": mi.Options(**{name: given[name] for name in integrator}),
     }
 

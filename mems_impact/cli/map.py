@@ -16,7 +16,7 @@ from mems_impact.cli.options import (
     initial_option,
     output_options,
     progress_option,
-    settle_options,
+    recurrence_options,
     study_integrator_options,
     study_options,
 )
@@ -41,7 +41,7 @@ Axis = tuple[str, float, float, int]
 )
 @drive_options
 @initial_option
-@settle_options
+@recurrence_options
 @study_integrator_options
 @click.option(
     "--column",
@@ -66,8 +66,8 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     """Map what the motions of DEVICE come to over two parameters, each point from its own start.
 
     Tells at every point whether the device is off, walks with period 1, 2, …, or never repeats
-    itself, with step, scatter, speed, impacts and energy. Writes all of it and a summary as CSV
-    tables, and a figure. With --store nothing is lost that was done.
+    itself, with step and its standard deviation, speed, impacts and energy. Writes all of it
+    and a summary as CSV tables, and a figure. With --store nothing is lost that was done.
 
     In place of DEVICE a study file may stand: TOML that names system, study and store.
 
@@ -119,8 +119,8 @@ def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) 
     """Refuse a column that the table will not have, before it is computed."""
     from mems_impact.studies.attractor_study import attractor_schema
 
-    settle = {"settle": given["settle"]} if "settle" in given else {}
-    schema = attractor_schema(system, **settle)
+    chosen = {"recurrence": given["recurrence"]} if "recurrence" in given else {}
+    schema = attractor_schema(system, **chosen)
     numbers = [name for name, kind in schema.items() if kind != "str"]
     if column is not None and column not in numbers:
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")

@@ -47,8 +47,8 @@ KIND = "optimize"
     "--minimize",
     multiple=True,
     metavar="QUANTITY",
-    help="What shall be small: 'energy lost per period', 'scatter of mean speed'. Two aims in all "
-    "give a Pareto front.",
+    help="What shall be small: 'energy lost per period', 'standard deviation of mean speed'. "
+    "Two aims in all give a Pareto front.",
 )
 @ranges_option("--over", "omega=0.45:0.55", "A parameter to vary, and between which values.")
 @ranges_option(

@@ -237,7 +237,7 @@ def sample_options(samples: int, sampling: str) -> Decorator:
     )
 
 
-settle_options = apply_decorators(
+recurrence_options = apply_decorators(
     transient_option("Forcing periods in which a motion may become periodic.", 300),
     periods_option("Forcing periods over which it is measured then, if it has not.", 100),
     click.option(
@@ -248,7 +248,7 @@ settle_options = apply_decorators(
         help="Forcing periods after which a motion may repeat itself, at most.",
     ),
     click.option(
-        "--settle-tolerance",  # --tolerance is that of a parameter
+        "--recurrence-tolerance",  # --tolerance is that of a parameter
         "tolerance",
         type=float,
         default=1e-6,
@@ -264,7 +264,7 @@ settle_options = apply_decorators(
         "quasi-periodic ones.",
     ),
     click.option(
-        "--lasting",
+        "--chaos-persistence",
         type=float,
         default=16.0,
         show_default=True,
@@ -362,7 +362,7 @@ def refuse_system(device: str) -> None:
     if is_system_name(device) and not Path(device).exists():
         raise click.UsageError(
             f"{device}: a system, where this command takes a device; simulate and explore take "
-            "systems, map, basins and scatter those of a study file, and Python's verbs any"
+            "systems, map, basins and tolerances those of a study file, and Python's verbs any"
         )
 
 

@@ -68,8 +68,8 @@ def command(
 ) -> None:
     """Differentiate the numbers of the orbit that a run of DEVICE leads to by all parameters.
 
-    Writes derivatives, and with tolerances the scatter to first order, as CSV tables, and a tornado
-    chart of one quantity. In place of DEVICE a study file may stand.
+    Writes derivatives, and with tolerances standard deviations to first order, as CSV tables,
+    and a tornado chart of one quantity. In place of DEVICE a study file may stand.
 
     \b
     Example:
@@ -102,16 +102,16 @@ def command(
         found = orbit_sensitivity_study(system, quantities=tuple(told.values()), **given)
         tables = {"table": found.table}
         if tolerances:
-            tables["scatter"] = with_unit_column(
-                found.scatter(tolerances), "quantity", _units(found)
+            tables["deviations"] = with_unit_column(
+                found.standard_deviations(tolerances), "quantity", _units(found)
             )
         files.tables(tables)
         chosen = tolerances or None
         files.draw(lambda: mi.plot_sensitivity(found, quantity, tolerances=chosen).figure)
         _show(found, quantity)
         if tolerances:
-            scattered = tables["scatter"].iloc[:, :4]
-            show_table("scatter", with_units_in(scattered, "quantity", _units(found)), 6)
+            deviations = tables["deviations"].iloc[:, :4]
+            show_table("deviations", with_units_in(deviations, "quantity", _units(found)), 6)
         files.tell()
 
 

@@ -83,8 +83,8 @@ class Definition:
         ``flow(mode, t, y, p)`` returns the time derivatives of the states.
     guards : tuple of Guard
         Each with its margin.
-    settle : callable or None
-        ``settle(mode, t, y, p)`` returns mode and state after a switching time.
+    switch_transition : callable or None
+        ``switch_transition(mode, t, y, p)`` returns mode and state after a switching time.
     jacobian : callable or None
         ``jacobian(mode, t, y, p, J)``, as of an `Automaton`.
     cyclic : tuple of int
@@ -104,7 +104,7 @@ class Definition:
     parameters: tuple[str, ...]
     flow: Callable[..., Any]
     guards: tuple[Guard, ...] = ()
-    settle: Callable[..., Any] | None = None
+    switch_transition: Callable[..., Any] | None = None
     jacobian: Callable[..., Any] | None = None
     cyclic: tuple[int, ...] = ()
     constrained: tuple[int, ...] = ()
@@ -302,7 +302,7 @@ class _CodeWriter:
                     lines += [f"if code == {self.m + i}:", f"    return {NO_REST}"]
                 else:
                     lines += self.case(self.m + i, f"rest_{i}", guard.rest)
-        lines += self.case(2 * self.m, "settle", self.definition.settle)
+        lines += self.case(2 * self.m, "switch_transition", self.definition.switch_transition)
         lines += self.case(2 * self.m + 1, "projection", self.projection())
         return function("transition(mode, code, t, y, p)", [*lines, "return mode"])
 
@@ -440,7 +440,7 @@ class _ScalingWriter:
             definition,
             guards=tuple(guards),
             flow=self.flow(),
-            settle=self.change("settle", definition.settle),
+            switch_transition=self.change("switch_transition", definition.switch_transition),
             projection=self.change("projection", definition.projection),
             jacobian=self.jacobian(),
             sizes=(*self.typical.states, self.typical.time),

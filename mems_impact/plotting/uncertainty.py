@@ -100,7 +100,7 @@ def _better(sense: str) -> str:
     return "more is better" if sense == "maximize" else "less is better"
 
 
-# --- Scatter: how quantities are spread, what of it is as specified, and what it is due to.
+# --- Tolerance analysis: how quantities are spread, which part is as specified, what it is due to.
 
 OUTSIDE = "0.85"  # what is out of specification
 PALE = "#72b2dd"  # a blue on which lines are seen
@@ -109,7 +109,7 @@ MAX_HISTOGRAMS = 4  # quantities that are shown where nobody says which
 
 @styled
 def plot_tolerance_analysis(
-    scatter: Spread | StoredStudy,
+    analysis: Spread | StoredStudy,
     *,
     quantity: str | Sequence[str] | None = None,
     ax: Any = None,
@@ -123,7 +123,7 @@ def plot_tolerance_analysis(
 
     Parameters
     ----------
-    scatter : ToleranceAnalysis or StoredStudy
+    analysis : ToleranceAnalysis or StoredStudy
         The store of one, be it still running, tells neither specification nor indices.
     quantity : str or sequence of str, optional
         Columns of the table; what is specified by default, or the first that vary.
@@ -138,7 +138,7 @@ def plot_tolerance_analysis(
     Raises
     ------
     InvalidParameter
-        If `scatter` is none, or has no such quantity.
+        If `analysis` is none, or has no such quantity.
 
     See Also
     --------
@@ -157,53 +157,53 @@ def plot_tolerance_analysis(
     >>> ax = mi.plot_tolerance_analysis(found, quantity="displacement per period")
     >>> ax.figure.savefig("tolerances.png")
     """
-    if isinstance(scatter, StoredStudy) and scatter.kind == "scatter":
-        scatter = Spread(drawn=tuple(scatter.attrs["drawn"]), table=scatter.table)
-    if isinstance(scatter, StoredStudy) or not hasattr(scatter, "yields"):
-        allowed = "a Scatter, as mems_impact.scatter returns it, or its store"
-        raise InvalidParameter("scatter", type(scatter).__name__, allowed)
-    shown = _shown(scatter, quantity)
+    if isinstance(analysis, StoredStudy) and analysis.kind == "tolerances":
+        analysis = Spread(drawn=tuple(analysis.attrs["drawn"]), table=analysis.table)
+    if isinstance(analysis, StoredStudy) or not hasattr(analysis, "yields"):
+        allowed = "a ToleranceAnalysis, as mems_impact.tolerance_analysis returns it, or its store"
+        raise InvalidParameter("analysis", type(analysis).__name__, allowed)
+    shown = _shown(analysis, quantity)
     if ax is not None:
-        _histogram(ax, scatter, shown[0])
+        _histogram(ax, analysis, shown[0])
         return ax
-    rows = [kind for _ in shown for kind in _panels(scatter)]
-    bars = 2.6 + len(scatter.points.attrs.get("drawn", ()))
+    rows = [kind for _ in shown for kind in _panels(analysis)]
+    bars = 2.6 + len(analysis.points.attrs.get("drawn", ()))
     figure = new_figure(0.8 * len(shown), bars * rows.count("indices"))
     ratios = [inches(0.8) if kind == "spread" else inches(0.0, bars) for kind in rows]
     panels = figure.subplots(len(rows), squeeze=False, gridspec_kw={"height_ratios": ratios})[:, 0]
     for i, panel in enumerate(panels):
-        name = shown[i // len(_panels(scatter))]
+        name = shown[i // len(_panels(analysis))]
         if rows[i] == "spread":
-            _histogram(panel, scatter, name)
+            _histogram(panel, analysis, name)
         else:
-            _bars(panel, scatter, name)
+            _bars(panel, analysis, name)
     return panels[0]
 
 
-def _panels(scatter: Spread) -> tuple[str, ...]:
-    return ("spread",) if scatter.indices is None else ("spread", "indices")
+def _panels(analysis: Spread) -> tuple[str, ...]:
+    return ("spread",) if analysis.indices is None else ("spread", "indices")
 
 
-def _shown(scatter: Spread, quantity: str | Sequence[str] | None) -> list[str]:
+def _shown(analysis: Spread, quantity: str | Sequence[str] | None) -> list[str]:
     """Return the quantities to draw."""
-    known = [*scatter.quantities, *(n for n in scatter.specification if n in scatter.points)]
+    known = [*analysis.quantities, *(n for n in analysis.specification if n in analysis.points)]
     if quantity is not None:
         names = [quantity] if isinstance(quantity, str) else list(quantity)
         for name in names:
             if name not in known:
                 raise InvalidParameter("quantity", name, f"one of {', '.join(known)}")
         return names
-    spreads = scatter.points[scatter.quantities].agg(np.ptp)
-    size = scatter.points[scatter.quantities].abs().max()
-    varying = [name for name in scatter.quantities if spreads[name] > 1e-9 * size[name]]
-    return list(scatter.specification) or varying[:MAX_HISTOGRAMS] or scatter.quantities[:1]
+    spreads = analysis.points[analysis.quantities].agg(np.ptp)
+    size = analysis.points[analysis.quantities].abs().max()
+    varying = [name for name in analysis.quantities if spreads[name] > 1e-9 * size[name]]
+    return list(analysis.specification) or varying[:MAX_HISTOGRAMS] or analysis.quantities[:1]
 
 
-def _histogram(ax: Any, scatter: Spread, name: str) -> None:
+def _histogram(ax: Any, analysis: Spread, name: str) -> None:
     """Draw how a quantity is spread."""
-    points = scatter.points
+    points = analysis.points
     values = points[name].dropna().to_numpy()
-    low, high = scatter.specification.get(name, (-math.inf, math.inf))
+    low, high = analysis.specification.get(name, (-math.inf, math.inf))
     ends = _ends(values, low, high)
     count = int(np.clip(2.0 * len(values) ** (1.0 / 3.0), 8, 40))
     bins = np.linspace(*ends, count + 1)
@@ -218,8 +218,8 @@ def _histogram(ax: Any, scatter: Spread, name: str) -> None:
             ax.axvline(bound, color="black", linewidth=0.9, linestyle=(0, (4, 2)))
     if len(values):
         ax.axvline(float(np.median(values)), color="black", linewidth=1.0)
-    if name in scatter.specification:
-        row = scatter.yields.set_index("quantity").loc[name]
+    if name in analysis.specification:
+        row = analysis.yields.set_index("quantity").loc[name]
         ax.set_title(
             f"{row['share']:.1%} as specified ({row['low']:.1%} to {row['high']:.1%})",
         )  # fmt: skip
@@ -242,10 +242,10 @@ def _ends(values: Any, low: float, high: float) -> tuple[float, float]:
     return first - margin, last + margin
 
 
-def _bars(ax: Any, scatter: Spread, name: str) -> None:
+def _bars(ax: Any, analysis: Spread, name: str) -> None:
     """Draw indices of one quantity."""
-    assert scatter.indices is not None
-    table = scatter.indices
+    assert analysis.indices is not None
+    table = analysis.indices
     rows = table[table["quantity"] == name]
     symbols = table.attrs.get("symbols", {})
     places = np.arange(len(rows))[::-1]

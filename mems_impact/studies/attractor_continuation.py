@@ -400,7 +400,7 @@ def continue_attractors(
     parameter: str,
     values: ArrayLike,
     *,
-    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     distance: float = 1e-3,
     shares: bool = False,
     options: Options = STUDY_OPTIONS,
@@ -424,7 +424,7 @@ def continue_attractors(
     parameter : str
     values : array_like of float
         In any order.
-    settle : RecurrenceOptions, optional
+    recurrence : RecurrenceOptions, optional
     distance : float, optional
         Within which two motions are one, as of `basins`.
     shares : bool, optional
@@ -465,8 +465,8 @@ def continue_attractors(
     if not isinstance(basins, Basins):
         allowed = "Basins, as mems_impact.basins returns them"
         raise InvalidParameter("basins", type(basins).__name__, allowed)
-    if not isinstance(settle, RecurrenceOptions):
-        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system = basins.system
     system.check_parameter(parameter)
     over = axis("values", (parameter, values), (parameter,))
@@ -478,7 +478,7 @@ def continue_attractors(
         names=names,
         states=tuple(basins.state(name) for name in names),
         measuring=AttractorEvaluator(
-            system=system, settle=replace(settle, exponents="none"), options=options
+            system=system, recurrence=replace(recurrence, exponents="none"), options=options
         ),
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
     )

@@ -272,9 +272,9 @@ def followed(rows: pd.DataFrame, measuring: AttractorEvaluator) -> list[Attracto
 
     With the states at as many returns as are measured, of those that do not repeat themselves.
     """
-    settle = measuring.settle
-    longest = max(settle.longest, int(settle.periods))
-    further = replace(measuring, settle=replace(settle, longest=longest))
+    recurrence = measuring.recurrence
+    longest = max(recurrence.longest, int(recurrence.periods))
+    further = replace(measuring, recurrence=replace(recurrence, longest=longest))
     system = measuring.system
     return further.follow(
         [InitialCondition(system, state_of(system, row)) for _, row in rows.iterrows()]

@@ -142,11 +142,11 @@ RETURNS = "returns"
 
 def attractor_schema(
     system: System,
-    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
 ) -> dict[str, str]:
     """Return the columns that tell what a motion comes to, each with its kind."""
     names = dict.fromkeys(system.measure_names, "float")
-    told = {EXPONENT: "float", ERROR: "float"} if settle.exponents != "none" else {}
+    told = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
     return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
 
 
@@ -157,12 +157,12 @@ class AttractorEvaluator:
     Attributes
     ----------
     system : System
-    settle : RecurrenceOptions
+    recurrence : RecurrenceOptions
     options : Options
     """
 
     system: System
-    settle: RecurrenceOptions = field(default_factory=RecurrenceOptions)
+    recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
 
     @cached_property
@@ -173,13 +173,13 @@ class AttractorEvaluator:
     @property
     def schema(self) -> dict[str, str]:
         """The columns that tell of a motion."""
-        return attractor_schema(self.system, self.settle)
+        return attractor_schema(self.system, self.recurrence)
 
     def identity(self) -> dict[str, Any]:
         """Return what the numbers depend on."""
         return {
             **identity(self.system),
-            **asdict(self.settle),
+            **asdict(self.recurrence),
             "options": identity_of_options(self.system.problem(self.options).options),
         }
 
@@ -201,7 +201,7 @@ class AttractorEvaluator:
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
         """Return what the motions from many points come to."""
-        return map_attractors(cases, self.settle, self.options, watch, numbers)
+        return map_attractors(cases, self.recurrence, self.options, watch, numbers)
 
     def follow_some(
         self,
@@ -234,7 +234,7 @@ class AttractorEvaluator:
         }
         for name in self.system.measure_names:
             columns[name] = np.array([each.measures.get(name, math.nan) for each in found])
-        if self.settle.exponents != "none":
+        if self.recurrence.exponents != "none":
             columns[EXPONENT] = np.array([each.exponent for each in found])
             columns[ERROR] = np.array([each.error for each in found])
         columns[RETURNS] = np.array([each.returns for each in found], dtype=np.int64)
@@ -248,7 +248,7 @@ class AttractorEvaluator:
     def prepare(self) -> None:
         """Compile what points need, once in a process."""
         problem = self.system.problem(self.options)
-        brief = replace(self.settle, transient=0.0, periods=1.0)
+        brief = replace(self.recurrence, transient=0.0, periods=1.0)
         if problem.unavailable_reason == "":
             map_attractors([InitialCondition(self.system)], brief, self.options)
 

@@ -224,7 +224,7 @@ def basins(
     sampling: Sampling = "random",
     seed: int = 0,
     initial: State | Mapping[str, float] | None = None,
-    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     distance: float = 1e-3,
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
@@ -257,7 +257,7 @@ def basins(
         Of the sample.
     initial : State or mapping of str to float, optional
         All other components; the system's own start by default.
-    settle : RecurrenceOptions, optional
+    recurrence : RecurrenceOptions, optional
         How long motions are given, and when they count as periodic.
     distance : float, optional
         Within which two motions are one, relative to the size of each component: far above the
@@ -316,15 +316,15 @@ def basins(
     start = system.initial if initial is None else initial
     if not isinstance(start, State):
         start = state_from(start)
-    if not isinstance(settle, RecurrenceOptions):
-        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
     system.instant(start, system.problem(options))
-    measuring = AttractorEvaluator(system=system, settle=settle, options=options)
+    measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     study = BasinsStudy(
         starts=starts,
-        measuring=replace(measuring, settle=replace(settle, exponents="none")),
+        measuring=replace(measuring, recurrence=replace(recurrence, exponents="none")),
         recognition=AttractorMatcher(system=system, options=options, distance=distance),
         initial=start,
     )
@@ -336,7 +336,7 @@ def basins(
         attractor_matching.representatives(table, labels), measuring
     )
     table, attractors = attractor_matching.label_points(
-        table, labels, found, starts, settle.longest
+        table, labels, found, starts, recurrence.longest
     )
     return Basins(
         system=system,

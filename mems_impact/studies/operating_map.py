@@ -177,7 +177,7 @@ def operating_map(
     x: tuple[str, ArrayLike],
     y: tuple[str, ArrayLike],
     initial: State | Mapping[str, float] | None = None,
-    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
@@ -197,7 +197,7 @@ def operating_map(
     initial : State or mapping of str to float, optional
         Where every motion starts; the system's own start by default. Of two attractors it decides
         which one is seen: of an actuator, `kicked_state` shows where it walks once it has begun to.
-    settle : RecurrenceOptions, optional
+    recurrence : RecurrenceOptions, optional
         How long motions are given, and when they count as periodic.
     options : Options, optional
         How they are integrated; method "auto" by default.
@@ -246,13 +246,13 @@ def operating_map(
     start = initial
     if start is not None and not isinstance(start, State):
         start = state_from(start)
-    if not isinstance(settle, RecurrenceOptions):
-        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.instant(start, system.problem(options))
     study = MapStudy(
         x=across,
         y=up,
-        measuring=AttractorEvaluator(system=system, settle=settle, options=options),
+        measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
         initial=start,
     )
     table = run_study(study, store=store, executor=executor, workers=workers, progress=progress)

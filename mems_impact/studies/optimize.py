@@ -22,7 +22,7 @@ from mems_impact.studies.sensitivity import (
     chosen_quantities,
     continue_to,
     derivatives,
-    scatter,
+    first_order_deviations,
 )
 from mems_impact.studies.trust_region import HOLDS, Iterate, LocalModel, search
 from mems_impact.systems.observables import MULTIPLIER, Quantity
@@ -130,7 +130,7 @@ def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[f
 
 Bounds = Mapping[str, tuple[float, float]]
 Limits = Mapping[str, tuple[float | None, float | None]]
-SCATTER = "scatter of "
+STANDARD_DEVIATION = "standard deviation of "
 ENDINGS = {
     "converged": "converged",
     "lost": "the orbit ends there",
@@ -242,13 +242,13 @@ def optimize(
     over : mapping of str to tuple of float
         The parameters to vary, each with its lowest and highest value.
     maximize, minimize : str or Quantity
-        What: one of the two. A quantity of `sensitivity`; with `tolerances` also its scatter to
-        first order, "scatter of mean speed".
+        What: one of the two. A quantity of `sensitivity`; with `tolerances` also its standard
+        deviation to first order, "standard deviation of mean speed".
     subject_to : mapping of str to tuple of float, optional
         By quantity its lowest and highest value, None for none: ``{"largest multiplier": (None,
         0.9), "closest approach": (0.05, None)}``. With two of None it is only shown in `history`.
     tolerances : mapping of str to float, optional
-        Standard deviations of parameters, in their units, for "scatter of …".
+        Standard deviations of parameters, in their units, for "standard deviation of …".
     iterations : int, optional
         Points that are tried at most.
     progress : bool or callable, optional
@@ -482,16 +482,16 @@ def _sequence(orbit: Orbit) -> str:
 def _quantity(
     system: System, wanted: str | Quantity, tolerances: Mapping[str, float | str]
 ) -> Quantity:
-    """Return a quantity, or the scatter of one with the parameters."""
-    if isinstance(wanted, Quantity) or not wanted.startswith(SCATTER):
+    """Return a quantity, or the standard deviation of one with the parameters."""
+    if isinstance(wanted, Quantity) or not wanted.startswith(STANDARD_DEVIATION):
         return chosen_quantities(system, [wanted])[0]
     if not tolerances:
         raise InvalidParameter("tolerances", None, f"given for the {wanted}")
-    inner = chosen_quantities(system, [wanted.removeprefix(SCATTER)])[0]
+    inner = chosen_quantities(system, [wanted.removeprefix(STANDARD_DEVIATION)])[0]
 
     def deviation(orbit: Orbit) -> float:
         _, gradients = derivatives(orbit, [inner], tuple(tolerances))
-        return float(scatter(gradients, deviations(tolerances, orbit.system))[0])
+        return float(first_order_deviations(gradients, deviations(tolerances, orbit.system))[0])
 
     return Quantity(wanted, deviation, inner.unit, solved=True)
 

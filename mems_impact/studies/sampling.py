@@ -204,7 +204,7 @@ def _size(field: str, name: str, system: System) -> float:
     return size
 
 
-# --- What is drawn for a study of scatter: quantities by their distributions, parameters of them.
+# --- What is drawn for a tolerance analysis: quantities by their distributions, parameters of them.
 
 Making = Callable[..., Mapping[str, float]]
 

@@ -39,7 +39,6 @@ __all__ = [
     "chosen_quantities",
     "continue_to",
     "derivatives",
-    "scatter",
     "sensitivity",
 ]
 
@@ -465,7 +464,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     return _End(float(system.out(name, last)), branch.ended)
 
 
-# --- How the numbers of an orbit move with the parameters, and how they scatter with tolerances.
+# --- How the numbers of an orbit move with the parameters, and how tolerances spread them.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -558,8 +557,8 @@ class Sensitivity(Result):
             raise InvalidParameter("quantity", quantity, f"one of {', '.join(self.quantities)}")
         return self.quantities.index(quantity)
 
-    def scatter(self, tolerances: Mapping[str, float | str]) -> pd.DataFrame:
-        """Return how the quantities scatter with independent parameters, to first order.
+    def standard_deviations(self, tolerances: Mapping[str, float | str]) -> pd.DataFrame:
+        """Return standard deviations of the quantities under tolerances, to first order.
 
         The variance is the sum of (dq/dp sigma)^2.
 
@@ -582,14 +581,14 @@ class Sensitivity(Result):
         Examples
         --------
         >>> found = mi.sensitivity(orbit)
-        >>> found.scatter({"delta": 0.01, "mu_d": 0.02})
+        >>> found.standard_deviations({"delta": 0.01, "mu_d": 0.02})
         """
         import pandas as pd
 
         sizes = deviations(tolerances, self.system, self.parameters)
         places = [self.parameters.index(name) for name in sizes]
         parts = (self.derivatives[:, places] * np.array(list(sizes.values()))) ** 2
-        deviation = scatter(self.derivatives[:, places], sizes)
+        deviation = first_order_deviations(self.derivatives[:, places], sizes)
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = parts / parts.sum(axis=1, keepdims=True)
             relative = deviation / np.abs(self.values)
@@ -682,7 +681,7 @@ def sensitivity(
     )
 
 
-def scatter(gradients: Floats, tolerances: Mapping[str, float]) -> Floats:
+def first_order_deviations(gradients: Floats, tolerances: Mapping[str, float]) -> Floats:
     """Return standard deviations to first order; the last axis of `gradients` is the parameters."""
     return np.asarray(np.sqrt(((gradients * np.array(list(tolerances.values()))) ** 2).sum(-1)))
 

@@ -111,7 +111,7 @@ def _indices(parts: Sequence[Floats]) -> Floats:
     return np.stack([found.first_order.reshape(shape), found.total_order.reshape(shape)])
 
 
-# --- What the points of a scatter tell: how their quantities are spread, and the yield.
+# --- What the points of a tolerance analysis tell: how their quantities are spread, and the yield.
 
 SAMPLE = "sample"  # column: to which of the samples that indices need a row belongs
 ALL = "all"  # in the last row of yields
@@ -119,7 +119,7 @@ ALL = "all"  # in the last row of yields
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Points with parameters that were drawn; all of a scatter, or those that are done.
+    """Points with parameters that were drawn; all of a tolerance analysis, or those that are done.
 
     Attributes
     ----------
@@ -202,19 +202,19 @@ class Spread:
         return ", ".join(f"{counts[kind]} {kind}" for kind in in_order(kinds))
 
 
-# --- Scatter: what tolerances of parameters make of the motions of a system.
+# --- Tolerance analysis: what tolerances of parameters make of the motions of a system.
 
 Specification = Mapping[str, tuple[float | None, float | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScatterStudy(AttractorStudy):
+class ToleranceStudy(AttractorStudy):
     """Motions of a system with parameters that are drawn."""
 
     draws: ParameterSample
     initial: State | None = None
 
-    kind: ClassVar[str] = "scatter"
+    kind: ClassVar[str] = "tolerances"
 
     @property
     def points(self) -> int:
@@ -325,7 +325,7 @@ def tolerance_analysis(
     specification: Specification | None = None,
     indices: bool = False,
     initial: State | Mapping[str, float] | None = None,
-    settle: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
+    recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
     options: Options = STUDY_OPTIONS,
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
@@ -364,7 +364,7 @@ def tolerance_analysis(
     initial : State or mapping of str to float, optional
         Where every motion starts; the system's own start by default. Of an actuator, `kicked_state`
         shows where it walks once it has begun to.
-    settle : RecurrenceOptions, optional
+    recurrence : RecurrenceOptions, optional
         How long motions are given, and when they count as periodic.
     options : Options, optional
         How they are integrated; method "auto" by default.
@@ -423,8 +423,8 @@ def tolerance_analysis(
     start = initial
     if start is not None and not isinstance(start, State):
         start = state_from(start)
-    if not isinstance(settle, RecurrenceOptions):
-        raise InvalidParameter("settle", settle, "a RecurrenceOptions(…)")
+    if not isinstance(recurrence, RecurrenceOptions):
+        raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     system.instant(start, system.problem(options))
     if parameters is not None and not callable(parameters):
         allowed = "a function that takes what is drawn by name and returns parameters by name"
@@ -438,9 +438,9 @@ def tolerance_analysis(
         seed=int(seed),
         indices=bool(indices),
     )
-    study = ScatterStudy(
+    study = ToleranceStudy(
         draws=draws,
-        measuring=AttractorEvaluator(system=system, settle=settle, options=options),
+        measuring=AttractorEvaluator(system=system, recurrence=recurrence, options=options),
         initial=start,
     )
     wanted = _specification(specification or {}, study.schema)

@@ -158,11 +158,11 @@ def counted_periods(count: int) -> str:
     return f"period {count}"
 
 
-# --- Number, mean, scatter and extremes of values that come in portions.
+# --- Number, mean, standard deviation and extremes of values that come in portions.
 
 
 class Moments:
-    """Number, mean, scatter and extremes of values that come in portions.
+    """Number, mean, standard deviation and extremes of values that come in portions.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Moments:
         """Take the next portion."""
         if values.size == 0:
             return
-        # Chan, Golub and LeVeque's update: sums of squares would lose the scatter of steps that
+        # Chan, Golub and LeVeque's update: sums of squares would lose the deviations of steps that
         # are nearly equal.
         mean = float(values.mean())
         squares = float(((values - mean) ** 2).sum())

@@ -307,8 +307,9 @@ class System(Numerics):
         The forcing period: a number, or ``period(p)``. None for a system without forcing.
     switches : sequence of float or callable, optional
         Times in (0, period], ascending, at which the flow jumps; or ``switches(p)``.
-    settle : callable, optional
-        ``settle(mode, t, y, p)`` returns mode and state after such a time; both go on by default.
+    switch_transition : callable, optional
+        ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; both go on by
+        default.
     constraints : mapping of mode to callable, optional
         What is zero for as long as a mode lasts, such as the velocity of a body that sticks:
         ``{STUCK: speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the
@@ -381,7 +382,7 @@ class System(Numerics):
         modes: Sequence[Mode | str] | None = None,
         period: Number | None = None,
         switches: Sequence[float] | Callable[..., Sequence[float]] = (),
-        settle: Callable[..., Any] | None = None,
+        switch_transition: Callable[..., Any] | None = None,
         constraints: Mapping[Any, Any] | None = None,
         section: tuple[str, float] | None = None,
         initial: Mapping[str, float] | State | None = None,
@@ -402,7 +403,10 @@ class System(Numerics):
         projection: Callable[..., Any] | None = None
         if parts:
             arguments.reject_with_components(
-                modes=modes, settle=settle, jacobian=jacobian, constraints=constraints
+                modes=modes,
+                switch_transition=switch_transition,
+                jacobian=jacobian,
+                constraints=constraints,
             )
             made = assemble(
                 parts,
@@ -414,7 +418,7 @@ class System(Numerics):
             )
             signs, start = {part.name: part.signs for part in parts}, arguments.initial(initial)
             check_parted(flow, names, self._parameters, signs, start.as_dict())
-            flow, settle, guards, modes, self._begin, constrained, projection = made
+            flow, switch_transition, guards, modes, self._begin, constrained, projection = made
         called = arguments.mode_names(modes, guards)
         self._definition = Definition(
             states=names,
@@ -422,8 +426,8 @@ class System(Numerics):
             parameters=tuple(self._parameters),
             flow=flow,
             guards=guards,
-            settle=arguments.check_optional(
-                "settle", settle, *arguments.transition_arguments(flow)
+            switch_transition=arguments.check_optional(
+                "switch_transition", switch_transition, *arguments.transition_arguments(flow)
             ),
             jacobian=arguments.check_optional("jacobian", jacobian, *arguments.ARGUMENTS, "J"),
             cyclic=arguments.state_indices("cyclic", cyclic, names),
@@ -520,7 +524,10 @@ class System(Numerics):
     def functions(self) -> dict[str, str]:
         """Where its functions are defined, as ``module:name``: to be shown."""
         definition = self._definition
-        found: dict[str, Any] = {"flow": definition.flow, "settle": definition.settle}
+        found: dict[str, Any] = {
+            "flow": definition.flow,
+            "switch_transition": definition.switch_transition,
+        }
         found |= {"jacobian": definition.jacobian, "period": self._period}
         found |= {"switches": self._switches, "time_scale": self._time_scale}
         for guard in definition.guards:

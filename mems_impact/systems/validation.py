@@ -123,7 +123,7 @@ def _within(code: CodeType) -> Iterator[CodeType]:
 
 
 def _functions(definition: Definition) -> Iterator[UserFunction]:
-    for kind in ("flow", "settle", "jacobian"):
+    for kind in ("flow", "switch_transition", "jacobian"):
         if getattr(definition, kind) is not None:
             yield UserFunction(kind, getattr(definition, kind))
     for guard in definition.guards:
@@ -738,7 +738,7 @@ class DryRun:
                 i, there = self.crossing(fallen, at, slope, there, ahead)
                 there = self.resolve(i, there)
             elif there.t >= stop:
-                mode, y = self.tried.transition("settle", None, there)
+                mode, y = self.tried.transition("switch_transition", None, there)
                 period = self.clock.period
                 shift = period if period is not None and there.t >= period else 0.0
                 there, end = EvaluationPoint(mode, there.t - shift, y), end - shift

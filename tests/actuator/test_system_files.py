@@ -40,14 +40,14 @@ def test_the_words_are_those_of_python(folder):
         + "[set]\ne = 0.7\ntilt = {angle = 0.01}\n"
         + STUDY
         + 'initial = "kicked"\nworkers = 1\n'
-        + "[study.settle]\ntransient = 20\nperiods = 5\n[study.options]\nrtol = 1e-8\n"
+        + "[study.recurrence]\ntransient = 20\nperiods = 5\n[study.options]\nrtol = 1e-8\n"
     )
     study = mi.load_study(written(folder, text))
     actuator = mi.load_actuator("zhao2004").setting({"e": 0.7, "tilt.angle": 0.01})
     assert study.system == actuator.under(mi.Sine(amplitude=0.22, omega=0.49))
     given = study.arguments
     assert given["initial"] == mi.kicked_state(actuator)
-    assert given["settle"] == mi.RecurrenceOptions(transient=20, periods=5)
+    assert given["recurrence"] == mi.RecurrenceOptions(transient=20, periods=5)
     assert given["options"] == mi.Options(method="auto", rtol=1e-8)
     assert given["workers"] == 1
     assert repr(study) == f"StudyFile(path='{folder / 'study.toml'}', kind='map')"
@@ -59,14 +59,14 @@ def test_it_runs_as_python_does(folder):
         written(folder, f'{DEVICE}{STUDY}initial = {{v2 = 1.0}}\nstore = "out"\n')
     )
     brief = mi.RecurrenceOptions(transient=20, periods=5)
-    found = study.run(settle=brief)
+    found = study.run(recurrence=brief)
     again = mi.operating_map(
         mi.load_actuator("zhao2004"),
         mi.Sine(amplitude=0.22, omega=0.49),
         x=("amplitude", np.linspace(0.22, 0.26, 3)),
         y=("omega", [0.49, 0.5]),
         initial={"v2": 1.0},
-        settle=brief,
+        recurrence=brief,
     )
     pd.testing.assert_frame_equal(found.table, again.table, check_exact=True)
     assert (folder / "out" / "study.json").exists()  # beside the file, wherever it is run from
@@ -89,12 +89,12 @@ def test_a_drive_from_a_file_and_a_device_from_a_file(folder):
 def test_own_code(folder):
     study = mi.load_study(written(folder, f"{OWN}[set]\nwall = 0.9\n"), allow_code=True)
     assert study.system.parameters["wall"] == 0.9
-    found = study.run(settle=mi.RecurrenceOptions(transient=20, periods=5))
+    found = study.run(recurrence=mi.RecurrenceOptions(transient=20, periods=5))
     again = mi.operating_map(
         systems.oscillator(wall=0.9),
         x=("A", [0.5, 0.6]),
         y=("e", [0.7]),
-        settle=mi.RecurrenceOptions(transient=20, periods=5),
+        recurrence=mi.RecurrenceOptions(transient=20, periods=5),
     )
     pd.testing.assert_frame_equal(found.table, again.table, check_exact=True)
 
@@ -104,9 +104,10 @@ def test_own_code_in_processes(folder):
     study = mi.load_study(
         written(folder, f'{OWN}executor = "processes"\nworkers = 2\n'), allow_code=True
     )
-    settle = mi.RecurrenceOptions(transient=20, periods=5)
+    recurrence = mi.RecurrenceOptions(transient=20, periods=5)
     pd.testing.assert_frame_equal(
-        study.run(settle=settle).table, study.run(settle=settle, executor=None).table
+        study.run(recurrence=recurrence).table,
+        study.run(recurrence=recurrence, executor=None).table,
     )
 
 
@@ -155,9 +156,9 @@ BAD = {
     DEVICE + '[study]\nkind = "maps"\n': "study.kind = 'maps'",
     DEVICE + '[study]\nkind = "map"\n': 'study.x: missing, must be ["NAME", START',
     DEVICE + STUDY + "transient = 3\n": "study.transient = 3: unknown name, must be one of x, y",
-    DEVICE + STUDY + "settle = 3\n": "study.settle = 3: must be a table of some of transient",
-    DEVICE + STUDY + "settle = {period = 3}\n": "study.settle.period = 3: unknown name",
-    DEVICE + STUDY + "settle = {periods = 0}\n": "study.settle.periods = 0: must be a finite",
+    DEVICE + STUDY + "recurrence = 3\n": "study.recurrence = 3: must be a table of some of",
+    DEVICE + STUDY + "recurrence = {period = 3}\n": "study.recurrence.period = 3: unknown name",
+    DEVICE + STUDY + "recurrence = {periods = 0}\n": "study.recurrence.periods = 0: must be a",
     DEVICE + STUDY + 'options = {method = "x"}\n': "study.options.method = 'x': must be one of",
     DEVICE + STUDY + "store = 3\n": "study.store = 3: must be a text",
     DEVICE + STUDY + 'executor = "dask"\n': "study.executor = 'dask': must be one of threads",

@@ -49,10 +49,10 @@ def test_measures_are_the_statistics_of_a_settled_run():
 def test_a_motion_that_wanders_is_measured_after_the_transient():
     # In the chaotic band; statistics over the same periods as an ordinary run gathers.
     amplitude, omega = 0.24, 0.45
-    settle = RecurrenceOptions(transient=20, periods=15, longest=2, tolerance=1e-12)
-    settle = replace(settle, exponents="none")
+    recurrence = RecurrenceOptions(transient=20, periods=15, longest=2, tolerance=1e-12)
+    recurrence = replace(recurrence, exponents="none")
     (found,) = map_attractors(
-        [InitialCondition(device(amplitude, omega), mi.State(v2=1.0))], settle, FAST
+        [InitialCondition(device(amplitude, omega), mi.State(v2=1.0))], recurrence, FAST
     )
     assert found.motion == "unsettled"
     run = mi.simulate(
@@ -67,20 +67,20 @@ def test_a_motion_that_wanders_is_measured_after_the_transient():
 @pytest.mark.parametrize("method", ["dop853", "adams"])
 def test_a_point_is_the_same_whoever_goes_with_it(method):
     options = mi.Options(method=method)
-    settle = RecurrenceOptions(transient=60, periods=10)
+    recurrence = RecurrenceOptions(transient=60, periods=10)
     many = cases(0.15, 0.2, 0.24, 0.28)
-    together = map_attractors(many, settle, options)
+    together = map_attractors(many, recurrence, options)
     for case, one in zip(many, together, strict=True):
-        (alone,) = map_attractors([case], settle, options)
+        (alone,) = map_attractors([case], recurrence, options)
         assert alone.measures == pytest.approx(one.measures, rel=0.0, abs=0.0, nan_ok=True)
         assert np.array_equal(alone.states, one.states)
         assert (alone.motion, alone.period, alone.returns) == (one.motion, one.period, one.returns)
 
 
 def test_interpreted_and_compiled_tell_the_same():
-    settle = RecurrenceOptions(transient=25, periods=3, tolerance=1e-4)
-    (fast,) = map_attractors(cases(0.24), settle, FAST)
-    (slow,) = map_attractors(cases(0.24), settle, replace(FAST, engine="interpreted"))
+    recurrence = RecurrenceOptions(transient=25, periods=3, tolerance=1e-4)
+    (fast,) = map_attractors(cases(0.24), recurrence, FAST)
+    (slow,) = map_attractors(cases(0.24), recurrence, replace(FAST, engine="interpreted"))
     assert (fast.motion, fast.period, fast.returns) == (slow.motion, slow.period, slow.returns)
     assert slow.measures == pytest.approx(fast.measures, rel=1e-8, nan_ok=True)
 
@@ -103,9 +103,9 @@ def test_an_orbit_is_known_once_it_has_come_again_twice(engine):
         guards=[mi.Guard("one", one, lambda mode, t, y, p: (mode, (y.s - 1.0, 0.0)))],
         initial={"s": 0.25},
     )  # fmt: skip
-    settle = RecurrenceOptions(transient=10, periods=2, tolerance=1e-6, exponents="none")
+    recurrence = RecurrenceOptions(transient=10, periods=2, tolerance=1e-6, exponents="none")
     options = replace(FAST, engine=engine)
-    found = map_attractors(2 * [InitialCondition(turning)], settle, options)
+    found = map_attractors(2 * [InitialCondition(turning)], recurrence, options)
     assert [(each.motion, each.period, each.returns) for each in found] == 2 * [("periodic", 1, 4)]
 
 
@@ -120,11 +120,11 @@ def test_what_moves_slowly_does_not_rest(unit):
         section=("y", 0.0),
         initial={"x": 1.0, "y": -0.1},
     )
-    settle = RecurrenceOptions(
+    recurrence = RecurrenceOptions(
         transient=40.0 * unit, periods=5.0 * unit, tolerance=1e-5, exponents="none"
     )
     options = replace(FAST, engine="interpreted")
-    (found,) = map_attractors([InitialCondition(round_and_round)], settle, options)
+    (found,) = map_attractors([InitialCondition(round_and_round)], recurrence, options)
     assert (found.motion, found.period) == ("periodic", 1)
     assert found.measures["return time"] == pytest.approx(2.0 * math.pi * unit, rel=1e-6)
 
@@ -135,8 +135,8 @@ def test_a_slow_approach_is_no_orbit_yet():
     # to period are below the tolerance when the way to go is still thirty times as far.
     creeping = oscillator(zeta=0.004, omega=0.8, A=0.05)
     tolerance = 1e-3
-    settle = RecurrenceOptions(transient=300, periods=40, tolerance=tolerance)
-    (found,) = map_attractors([InitialCondition(creeping, mi.State(x=0.5))], settle, FAST)
+    recurrence = RecurrenceOptions(transient=300, periods=40, tolerance=tolerance)
+    (found,) = map_attractors([InitialCondition(creeping, mi.State(x=0.5))], recurrence, FAST)
     assert found.motion == "off"
     assert found.period == 1
     exact = mi.find_orbit(creeping).state
@@ -164,8 +164,8 @@ def test_chaos_is_told_by_the_exponent():
 
 def test_a_limit_cycle_is_told_by_its_returns():
     cycle = oscillators.belt()
-    settle = RecurrenceOptions(transient=80.0, periods=20.0, tolerance=1e-8)
-    (found,) = map_attractors([InitialCondition(cycle)], settle, FAST)
+    recurrence = RecurrenceOptions(transient=80.0, periods=20.0, tolerance=1e-8)
+    (found,) = map_attractors([InitialCondition(cycle)], recurrence, FAST)
     assert (found.motion, found.period) == ("periodic", 1)
     period = oscillators.belt_period(0.3, 0.4)
     assert found.measures["return time"] == pytest.approx(period, rel=1e-8)
@@ -173,8 +173,8 @@ def test_a_limit_cycle_is_told_by_its_returns():
 
 
 def test_rest_of_a_system_without_forcing():
-    settle = RecurrenceOptions(transient=30.0, periods=5.0)
-    (found,) = map_attractors([InitialCondition(ball())], settle, FAST)
+    recurrence = RecurrenceOptions(transient=30.0, periods=5.0)
+    (found,) = map_attractors([InitialCondition(ball())], recurrence, FAST)
     assert found.motion == "resting"
     assert found.status == "ok"
 
@@ -191,11 +191,11 @@ def test_a_failing_point_says_why():
     assert "max_steps = 3" in failed.status
 
 
-def mapped(settle, value, x=0.4):
+def mapped(switch_transition, value, x=0.4):
     """A map, once a period; nothing moves in between."""
     return mi.System(
-        states=("x",), flow=lambda mode, t, y, p: (0.0,), settle=settle, switches=(0.5,),
-        period=1.0, parameters={"a": value}, initial={"x": x},
+        states=("x",), flow=lambda mode, t, y, p: (0.0,), switches=(0.5,),
+        switch_transition=switch_transition, period=1.0, parameters={"a": value}, initial={"x": x},
     )  # fmt: skip
 
 
@@ -207,10 +207,12 @@ def _circle(mode, t, y, p):
     return mode, ((y.x + p.a - 0.5 / math.tau * math.sin(math.tau * y.x)) % 1.0,)
 
 
-def _found(system, **settle):
+def _found(system, **recurrence):
     options = replace(FAST, engine="interpreted")
-    settle = RecurrenceOptions(**{"transient": 60, "periods": 20, "exponents": "none", **settle})
-    return map_attractors([InitialCondition(system)], settle, options)[0]
+    recurrence = RecurrenceOptions(
+        **{"transient": 60, "periods": 20, "exponents": "none", **recurrence}
+    )
+    return map_attractors([InitialCondition(system)], recurrence, options)[0]
 
 
 @pytest.mark.parametrize(("a", "motion", "period"), [(2.97, "resting", 1), (3.012, "periodic", 2)])
@@ -241,8 +243,8 @@ def test_a_map_between_whose_iterations_nothing_moves_does_not_rest():
 def test_what_passes_an_unstable_orbit_by_chance_is_no_orbit():
     """Chaos comes near every orbit now and then, here near the unstable one of period 1."""
     wild = mapped(_logistic, 3.6807680393195996)
-    settle = RecurrenceOptions(transient=25_500, periods=100, exponents="none")
-    (found,) = map_attractors([InitialCondition(wild)], settle, FAST)
+    recurrence = RecurrenceOptions(transient=25_500, periods=100, exponents="none")
+    (found,) = map_attractors([InitialCondition(wild)], recurrence, FAST)
     assert (found.motion, found.period) == ("unsettled", 0)
 
 

@@ -34,7 +34,7 @@ def struck(**how):
 
 def test_a_blow_once_a_period_against_its_closed_form():
     """Just before the blow y = M (y + J), with the matrix M of the motion over a period."""
-    system = struck(switches=[1.0], settle=blow)
+    system = struck(switches=[1.0], switch_transition=blow)
     run = mi.simulate(system, periods=4, options=PLAIN)
     assert run.events["time"].tolist() == [1.0] * 4
     orbit = mi.find_orbit(system, options=PLAIN)
@@ -49,7 +49,9 @@ def test_a_blow_once_a_period_against_its_closed_form():
 
 @pytest.mark.parametrize("kind", [mi.Guard, mi.Impact])
 def test_as_a_guard_it_is_told_why_not(kind):
-    with pytest.raises(mi.FunctionError, match=r"depends on time alone, .* switches= .* settle="):
+    with pytest.raises(
+        mi.FunctionError, match=r"depends on time alone, .* switches= .* switch_transition="
+    ):
         struck(guards=[kind("hammer", clock, blow)])
 
 

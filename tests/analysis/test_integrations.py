@@ -87,7 +87,7 @@ def test_a_map_builds_a_problem_once_a_point(counted):
         asked.clear()
         counted.clear()
         x, y = ("A", [0.1, 0.5, 1.0]), ("omega", omega)
-        table = mi.operating_map(system, x=x, y=y, settle=brief).table
+        table = mi.operating_map(system, x=x, y=y, recurrence=brief).table
         assert asked["period"] == len(table)
         assert (table["status"] == "ok").sum() == 3 * sum(each > 0.0 for each in omega)
         return counted["problems"]

@@ -23,12 +23,12 @@ def _still_in_two(mode, t, y, p):
     return 0.0, 0.0
 
 
-def mapped(settle, **initial):
+def mapped(switch_transition, **initial):
     """A map, once a period: nothing moves in between."""
     return mi.System(
         states=tuple(initial),
         flow=_still if len(initial) == 1 else _still_in_two,
-        settle=settle,
+        switch_transition=switch_transition,
         switches=(0.5,),
         period=1.0,
         parameters={"a": 1.0, "b": 1.0},
@@ -227,8 +227,8 @@ MAPS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", MAPS)
 def test_maps(name):
-    settle, initial, values, expected = MAPS[name]
-    system = mapped(settle, **initial).changed(**values)
+    switch_transition, initial, values, expected = MAPS[name]
+    system = mapped(switch_transition, **initial).changed(**values)
     check(mi.lyapunov(system, len(expected), options=FAST), expected)
 
 

@@ -44,7 +44,7 @@ def test_a_map_with_one_slope_at_fixed_times():
         flow=_spreading,
         period=1.0,
         switches=(1.0,),
-        settle=_fold,
+        switch_transition=_fold,
         modes=("above", "below"),
         initial=mi.State(x=0.3, mode="above"),
     )

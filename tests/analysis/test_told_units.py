@@ -87,7 +87,7 @@ def test_times_beyond_the_period(swinging):
 
 def test_reasons_in_rows(swinging):
     table = mi.operating_map(
-        swinging, x=("late", [5e-4, 2e-3]), y=("w", [6e3, 6.1e3]), settle=SHORT,
+        swinging, x=("late", [5e-4, 2e-3]), y=("w", [6e3, 6.1e3]), recurrence=SHORT,
         initial={"x": 1.6e-6}, options=INTERPRETED,
     ).table  # fmt: skip
     fails = table[table["late"] == 5e-4]["status"].iloc[0]
@@ -96,7 +96,7 @@ def test_reasons_in_rows(swinging):
     device = mi.load_actuator("mita2003")
     drive = mi.Sine(amplitude=60.0, omega=6e2)
     table = mi.operating_map(
-        device, drive, x=("delta", [2e-6, 6e-6]), y=("amplitude", [50.0, 60.0]), settle=SHORT,
+        device, drive, x=("delta", [2e-6, 6e-6]), y=("amplitude", [50.0, 60.0]), recurrence=SHORT,
         options=mi.Options(engine="interpreted", max_steps=5),
     ).table  # fmt: skip
     for status in table["status"]:

@@ -20,7 +20,7 @@ kind = "sine"
 kind = "map"
 x = ["amplitude", 0.2, 0.26, 3]
 y = ["omega", 0.48, 0.5, 2]
-settle = {transient = 20, periods = 5}
+recurrence = {transient = 20, periods = 5}
 store = "kept"
 """
 
@@ -38,7 +38,7 @@ def test_table_summary_and_figure(cli, tmp_path):
         x=("amplitude", np.linspace(0.2, 0.26, 3)),
         y=("omega", [0.48, 0.5]),
         initial=mi.kicked_state(actuator),
-        settle=mi.RecurrenceOptions(transient=20, periods=5),
+        recurrence=mi.RecurrenceOptions(transient=20, periods=5),
     )
     pd.testing.assert_frame_equal(table, found.table, check_exact=True)
     summary = pd.read_csv(tmp_path / "out" / "map-summary.csv")

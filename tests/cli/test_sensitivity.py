@@ -13,12 +13,12 @@ def test_sensitivity(cli, tmp_path):
     assert "mean speed  5.83534" in done.out
     out = tmp_path / "out"
     assert {path.name for path in out.iterdir()} == {
-        "sensitivity-table.csv", "sensitivity-scatter.csv", "sensitivity.png"
+        "sensitivity-table.csv", "sensitivity-deviations.csv", "sensitivity.png"
     }  # fmt: skip
     table = pd.read_csv(out / "sensitivity-table.csv").set_index(["quantity", "parameter"])
-    scatter = pd.read_csv(out / "sensitivity-scatter.csv").set_index("quantity")
+    deviations = pd.read_csv(out / "sensitivity-deviations.csv").set_index("quantity")
     expected = 0.005 * table.loc[("mean speed", "delta"), "derivative"]
-    assert scatter.loc["mean speed", "standard deviation"] == pytest.approx(expected)
+    assert deviations.loc["mean speed", "standard deviation"] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(

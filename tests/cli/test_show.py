@@ -73,13 +73,13 @@ def test_no_figure_of_its_kind(cli, store):
     assert "there is no figure of the kind toy" in complaint
 
 
-ROUGH = ["--settle-tolerance", "1e-3"]
+ROUGH = ["--recurrence-tolerance", "1e-3"]
 BASINS = ["--x", "x2", "-0.2", "0.2", "2", "--y", "v2", "0", "0.5", "2", *ROUGH]
-SCATTER = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
+TOLERANCES = ["--over", "e=norm:0.8:0.02", "--samples", "4", *ROUGH]
 
 
-@pytest.mark.parametrize(("verb", "arguments"), [("basins", BASINS), ("scatter", SCATTER)])
-def test_basins_and_scatters_are_drawn(cli, tmp_path, verb, arguments):
+@pytest.mark.parametrize(("verb", "arguments"), [("basins", BASINS), ("tolerances", TOLERANCES)])
+def test_basins_and_tolerance_analyses_are_drawn(cli, tmp_path, verb, arguments):
     drive = ["--amplitude", "0.2", "--omega", "0.5"]
     done = cli(verb, "zhao2004", *arguments, *drive, "--store", "store", "--no-figure")
     assert done.status == 0

@@ -1,4 +1,4 @@
-"""Commands basins and scatter, and the energy of a map."""
+"""Commands basins and tolerances, and the energy of a map."""
 
 import pandas as pd
 import pytest
@@ -22,32 +22,47 @@ def test_basins_of_a_grid(cli, tmp_path):
         mi.Sine(amplitude=0.2, omega=0.5),
         x=("x2", [-0.2, 0.05, 0.3]),
         y=("v2", [0.0, 0.6]),
-        settle=mi.RecurrenceOptions(transient=60, periods=5),
+        recurrence=mi.RecurrenceOptions(transient=60, periods=5),
     )
     assert attractors["share"].tolist() == found.attractors["share"].tolist()
     assert "written: out/basins-table.csv" in done.out
 
 
-def test_scatter_with_a_specification(cli, tmp_path):
+def test_tolerances_with_a_specification(cli, tmp_path):
     over = ["--over", "e=norm:0.8:0.01", "--over", "d=uniform:1%"]
     wish = ["--specification", "displacement per period=1e-4:"]
     drive = ["--amplitude", "0.24", "--omega", "0.5"]
     done = cli(
-        "scatter", "zhao2004", *over, *wish, *drive, *BRIEF, "--samples", "4", "--initial", "kicked"
+        "tolerances",
+        "zhao2004",
+        *over,
+        *wish,
+        *drive,
+        *BRIEF,
+        "--samples",
+        "4",
+        "--initial",
+        "kicked",
     )
     assert done.status == 0
-    yields = pd.read_csv(tmp_path / "out" / "scatter-yields.csv")
+    yields = pd.read_csv(tmp_path / "out" / "tolerances-yields.csv")
     assert yields["points"].iloc[-1] == 4
-    assert len(pd.read_csv(tmp_path / "out" / "scatter-table.csv")) == 4
+    assert len(pd.read_csv(tmp_path / "out" / "tolerances-table.csv")) == 4
 
 
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["scatter", "zhao2004", *DRIVE], "missing option '--over'"),
-        (["scatter", "zhao2004", *DRIVE, "--over", "e=norm"], "must be NAME=DISTRIBUTION:NUMBERS"),
-        (["scatter", "zhao2004", *DRIVE, "--over", "e=nromal:1"], "distributions of scipy.stats"),
-        (["scatter", "zhao2004", *DRIVE, "--over", "f=norm:1:1"], "f"),
+        (["tolerances", "zhao2004", *DRIVE], "missing option '--over'"),
+        (
+            ["tolerances", "zhao2004", *DRIVE, "--over", "e=norm"],
+            "must be NAME=DISTRIBUTION:NUMBERS",
+        ),
+        (
+            ["tolerances", "zhao2004", *DRIVE, "--over", "e=nromal:1"],
+            "distributions of scipy.stats",
+        ),
+        (["tolerances", "zhao2004", *DRIVE, "--over", "f=norm:1:1"], "f"),
         (["basins", "zhao2004", *DRIVE], "x"),
         (["basins", "zhao2004", *DRIVE, "--x", "x9", "0", "1", "2"], "x9"),
     ],

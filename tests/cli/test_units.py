@@ -60,13 +60,13 @@ def test_resonance_in_hertz(cli):
     assert "Hz" not in cli("pull-in", "zhao2004").out
 
 
-def test_what_scatters(cli, tmp_path):
+def test_what_tolerances_make(cli, tmp_path):
     brief = ["--samples", "2", "--transient", "1", "--periods", "1", "--exponents", "none"]
     over = ["--over", "e=norm:0.8:0.01", "--specification", "mean speed=-1:1"]
-    told = cli("scatter", "mita2003", "--amplitude", "20", *VOLTAGE, *brief, *over, "--json")
+    told = cli("tolerances", "mita2003", "--amplitude", "20", *VOLTAGE, *brief, *over, "--json")
     rows = json.loads(told.out)["tables"]["quantiles"]["rows"]
     assert {row["quantity"]: row["unit"] for row in rows}["mean speed"] == "m/s"
-    yields = pd.read_csv(tmp_path / "out" / "scatter-yields.csv").set_index("quantity")
+    yields = pd.read_csv(tmp_path / "out" / "tolerances-yields.csv").set_index("quantity")
     assert yields.loc["mean speed", "unit"] == "m/s"
 
 

@@ -97,7 +97,7 @@ def test_branch_points_of_maps_where_residuals_are_rounding(seed):
     system = mi.System(
         states=("x", "y"),
         flow=lambda mode, t, y, p: (0.0, 0.0),
-        settle=oblique,
+        switch_transition=oblique,
         switches=(0.5,),
         period=1.0,
         parameters={name: float(value) for name, value in values.items()},

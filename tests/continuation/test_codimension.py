@@ -32,7 +32,7 @@ def henon(mode, t, y, p):
 HENON = mi.System(
     states=("x", "y", "w"),
     flow=lambda mode, t, y, p: (0.0, 0.0, 0.0),
-    settle=henon,
+    switch_transition=henon,
     switches=(0.5,),
     period=1.0,
     parameters={"a": 1.0, "b": 0.5},

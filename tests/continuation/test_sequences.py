@@ -138,7 +138,7 @@ def boost(ref):
             )
         ],
         switches=(1.0,),
-        settle=lambda mode, t, y, p: (0, (y.i, y.v)),
+        switch_transition=lambda mode, t, y, p: (0, (y.i, y.v)),
         period=1.0,
         parameters={"ref": ref},
         initial={"i": 0.2, "v": 1.5},

@@ -146,7 +146,7 @@ def test_multipliers_of_a_map():
     system = mi.System(
         states=tuple("xyuvw"),
         flow=lambda mode, t, y, p: (0.0, 0.0, 0.0, 0.0, 0.0),
-        settle=turns,
+        switch_transition=turns,
         switches=(0.5,),
         period=1.0,
         parameters={"q": 0.1},

@@ -17,7 +17,7 @@ from tests.plotting.test_branch import curve, diagram
 from tests.plotting.test_map import made_table as made_map
 from tests.plotting.test_sensitivity import MITA, ZHAO
 from tests.plotting.test_sensitivity import made as made_sensitivity
-from tests.plotting.test_tolerance_analysis import made as made_scatter
+from tests.plotting.test_tolerance_analysis import made as made_analysis
 from validation.paper import figures
 from validation.paper.diagrams import plot_automaton, plot_displacement
 
@@ -132,7 +132,7 @@ LONG = {
     "plot_run": lambda get: mi.plot_run(get("resting"), 10.5, 13.5),
     "plot_run of an actuator": lambda _: mi.plot_run(real()),
     "plot_run of its states": lambda _: mi.plot_run(real(), states=("x1", "v1", "x2", "v2")),
-    "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(made_scatter()),
+    "plot_tolerance_analysis": lambda _: mi.plot_tolerance_analysis(made_analysis()),
     "plot_sensitivity": lambda _: mi.plot_sensitivity(made_sensitivity(MITA), "mean speed"),
     "plot_sensitivity without units": lambda _: mi.plot_sensitivity(
         made_sensitivity(ZHAO), "mean speed"),

@@ -1,4 +1,4 @@
-"""Scatter: histograms with their specification, bars of indices."""
+"""Tolerance analysis: histograms with their specification, bars of indices."""
 
 import math
 
@@ -74,14 +74,14 @@ def test_what_is_specified_is_drawn_with_its_indices(tmp_path):
     assert [text.get_text() for text in bars.get_yticklabels()] == ["$A$", "wall"]
     widths = sorted(bar.get_width() for bar in bars.patches)
     assert widths == [0.1, 0.3, 0.7, 0.9]
-    ax.figure.savefig(tmp_path / "scatter.png")
+    ax.figure.savefig(tmp_path / "tolerances.png")
 
 
 def test_chosen_quantities(tmp_path):
     ax = mi.plot_tolerance_analysis(made(), quantity=["rate", "step"])
     assert len(ax.figure.axes) == 4
     assert [text.get_text() for text in ax.figure.axes[1].texts] == ["3 points have no number"]
-    ax.figure.savefig(tmp_path / "scatter.png")
+    ax.figure.savefig(tmp_path / "tolerances.png")
     given = Figure().subplots()
     assert mi.plot_tolerance_analysis(made(indices=False), quantity="step", ax=given) is given
     alone = mi.plot_tolerance_analysis(made(indices=False))
@@ -93,11 +93,11 @@ def test_numbers_that_are_missing(tmp_path):
     few.table["step"] = np.nan
     ax = mi.plot_tolerance_analysis(few)
     assert ax.get_title(loc="left").startswith("0.0% as specified")
-    ax.figure.savefig(tmp_path / "scatter.png")
+    ax.figure.savefig(tmp_path / "tolerances.png")
 
 
 def test_what_is_wrong_is_named():
-    with pytest.raises(mi.InvalidParameter, match=r"as mems_impact\.scatter returns"):
+    with pytest.raises(mi.InvalidParameter, match=r"as mems_impact\.tolerance_analysis returns"):
         mi.plot_tolerance_analysis(pd.DataFrame())
     with pytest.raises(mi.InvalidParameter, match="one of step, rate"):
         mi.plot_tolerance_analysis(made(), quantity="speed")

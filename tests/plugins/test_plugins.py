@@ -40,7 +40,7 @@ system = "pendulum"
 [study]
 kind = "basins"
 x = ["angle", [0.1]]
-settle = {transient = 0, periods = 1}
+recurrence = {transient = 0, periods = 1}
 """
 
 pytestmark = pytest.mark.slow

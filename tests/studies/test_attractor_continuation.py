@@ -74,7 +74,7 @@ def test_chains_go_on_from_what_was_carried(both, tmp_path):
         names=("off", "period 1"),
         states=(both.state("off"), both.state("period 1")),
         measuring=AttractorEvaluator(
-            system=both.system, settle=mi.RecurrenceOptions(exponents="none"), options=FAST
+            system=both.system, recurrence=mi.RecurrenceOptions(exponents="none"), options=FAST
         ),
         recognition=AttractorMatcher(system=both.system, options=FAST, distance=1e-3),
     )
@@ -95,7 +95,7 @@ def test_a_value_that_is_not_allowed_is_in_no_branch(both):
         ({"parameter": "speed"}, "one of amplitude"),
         ({"values": []}, "one or more finite numbers"),
         ({"basins": 3}, r"as mems_impact\.basins returns"),
-        ({"settle": 3}, "a RecurrenceOptions"),
+        ({"recurrence": 3}, "a RecurrenceOptions"),
     ],
 )
 def test_what_is_wrong_is_named(both, given, named):

@@ -63,7 +63,7 @@ def test_the_grid_is_the_table(found):
 def test_a_sample_is_the_same_whoever_computes_it():
     box = {"x2": (-0.4, 0.4), "v2": (-1.0, 1.0)}
     brief = mi.RecurrenceOptions(transient=60, periods=5, tolerance=1e-4)
-    given = {"box": box, "samples": 9, "settle": brief, "options": FAST}
+    given = {"box": box, "samples": 9, "recurrence": brief, "options": FAST}
     one = mi.basins(ACTUATOR, DRIVE, **given, workers=1)
     two = mi.basins(ACTUATOR, DRIVE, **given, workers=3)
     assert bits(one.table) == bits(two.table)
@@ -76,7 +76,7 @@ def test_a_sample_is_the_same_whoever_computes_it():
 
 def test_a_start_that_is_not_allowed_is_a_row():
     brief = mi.RecurrenceOptions(transient=120, periods=5, tolerance=1e-4)
-    some = mi.basins(ACTUATOR, DRIVE, x=("x2", [0.0, 5.0]), settle=brief, options=FAST)
+    some = mi.basins(ACTUATOR, DRIVE, x=("x2", [0.0, 5.0]), recurrence=brief, options=FAST)
     assert some.table["attractor"][1] == "failed"
     assert "x2" in some.table["status"][1]
     assert some.attractors["share"].tolist() == [0.5]
@@ -98,7 +98,7 @@ def test_a_start_that_is_not_allowed_is_a_row():
         ({"box": {"x2": (0.0, 0.1)}, "sampling": "halton"}, "one of sobol"),
         ({"box": {"x2": (0.0, 0.1)}, "seed": -1}, "seed = -1"),
         ({"x": ("x2", [0.0]), "distance": 2.0}, "distance = 2"),
-        ({"x": ("x2", [0.0]), "settle": 3}, "a RecurrenceOptions"),
+        ({"x": ("x2", [0.0]), "recurrence": 3}, "a RecurrenceOptions"),
         ({"x": ("x2", [0.0]), "initial": {"q": 1.0}}, "components among"),
     ],
 )
@@ -336,9 +336,9 @@ def test_the_forced_double_well_against_attractors_jl():
 def test_a_chaotic_attractor_is_one():
     # Ueda's: a hardening spring in a chaotic state, in which every motion ends.
     system = duffing(d=0.05, f=7.5, beta=0.0)
-    settle = mi.RecurrenceOptions(transient=50, periods=50)
+    recurrence = mi.RecurrenceOptions(transient=50, periods=50)
     box = {"x": (0.0, 4.0), "v": (-4.0, 4.0)}
-    found = mi.basins(system, box=box, samples=40, settle=settle, options=FAST)
+    found = mi.basins(system, box=box, samples=40, recurrence=recurrence, options=FAST)
     assert found.attractors["attractor"].tolist() == ["chaotic"]
     assert set(found.table["motion"]) == {"unsettled"}
     assert found.attractors["lyapunov exponent"][0] > 0.05

@@ -143,18 +143,18 @@ def test_a_device_whose_frame_slips_does_best_where_a_slip_ends_at_the_impact():
 
 
 @pytest.mark.slow
-def test_scatter_under_tolerances(orbit):
+def test_standard_deviation_under_tolerances(orbit):
     tolerances = {"delta": 0.005, "k": 0.01}
     best = mi.optimize(
         orbit,
-        minimize="scatter of mean speed",
+        minimize="standard deviation of mean speed",
         tolerances=tolerances,
         over={"omega": (0.45, 0.55)},
         subject_to={"mean speed": (5e-5, None)},
         iterations=15,
     )
     first, last = (
-        mi.sensitivity(each, list(tolerances)).scatter(tolerances).set_index("quantity")
+        mi.sensitivity(each, list(tolerances)).standard_deviations(tolerances).set_index("quantity")
         for each in (orbit, best.orbit)
     )
     deviation = last.loc["mean speed", "standard deviation"]
@@ -177,8 +177,8 @@ def test_scatter_under_tolerances(orbit):
         ({"maximize": "period", "subject_to": {"period": (2.0, 1.0)}}, "in this order"),
         ({"maximize": "period", "subject_to": {"speed": (2.0, 3.0)}}, "one of"),
         ({"maximize": "period", "iterations": 0}, "iterations"),
-        ({"minimize": "scatter of period"}, "tolerances"),
-        ({"minimize": "scatter of period", "tolerances": {"x": 1.0}}, "tolerances"),
+        ({"minimize": "standard deviation of period"}, "tolerances"),
+        ({"minimize": "standard deviation of period", "tolerances": {"x": 1.0}}, "tolerances"),
     ],
 )
 def test_bad_input(heated, arguments, named):

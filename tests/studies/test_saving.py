@@ -18,7 +18,7 @@ def device():
 
 
 def made(kind):
-    given = {"settle": BRIEF, "options": FAST}
+    given = {"recurrence": BRIEF, "options": FAST}
     if kind == "map":
         return mi.operating_map(*device(), x=("amplitude", [0.2, 0.24]), y=("e", [0.8]), **given)
     if kind == "basins":
@@ -26,7 +26,7 @@ def made(kind):
     return mi.tolerance_analysis(*device(), over={"e": stats.norm(0.8, 0.01)}, samples=2, **given)
 
 
-@pytest.mark.parametrize("kind", ["map", "basins", "scatter"])
+@pytest.mark.parametrize("kind", ["map", "basins", "tolerances"])
 def test_a_result_comes_back_as_it_was(kind, tmp_path):
     found = made(kind)
     found.save(tmp_path / "found.zip")

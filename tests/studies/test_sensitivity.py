@@ -152,9 +152,9 @@ def test_switching_times_that_move():
             assert found.gradient(quantity)[name] == close, (quantity, name)
 
 
-def test_scatter_to_first_order(found):
+def test_standard_deviations_to_first_order(found):
     tolerances = {"delta": 0.01, "mu_d": 0.02}
-    table = found.scatter(tolerances).set_index("quantity")
+    table = found.standard_deviations(tolerances).set_index("quantity")
     gradient = found.gradient("mean speed")
     parts = [(gradient[name] * sigma) ** 2 for name, sigma in tolerances.items()]
     assert table.loc["mean speed", "standard deviation"] == pytest.approx(math.sqrt(sum(parts)))
@@ -194,16 +194,16 @@ def test_bad_input(orbit, arguments, named):
 
 def test_tolerances_as_parts_of_values(found):
     at = found.system.parameters
-    relative = found.scatter({"delta": "2%", "mu_d": 0.02})
-    absolute = found.scatter({"delta": 0.02 * at["delta"], "mu_d": 0.02})
+    relative = found.standard_deviations({"delta": "2%", "mu_d": 0.02})
+    absolute = found.standard_deviations({"delta": 0.02 * at["delta"], "mu_d": 0.02})
     assert relative.equals(absolute)
 
 
 def test_bad_tolerances(found):
     with pytest.raises(mi.InvalidParameter, match="stiffness"):
-        found.scatter({"stiffness": 1.0})
+        found.standard_deviations({"stiffness": 1.0})
     with pytest.raises(mi.InvalidParameter, match="-1"):
-        found.scatter({"k": -1.0})
+        found.standard_deviations({"k": -1.0})
     with pytest.raises(mi.InvalidParameter, match="speedy"):
         found.gradient("speedy")
 

@@ -1,4 +1,4 @@
-"""Scatter: what is drawn, yields, quantiles and Sobol's indices; against closed forms."""
+"""Tolerance analysis: samples, yields, quantiles and Sobol's indices against closed forms."""
 
 import math
 
@@ -77,7 +77,7 @@ def test_what_does_not_vary_has_no_indices(found):
 
 def test_the_same_whoever_computes_it(tmp_path):
     given = {"over": OVER, "samples": 5, "sampling": "random", "seed": 3, **GIVEN}
-    brief = {**given, "settle": mi.RecurrenceOptions(transient=40, periods=2, tolerance=1e-3)}
+    brief = {**given, "recurrence": mi.RecurrenceOptions(transient=40, periods=2, tolerance=1e-3)}
     one = mi.tolerance_analysis(ACTUATOR, DRIVE, **brief, workers=1)
     two = mi.tolerance_analysis(ACTUATOR, DRIVE, **brief, workers=3, store=tmp_path)
     assert bits(one.table) == bits(two.table)
@@ -112,7 +112,7 @@ def test_a_device_that_cannot_be_is_a_row():
     # Half of the restitutions lie above 1.
     brief = mi.RecurrenceOptions(transient=20, periods=2, tolerance=1e-2)
     some = mi.tolerance_analysis(
-        SYSTEM, over={"e": stats.uniform(0.8, 0.4)}, samples=4, settle=brief,
+        SYSTEM, over={"e": stats.uniform(0.8, 0.4)}, samples=4, recurrence=brief,
         specification={STEP: (None, None)}, **GIVEN,
     )  # fmt: skip
     bad = some.table["e"] > 1.0
@@ -135,7 +135,7 @@ def test_a_device_that_cannot_be_is_a_row():
         ({"specification": {"speed": (0, 1)}}, "columns among"),
         ({"specification": {STEP: (1, 0)}}, "low and high"),
         ({"specification": {STEP: 3}}, "low and high"),
-        ({"settle": 3}, "a RecurrenceOptions"),
+        ({"recurrence": 3}, "a RecurrenceOptions"),
         ({"initial": {"q": 1.0}}, "components among"),
         ({"parameters": lambda **drawn: {}}, "must return parameters"),
     ],

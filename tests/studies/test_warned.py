@@ -10,7 +10,7 @@ import pytest
 
 import mems_impact as mi
 
-SETTLE = mi.RecurrenceOptions(transient=20, periods=5, exponents="none")
+RECURRENCE = mi.RecurrenceOptions(transient=20, periods=5, exponents="none")
 
 
 def swings(mode, t, y, p):
@@ -46,7 +46,9 @@ def caught_by(kind, call):
 
 
 def basins(executor=None):
-    return mi.basins(SWING, x=("x", [-12.0, -11.0, 0.0, 1.0]), settle=SETTLE, executor=executor)
+    return mi.basins(
+        SWING, x=("x", [-12.0, -11.0, 0.0, 1.0]), recurrence=RECURRENCE, executor=executor
+    )
 
 
 @pytest.mark.parametrize("executor", [None, lambda: ProcessPoolExecutor(1)])
@@ -58,7 +60,7 @@ def test_a_grid_on_both_sides_of_a_guard_is_told_once_with_its_share(executor):
 
 def test_a_map_tells_at_which_parameters_its_start_lies_beyond():
     def over(depths):
-        mi.operating_map(SWING, x=("depth", depths), y=("push", [0.0]), settle=SETTLE)
+        mi.operating_map(SWING, x=("depth", depths), y=("push", [0.0]), recurrence=RECURRENCE)
 
     (told,) = caught_by(mi.StartWarning, lambda: over([-1.0, 5.0, 10.0]))
     assert told.startswith("operating_map (1 of 3 points, depth = -1, push = 0): the margin")
@@ -86,7 +88,7 @@ def test_orbits_and_exponents_tell_of_a_guess_beyond(verb):
 def test_a_jump_at_some_points_is_told_once(executor):
     def over(pushes):
         mi.operating_map(
-            SWING, x=("push", pushes), y=("depth", [10.0]), settle=SETTLE, executor=executor
+            SWING, x=("push", pushes), y=("depth", [10.0]), recurrence=RECURRENCE, executor=executor
         )
 
     (told,) = caught_by(mi.DiscontinuityWarning, lambda: over([0.0, 0.5, 1.0]))

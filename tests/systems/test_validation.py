@@ -290,13 +290,13 @@ def test_other_functions_are_tried(changes, sentence):
     refused(changes, sentence, FunctionError)
 
 
-def settle(mode, t, y, p):
+def turned(mode, t, y, p):
     return 2, y
 
 
-def test_settle_is_tried_at_a_switch():
-    changes = {"period": 1.0, "switches": (0.2,), "settle": settle}
-    refused(changes, "settle 'settle' .* returns mode 2", FunctionError)
+def test_switch_transition_is_tried_at_a_switch():
+    changes = {"period": 1.0, "switches": (0.2,), "switch_transition": turned}
+    refused(changes, "switch_transition 'turned' .* returns mode 2", FunctionError)
 
 
 class Falling:
@@ -315,7 +315,7 @@ ARGUMENTS = [
     (floor(transition=lambda mode, t, y, p, new: mode), "transition of 'floor'.* takes 5"),
     (floor(rest=lambda y: y), "rest of 'floor'.* takes 1"),
     (floor(rate=3.0), "rate of 'floor' = 3: must be a function"),
-    ({"settle": lambda y: y}, "settle = .* takes 1"),
+    ({"switch_transition": lambda y: y}, "switch_transition = .* takes 1"),
     ({"jacobian": lambda mode, t, y, p: 0.0}, "jacobian = .* takes 4"),
     ({"guards": mi.Guard("g", GAP)}, "guards = .*: must be a list of Guard and Impact"),
     ({"guards": [mi.Guard("", GAP)]}, "name of a guard = '': must be a text"),

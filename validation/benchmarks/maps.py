@@ -35,15 +35,21 @@ def _axes(size: int) -> dict[str, Any]:
     }
 
 
-SETTLE = mi.RecurrenceOptions()
+RECURRENCE = mi.RecurrenceOptions()
 
 
-def _map(size: int, settle: mi.RecurrenceOptions = SETTLE, **given: Any) -> mi.OperatingMap:
+def _map(size: int, recurrence: mi.RecurrenceOptions = RECURRENCE, **given: Any) -> mi.OperatingMap:
     actuator = mi.load_actuator("zhao2004")
     drive = mi.Sine(amplitude=0.2, omega=0.5)
     start = mi.kicked_state(actuator)
     return mi.operating_map(
-        actuator, drive, **_axes(size), initial=start, settle=settle, options=OPTIONS, **given
+        actuator,
+        drive,
+        **_axes(size),
+        initial=start,
+        recurrence=recurrence,
+        options=OPTIONS,
+        **given,
     )
 
 

@@ -32,7 +32,7 @@ __all__ = [
 
 AT_TIMES = (
     "the margin depends on time alone, which no transition changes: give the times as switches= "
-    "of the System, and what happens there as settle="
+    "of the System, and what happens there as switch_transition="
 )
 
 
@@ -115,7 +115,7 @@ def _by_name(
         return find_invalid_value(automaton, parameters, point)
     m = len(automaton.guards)
     if fault.code == 2 * m:
-        return _first(lambda: tried.transition("settle", None, point))
+        return _first(lambda: tried.transition("switch_transition", None, point))
     kind = "transition" if fault.code < m else "rest"
     return _first(lambda: tried.transition(kind, fault.code % m, point))
 
@@ -221,8 +221,10 @@ def _of_names(definition: Definition) -> Iterator[_Case]:
         for kind in ("transition", "rest"):
             if getattr(guard, kind) is not None:
                 yield _Case(UserFunction(kind, getattr(guard, kind), guard.name), out, size, True)
-    if definition.settle is not None:
-        yield _Case(UserFunction("settle", definition.settle), out, size, True)
+    if definition.switch_transition is not None:
+        yield _Case(
+            UserFunction("switch_transition", definition.switch_transition), out, size, True
+        )
     if definition.jacobian is not None:
         matrix = types.Array(types.float64, 2, "F")
         yield _Case(UserFunction("jacobian", definition.jacobian), (*plain, matrix))

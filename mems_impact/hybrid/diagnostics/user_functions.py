@@ -270,7 +270,7 @@ class CheckedFunctions:
         return self._scalar("rate", i, at)
 
     def transition(self, kind: str, i: int | None, at: EvaluationPoint) -> tuple[int, list[float]]:
-        """Return mode and state after the "transition" or "rest" of guard `i`, or "settle"."""
+        """Return mode and state after the "transition" or "rest" of guard `i`, or at a switch."""
         guard = None if i is None else self.definition.guards[i]
         call = getattr(guard or self.definition, kind)
         if call is None:

@@ -135,7 +135,7 @@ def _orbit(
 KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
     "basins": "mems_impact.studies.basins:basins",
-    "scatter": "mems_impact.studies.uncertainty:tolerance_analysis",
+    "tolerances": "mems_impact.studies.uncertainty:tolerance_analysis",
     "sensitivity": "mems_impact.studies.engine.config:orbit_sensitivity_study",
     "optimize": "mems_impact.studies.engine.config:optimize_from",
 }

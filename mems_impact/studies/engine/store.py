@@ -571,7 +571,7 @@ def _tidy(directory: Path) -> None:
 FIGURES = {
     "basins": "mems_impact.plotting.maps:plot_basins",
     "operating_map": "mems_impact.plotting.maps:plot_map",
-    "scatter": "mems_impact.plotting.uncertainty:plot_tolerance_analysis",
+    "tolerances": "mems_impact.plotting.uncertainty:plot_tolerance_analysis",
     "sweep": "mems_impact.plotting.bifurcation:plot_sweep",
 }
 """Who draws what is stored of a kind of study, ``module:function``: of a StoredStudy, to axes."""

@@ -364,7 +364,7 @@ class AssembledSystem(NamedTuple):
 
     Attributes
     ----------
-    flow, settle : callable
+    flow, switch_transition : callable
     guards : tuple of Guard
     modes : tuple of str
         Those of the parts, joined by dashes.
@@ -377,7 +377,7 @@ class AssembledSystem(NamedTuple):
     """
 
     flow: Callable[..., Any]
-    settle: Callable[..., Any]
+    switch_transition: Callable[..., Any]
     guards: tuple[Guard, ...]
     modes: tuple[str, ...]
     begin: Callable[..., int]
@@ -455,7 +455,9 @@ def assemble(
         )
     )
     sources.append(
-        function("settle(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"])
+        function(
+            "switch_transition(mode, t, y, p)", ["return settled(mode, -1, -1, 0, t, y, p), y"]
+        )
     )
     sources.append(function("begin(mode, t, y, p)", ["return settled(mode, -1, -1, 1, t, y, p)"]))
     constrained, lines = text.projection()
@@ -499,7 +501,7 @@ def assemble(
     modes = tuple("-".join(reversed(each)) for each in names)
     return AssembledSystem(
         space["flow"],
-        space["settle"],
+        space["switch_transition"],
         tuple(made),
         modes,
         space["begin"],

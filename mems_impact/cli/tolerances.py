@@ -1,4 +1,4 @@
-"""`mems-impact scatter`: what tolerances of manufacture make of a device."""
+"""`mems-impact tolerances`: what tolerances of manufacture make of a device."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mems_impact.cli.options import (
     output_options,
     progress_option,
     ranges_option,
+    recurrence_options,
     sample_options,
-    settle_options,
     study_integrator_options,
     study_options,
 )
 from mems_impact.cli.output import show_table, with_unit_column, with_units_in
 
-KIND = "scatter"
+KIND = "tolerances"
 SPREAD = (0.05, 0.5, 0.95)
 
 
@@ -71,22 +71,22 @@ def _distributions(
 )
 @drive_options
 @initial_option
-@settle_options
+@recurrence_options
 @study_integrator_options
 @study_options
 @progress_option
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
-    """Draw devices from the tolerances of DEVICE, and tell how its numbers scatter.
+    """Draw devices from the tolerances of DEVICE, and tell how its quantities are spread.
 
     Shows quantiles, the share within the specification, and with --indices which parameter the
-    scatter comes from. Writes all of it as CSV tables, and a figure. In place of DEVICE a study
+    spread comes from. Writes all of it as CSV tables, and a figure. In place of DEVICE a study
     file may stand.
 
     \b
     Example:
-      mems-impact scatter zhao2004 --amplitude 0.24 --omega 0.5 --initial kicked \\
+      mems-impact tolerances zhao2004 --amplitude 0.24 --omega 0.5 --initial kicked \\
         --over e=norm:0.8:0.02 --over mu_d=uniform:0.25:0.04 \\
         --specification "displacement per period=3e-4:"
     """  # noqa: D301 - click looks for the backspace itself
