@@ -6,6 +6,8 @@ from typing import Any
 
 import lazy_loader
 
+import mems_impact.actuator  # noqa: F401 - so that files of its results can be loaded
+
 # The stub `__init__.pyi` lists the public names with their modules. Each is imported on first use:
 # pandas, numba and matplotlib take over a second, which `mems-impact --help` need not wait for.
 _attribute, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

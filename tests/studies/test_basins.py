@@ -265,14 +265,14 @@ def test_an_impact_oscillator_against_closed_forms():
 @pytest.mark.slow
 def test_a_saddle_is_no_attractor():
     # One of these starts lies within 1e-5 of the stable manifold of the period-3 saddle, beside
-    # which it would stay for more than a hundred periods.
+    # which it stays for more than a hundred periods, and then goes to the orbit without impacts:
+    # by adams, bdf and dop853, at tolerances of 1e-8 to 1e-12.
     parameters = {"A": 1.0, "omega": 5.6, "zeta": 0.05, "wall": 0.1, "e": 0.8}
     start, system = mi.State(x=0.099, v=-0.7 + 1.4 * 2 / 15), oscillator(**parameters)
     (alone,) = map_attractors([InitialCondition(system, start)], options=FAST)
     node, saddle = sorted(OneImpact(**parameters).orbits(3), key=lambda one: one.multiplier)
     assert node.multiplier < 1.0 < saddle.multiplier
-    assert (alone.motion, alone.period) == ("periodic", 3)
-    assert alone.measures["speed"] == pytest.approx(saddle.speed, rel=1e-5)
+    assert (alone.motion, alone.period) == ("off", 1)
     values = np.linspace(-0.7, 0.7, 16)
     found = mi.basins(system, x=("x", [0.05, 0.099]), y=("v", values), options=FAST)
     assert (found.table[["x", "v"]] == [start.x, start.v]).all(axis=1).sum() == 1

@@ -334,7 +334,8 @@ def speed_over_voltage(
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> speeds = mi.speed_over_voltage(
     ...     actuator, drive, [0.2, 0.24], transient=100, periods=10,
-    initial=mi.kicked_state(actuator) ... )
+    ...     initial=mi.kicked_state(actuator),
+    ... )
     >>> bool(speeds["mean speed"].is_monotonic_increasing)
     True
     """
@@ -391,7 +392,8 @@ def resolution(speeds: pd.DataFrame) -> float:
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
     >>> speeds = mi.speed_over_voltage(
     ...     actuator, drive, [0.2, 0.24], transient=300, periods=10,
-    initial=mi.kicked_state(actuator) ... )
+    ...     initial=mi.kicked_state(actuator),
+    ... )
     >>> f"{mi.resolution(speeds):.2e}"
     '1.45e-04'
     """
