@@ -1,6 +1,6 @@
 """Works and losses as additional states.
 
-The flow is that of `extended_automaton`; nothing but the sums is added to it, so that they are as
+The flow is that of `automaton_with_terms`; nothing but the sums is added to it, so that they are as
 exact as the motion.
 """
 
@@ -14,7 +14,7 @@ from typing import Any
 
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V1, V2, X1, X2, direction_of
-from mems_impact.actuator.extended_automaton import (
+from mems_impact.actuator.automaton_with_terms import (
     Model,
     compose,
     composed_automaton,
@@ -123,7 +123,7 @@ def summing_automaton(
     Parameters
     ----------
     kinds, voltage, voltage_rate, left, left_rate, bounds
-        As of `mems_impact.actuator.extended_automaton.composed_automaton`.
+        As of `mems_impact.actuator.automaton_with_terms.composed_automaton`.
     """
     plain = composed_automaton(kinds, voltage, voltage_rate, left, left_rate, bounds)
     electrodes = 1 if left is None else 2

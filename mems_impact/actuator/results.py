@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X1
-from mems_impact.actuator.impacts import (
+from mems_impact.actuator.impact_statistics import (
     RestDetector,
     each_blow,
     energy_lost,

@@ -15,7 +15,7 @@ from mems_impact.actuator.design.operating_chart import OperatingChart
 from mems_impact.actuator.design.ring_down import RingDown
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
-from mems_impact.actuator.impacts import BlowCounter, RestDetector
+from mems_impact.actuator.impact_statistics import BlowCounter, RestDetector
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.statistics import Accumulator

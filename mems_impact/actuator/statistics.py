@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator.automaton import GUARDS, MODES, STATES, V2, X1, X2, side_of
-from mems_impact.actuator.impacts import (
+from mems_impact.actuator.impact_statistics import (
     SLIPPING,
     BlowCounter,
     RestDetector,

@@ -27,12 +27,12 @@ from mems_impact.actuator.automaton import (
     direction_of,
     side_of,
 )
+from mems_impact.actuator.automaton_with_terms import SCRATCH, compose, composed_automaton
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
 from mems_impact.actuator.energy_accounting import accounts, sum_of, summing_automaton
-from mems_impact.actuator.extended_automaton import SCRATCH, compose, composed_automaton
-from mems_impact.actuator.impacts import yields
+from mems_impact.actuator.impact_statistics import yields
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.results import (
     COLUMN_UNITS,

@@ -16,8 +16,8 @@ from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.lyapunov import CHUNK, FEWEST, LyapunovIntegrator
-from mems_impact.hybrid.variational.sensitivity import free_components
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.period_detection import returns
 from mems_impact.systems.dispatch import takes_system

@@ -25,7 +25,7 @@ from mems_impact.continuation.test_functions import TestFunction
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import Arc, Event
+from mems_impact.hybrid.variational.derivatives import Arc, Event
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.equilibrium import EquilibriumEvaluation, EquilibriumState
 from mems_impact.orbits.family import Family, ParameterPoint

@@ -17,7 +17,7 @@ from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.state import State, is_number
 from mems_impact.systems.statistics import LazyStatistics, TimeWindow
 from mems_impact.systems.system import System
-from mems_impact.systems.typical import MaxStateRecorder, warn_if_badly_scaled_run
+from mems_impact.systems.typical_scales import MaxStateRecorder, warn_if_badly_scaled_run
 from mems_impact.systems.validation import mode_monitor, tell_of_side
 
 __all__ = ["simulate"]

@@ -15,7 +15,7 @@ from mems_impact.continuation.test_functions import NEAR
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit

@@ -32,7 +32,7 @@ from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import Variational
+from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.orbits.newton import newton, solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, reduced_components
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation

@@ -59,7 +59,7 @@ class Problem:
     """An automaton with all that does not change along a run.
 
     Units are free for a run. Orbits want time and states of order one, on which the differences
-    of `mems_impact.hybrid.variational.sensitivity` count.
+    of `mems_impact.hybrid.variational.derivatives` count.
 
     Parameters
     ----------

@@ -46,7 +46,7 @@ class Events:
         `mems_impact.hybrid.event_loop.loop`.
     guard : int array, shape (k,)
         Number of the guard; for a crossing of the section the sign of the crossing; for a handover
-        what the engine then remembers of the mode (see `mems_impact.integrators.auto.switching`).
+        what the engine then remembers of the mode (see `mems_impact.integrators.auto.stiffness`).
     mode_before, mode_after : int array, shape (k,)
     before, after : float array, shape (k, n)
         The state just before and just after the event.

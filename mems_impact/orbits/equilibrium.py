@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import structural_rank
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.flow import weight_of
-from mems_impact.hybrid.variational.sensitivity import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 

@@ -12,7 +12,7 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.period_detection import check_bounded, detect_period, flow_at
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation

@@ -14,7 +14,7 @@ from mems_impact.errors import InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Samples, Trajectory, run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.limit_cycle import limit_cycle_guess, phase_is_clear, rebase_phase
 from mems_impact.orbits.newton import solve

@@ -15,7 +15,7 @@ from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Trajectory, run
 from mems_impact.hybrid.state import HybridState
-from mems_impact.hybrid.variational.sensitivity import free_components
+from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.orbits.shooting import ACCEPTED
 
 # --- Whether a motion has gone where no orbit can be found.

@@ -26,8 +26,8 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
 from mems_impact.hybrid.problem import Problem
-from mems_impact.hybrid.variational.propagation import NO_EVENT
-from mems_impact.hybrid.variational.sensitivity import Arc, Event, Variational, free_components
+from mems_impact.hybrid.variational.derivatives import Arc, Event, Variational, free_components
+from mems_impact.hybrid.variational.saltation import NO_EVENT
 from mems_impact.orbits.family import Family, ParameterPoint
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 

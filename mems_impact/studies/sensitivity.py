@@ -18,8 +18,8 @@ from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, ProblemParameters
+from mems_impact.hybrid.variational.derivatives import Arc, Event
 from mems_impact.hybrid.variational.flow import weight_of
-from mems_impact.hybrid.variational.sensitivity import Arc, Event
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit

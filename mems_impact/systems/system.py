@@ -54,7 +54,7 @@ from mems_impact.systems.statistics import (
     measure_names,
     measures,
 )
-from mems_impact.systems.typical import typical_of, warn_if_badly_scaled_orbit
+from mems_impact.systems.typical_scales import typical_of, warn_if_badly_scaled_orbit
 from mems_impact.systems.validation import check_parted
 from mems_impact.tables import name_of
 

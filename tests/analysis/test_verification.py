@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mems_impact as mi
-from mems_impact.actuator.impacts import is_impact
+from mems_impact.actuator.impact_statistics import is_impact
 from mems_impact.analysis.verification import other_family
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events

@@ -5,7 +5,7 @@ import pytest
 
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.diagnostics.failures import depends_on_time_only
-from mems_impact.hybrid.event_loop.detection import margin_error_scales, rounding_error
+from mems_impact.hybrid.event_loop.event_detection import margin_error_scales, rounding_error
 from mems_impact.hybrid.event_loop.workspace import EPS, TIMED, table_row
 from mems_impact.hybrid.problem import LoopMemory, create_engine
 from tests.hybrid.systems import problem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mems_impact.hybrid.definition import Definition, automaton_of, hidden_parameters
-from mems_impact.hybrid.event_loop import detection
+from mems_impact.hybrid.event_loop import event_detection
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -93,7 +93,7 @@ def test_a_state_that_stays_on_the_section_crosses_nothing():
 def test_an_oscillator_with_impacts_costs_no_search(monkeypatch, method):
     """Nor do first steps so short that rounding alone makes their differences."""
     searched = []
-    monkeypatch.setattr(detection, "scan_step", lambda *arguments: searched.append(arguments))
+    monkeypatch.setattr(event_detection, "scan_step", lambda *arguments: searched.append(arguments))
     p = stop(c=0.1, amplitude=0.5, omega=1.0)
     options = {"engine": "interpreted", "method": method, "section": (0, 0.5, 0)}
     run = simulate(STOP, p, (0.0, 0.0), 4, **options).events

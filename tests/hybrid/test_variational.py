@@ -13,7 +13,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
-from mems_impact.hybrid.variational.sensitivity import Variational
+from mems_impact.hybrid.variational.derivatives import Variational
 from mems_impact.integrators.options import Options
 from tests.hybrid.systems import ENGINES, STOP, TAU, at, problem, stop
 from tests.orbits.families import DEVICE, actuator

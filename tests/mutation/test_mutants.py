@@ -80,7 +80,7 @@ def test_every_mutant_of_the_numerics_is_a_program_that_differs():
 
 @pytest.mark.slow
 def test_the_draw_repeats():
-    few = "hybrid/event_loop/detection"
+    few = "hybrid/event_loop/event_detection"
     assert drawn(PROJECT, 3, 20, few) == drawn(PROJECT, 3, 20, few)
     assert drawn(PROJECT, 3, 20, few) != drawn(PROJECT, 4, 20, few)
 

@@ -7,9 +7,9 @@ import pytest
 
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.errors import OrbitError
-from mems_impact.orbits.audit import audit
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation.free_block import flow, over_period
+from tests.orbits.audit import audit
 from tests.orbits.families import (
     DEVICE,
     actuator_orbit,

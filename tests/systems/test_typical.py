@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.systems.typical import of_units
+from mems_impact.systems.typical_scales import of_units
 
 PLAIN = mi.Options(engine="interpreted", method="dop853")
 L, T = 2.0**-20, 2.0**-18  # a micrometre and four microseconds, nearly

@@ -20,7 +20,7 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         'named_tuple("Parameters", definition.parameters)(*[1.0] * len(definition.parameters))',
     ): "only the type of the numbers is asked for",
     (
-        "mems_impact/hybrid/event_loop/detection.py",
+        "mems_impact/hybrid/event_loop/event_detection.py",
         "TINY_BIAS = 1e-300  # by which a margin that starts at zero is lifted",
         "TINY_BIAS = 1e-297  # by which a margin that starts at zero is lifted",
     ): "far below the rounding of any margin either way",
@@ -30,12 +30,12 @@ EQUIVALENT: dict[tuple[str, str, str], str] = {
         "self.table = bound.table(workspace.ROWS, max(n, 3 * m, switches))",
     ): "a table with room to spare",
     (
-        "mems_impact/hybrid/variational/propagation.py",
+        "mems_impact/hybrid/variational/saltation.py",
         "at.y[j] = 0.0 if setup.cyclic[j] == 1 else numbers[first + j]",
         "at.y[j] = 1.0 if setup.cyclic[j] == 1 else numbers[first + j]",
     ): "a cyclic component enters no function; any small number does",
     (
-        "mems_impact/hybrid/variational/propagation.py",
+        "mems_impact/hybrid/variational/saltation.py",
         "if quota <= 0:",
         "if quota <= 1:",
     ): "a call that pauses sooner is called again",

@@ -24,7 +24,7 @@ WATCHED += ("tests/campaign/test_stories.py", "tests/campaign/test_families.py")
 UNSEEN = {
     "hybrid": ("tests/hybrid/", "tests/campaign/", "tests/analysis/test_attractor.py"),
     "hybrid/variational/flow": ("tests/hybrid/test_variational.py", "tests/orbits/"),
-    "hybrid/variational/propagation": ("tests/hybrid/test_variational.py", "tests/orbits/"),
+    "hybrid/variational/saltation": ("tests/hybrid/test_variational.py", "tests/orbits/"),
     "orbits": ("tests/orbits/",),
     "continuation": ("tests/continuation/",),
 }

@@ -27,12 +27,12 @@ from mems_impact.actuator.design.operating_chart import (
     operating_chart,
 )
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.impacts import blows, is_impact
+from mems_impact.actuator.impact_statistics import blows, is_impact
+from mems_impact.actuator.overloads import simulate
 from mems_impact.actuator.parameters import Actuator, load_actuator
 from mems_impact.actuator.plots import plot_chart
 from mems_impact.actuator.results import ActuatorRun
 from mems_impact.actuator.system import kicked_state
-from mems_impact.actuator.verbs import simulate
 from mems_impact.analysis.branch import Branch, continue_orbit, switch_branch
 from mems_impact.analysis.orbit import Orbit, find_orbit
 from mems_impact.analysis.special_points import SpecialPoint, grazing_type

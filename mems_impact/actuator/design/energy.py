@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V1, V2
+from mems_impact.actuator.automaton_with_terms import SCRATCH, voltages
 from mems_impact.actuator.energy_accounting import (
     SUMMED,
     EnergyAccounts,
     accounted_automaton,
     accounts,
 )
-from mems_impact.actuator.extended_automaton import SCRATCH, voltages
-from mems_impact.actuator.impacts import each_blow, is_impact
+from mems_impact.actuator.impact_statistics import each_blow, is_impact
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem

@@ -19,8 +19,8 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import RIGHT_IMPACT, V1, V2, X2
-from mems_impact.actuator.extended_automaton import Model, compose
-from mems_impact.actuator.impacts import frame_steps
+from mems_impact.actuator.automaton_with_terms import Model, compose
+from mems_impact.actuator.impact_statistics import frame_steps
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter

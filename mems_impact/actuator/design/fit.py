@@ -15,10 +15,10 @@ from mems_impact._util.arrays import Floats
 from mems_impact.actuator import results
 from mems_impact.actuator.design.estimates import pull_in_voltage, resting_voltage
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.impacts import blows
+from mems_impact.actuator.impact_statistics import blows
+from mems_impact.actuator.overloads import simulate
 from mems_impact.actuator.parameters import PARAMETER_NAMES, PARAMETER_UNITS, Actuator
 from mems_impact.actuator.plausibility import look_at_target
-from mems_impact.actuator.verbs import simulate
 from mems_impact.errors import FitWarning, InvalidParameter, MemsImpactError
 from mems_impact.integrators.options import Options
 from mems_impact.systems.result import SummaryRepr

@@ -10,9 +10,9 @@ import numpy as np
 
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import BREAK_AWAY, V1, X1, direction_of
+from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.design.energy import accounted_problem
 from mems_impact.actuator.drives.base import Drive
-from mems_impact.actuator.extended_automaton import compose
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem

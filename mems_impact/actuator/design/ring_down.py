@@ -13,9 +13,9 @@ from numpy.polynomial import Chebyshev
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import results
 from mems_impact.actuator.automaton import V1, V2, X2
+from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.drives.sine import Sine
-from mems_impact.actuator.extended_automaton import compose
-from mems_impact.actuator.impacts import SLIPPING, is_impact, is_release, yields
+from mems_impact.actuator.impact_statistics import SLIPPING, is_impact, is_release, yields
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.analysis.run import Run

@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 from mems_impact.actuator import equations as eq
+from mems_impact.actuator.automaton_with_terms import compose
 from mems_impact.actuator.design.energy import accounted_problem, energy
-from mems_impact.actuator.extended_automaton import compose
 from mems_impact.actuator.results import ActuatorOrbit, ActuatorRun
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.errors import InvalidParameter

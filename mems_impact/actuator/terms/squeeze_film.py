@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 from mems_impact._util.formatting import shown
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V2, X2
-from mems_impact.actuator.extended_automaton import summed
+from mems_impact.actuator.automaton_with_terms import summed
 from mems_impact.actuator.parameter_base import NonNegative, Positive
 from mems_impact.actuator.terms.base import (
     Function,

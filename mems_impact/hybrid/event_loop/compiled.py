@@ -12,7 +12,7 @@ from numba.extending import overload
 
 from mems_impact.hybrid.attractors import recurrence
 from mems_impact.hybrid.event_loop import loop, workspace
-from mems_impact.hybrid.variational import propagation
+from mems_impact.hybrid.variational import saltation
 from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
 from mems_impact.integrators.jit.kernels import call_kernel
 from mems_impact.integrators.jit.numba_support import (
@@ -91,7 +91,7 @@ mark_overloaded(
     recurrence.advance,
     recurrence.numbers_of,
     recurrence.result_of,
-    propagation.run_loop,
+    saltation.run_loop,
 )
 _call_advance = caller(types.int64(types.int64, types.int64, types.int64))
 
@@ -114,10 +114,10 @@ def _advance(engine, s, w):  # type: ignore[no-untyped-def]
         return lambda engine, s, w: _call_advance(w.advance, (address(engine), address(s), bite))
 
 
-@overload(propagation.run_loop, jit_options={**JIT, **INNER})
+@overload(saltation.run_loop, jit_options={**JIT, **INNER})
 def _run_on(s, w):  # type: ignore[no-untyped-def]
     if isinstance(w, types.Record) and "plain" in w.fields:
-        bite = propagation.BITE
+        bite = saltation.BITE
         return lambda s, w: _call_advance(w.advance, (w.plain, address(s), bite))
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.hybrid.event_loop.detection import (
+from mems_impact.hybrid.event_loop.event_detection import (
     integration_error,
     margin_error_scales,
     rounding_error,

@@ -8,15 +8,16 @@ An arc is integrated step by step until a guard fires. What fires is found in fo
 engine's own root finding (a margin changes sign over a step), the rate guards (a margin dipped
 below zero and came back within a step, so its closest approach is a root too), a look inside the
 step where the margin may have done so twice, and a look at all margins after every transition
-(what fires in the same instant). All are in `detection`; `zeno` completes sequences of impacts;
-`workspace` holds what the loop remembers.
+(what fires in the same instant). All are in `event_detection`; `chatter` completes
+sequences of impacts; `workspace` holds what the loop remembers.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from mems_impact.hybrid.event_loop.detection import (
+from mems_impact.hybrid.event_loop.chatter import complete_chatter, finite
+from mems_impact.hybrid.event_loop.event_detection import (
     TINY_BIAS,
     certainly_decreasing,
     detect_crossings,
@@ -76,7 +77,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     table_row,
     whole_periods,
 )
-from mems_impact.hybrid.event_loop.zeno import complete_chatter, finite
 from mems_impact.integrators import interface
 
 __all__ = ["run_steps"]

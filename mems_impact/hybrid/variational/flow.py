@@ -33,7 +33,7 @@ def extended_flow(
 
     The extended state is y (n), then `free` + `directions` columns of length n. The extended
     parameters are p (count), the `directions` in the space of p, for each of them the motion of
-    time (two numbers, see `mems_impact.hybrid.variational.sensitivity`), and scratch of 2 n +
+    time (two numbers, see `mems_impact.hybrid.variational.derivatives`), and scratch of 2 n +
     count.
     """
     columns = free + directions

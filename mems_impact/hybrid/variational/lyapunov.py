@@ -23,8 +23,9 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import LoopMemory, Problem, create_engine
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
+from mems_impact.hybrid.variational.derivatives import constraints, free_components
 from mems_impact.hybrid.variational.flow import stretched_flow
-from mems_impact.hybrid.variational.propagation import (
+from mems_impact.hybrid.variational.saltation import (
     SCRATCH,
     STRETCHING,
     PerturbationState,
@@ -34,7 +35,6 @@ from mems_impact.hybrid.variational.propagation import (
     orthonormalize,
     stretch,
 )
-from mems_impact.hybrid.variational.sensitivity import constraints, free_components
 
 CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
 FEWEST = 16  # chunks of which a standard error is told

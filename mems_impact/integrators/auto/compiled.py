@@ -10,8 +10,8 @@ from numba import from_dtype
 from numba.extending import overload
 
 from mems_impact.integrators import interface
-from mems_impact.integrators.auto import switching
-from mems_impact.integrators.auto.switching import IMPLICIT, MEMORY, ROWS
+from mems_impact.integrators.auto import stiffness
+from mems_impact.integrators.auto.stiffness import IMPLICIT, MEMORY, ROWS
 from mems_impact.integrators.cvode import compiled as cvode
 from mems_impact.integrators.cvode.compiled import HANDLE as CVODE_HANDLE
 from mems_impact.integrators.dop853 import compiled as onestep
@@ -84,22 +84,22 @@ def _is_auto(kind: Any) -> bool:
     return is_handle(kind) and "implicit" in kind.fields
 
 
-mark_overloaded(switching.explicit, switching.implicit, switching.mirror_active, switching.row)
+mark_overloaded(stiffness.explicit, stiffness.implicit, stiffness.mirror_active, stiffness.row)
 
 
-@overload(switching.explicit, jit_options={**JIT, **INNER})
+@overload(stiffness.explicit, jit_options={**JIT, **INNER})
 def _explicit(engine):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
         return lambda engine: _explicit_at(engine.explicit)
 
 
-@overload(switching.implicit, jit_options={**JIT, **INNER})
+@overload(stiffness.implicit, jit_options={**JIT, **INNER})
 def _implicit(engine):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
         return lambda engine: _implicit_at(engine.implicit)
 
 
-@overload(switching.mirror_active, jit_options={**JIT, **INNER})
+@overload(stiffness.mirror_active, jit_options={**JIT, **INNER})
 def _present(engine, one):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
 
@@ -111,7 +111,7 @@ def _present(engine, one):  # type: ignore[no-untyped-def]
         return implementation
 
 
-@overload(switching.row, jit_options={**JIT, **INNER})
+@overload(stiffness.row, jit_options={**JIT, **INNER})
 def _row(engine, i):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
         return lambda engine, i: pointer(engine.rows + WORD * engine.width * i)
@@ -120,14 +120,14 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 @overload(interface.method_memory, jit_options={**JIT, **INNER})
 def _remembered(engine, mode):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_remembered,) = take_snapshot(switching.method_memory).frozen()
+        (run_remembered,) = take_snapshot(stiffness.method_memory).frozen()
         return lambda engine, mode: run_remembered(engine, mode)
 
 
 @overload(interface.restart, jit_options={**JIT, **INNER})
 def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_restart,) = take_snapshot(switching.restart).frozen()
+        (run_restart,) = take_snapshot(stiffness.restart).frozen()
 
         def implementation(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
             run_restart(engine, mode, t, y, stop)
@@ -138,7 +138,7 @@ def _restart(engine, mode, t, y, stop):  # type: ignore[no-untyped-def]
 @overload(interface.sharpen, jit_options={**JIT, **INNER})
 def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_sharpen,) = take_snapshot(switching.sharpen).frozen()
+        (run_sharpen,) = take_snapshot(stiffness.sharpen).frozen()
 
         def implementation(engine, share, lasts):  # type: ignore[no-untyped-def]
             run_sharpen(engine, share, lasts)
@@ -149,7 +149,7 @@ def _sharpen(engine, share, lasts):  # type: ignore[no-untyped-def]
 @overload(interface.reset, jit_options={**JIT, **INNER})
 def _renew(engine, max_step):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_renew,) = take_snapshot(switching.reset).frozen()
+        (run_renew,) = take_snapshot(stiffness.reset).frozen()
 
         def implementation(engine, max_step):  # type: ignore[no-untyped-def]
             run_renew(engine, max_step)
@@ -160,7 +160,7 @@ def _renew(engine, max_step):  # type: ignore[no-untyped-def]
 @overload(interface.step, jit_options={**JIT, **INNER})
 def _step(engine):  # type: ignore[no-untyped-def]
     if _is_auto(engine):
-        (run_step,) = take_snapshot(switching.step).frozen()
+        (run_step,) = take_snapshot(stiffness.step).frozen()
         return lambda engine: run_step(engine)
 
 

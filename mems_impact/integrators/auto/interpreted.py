@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from mems_impact.integrators.auto import switching
-from mems_impact.integrators.auto.switching import EXPLICIT, MEMORY, ROWS
+from mems_impact.integrators.auto import stiffness
+from mems_impact.integrators.auto.stiffness import EXPLICIT, MEMORY, ROWS
 from mems_impact.integrators.cvode import interpreted as cvode
 from mems_impact.integrators.dop853 import interpreted as onestep
 from mems_impact.integrators.interface import Equations
@@ -58,23 +58,23 @@ class Engine(Functions):
 
     def remembered(self, mode: int) -> int:
         """Return what is remembered of `mode`."""
-        return switching.method_memory(self, mode)
+        return stiffness.method_memory(self, mode)
 
     def renew(self, max_step: float) -> None:
         """Forget all that was before; no step is longer than `max_step`."""
-        switching.reset(self, max_step)
+        stiffness.reset(self, max_step)
 
     def sharpen(self, share: float, lasts: float) -> None:
         """Let the next arc err by a `share` of the tolerances; its flight `lasts` so long."""
-        switching.sharpen(self, share, lasts)
+        stiffness.sharpen(self, share, lasts)
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        switching.restart(self, mode, t, y, stop)
+        stiffness.restart(self, mode, t, y, stop)
 
     def step(self) -> int:
         """Take one step; STEPPED, STOPPED, ROOT, HANDOVER or a negative code."""
-        return switching.step(self)
+        return stiffness.step(self)
 
     def time(self) -> float:
         """Return the time at which the last step ended."""

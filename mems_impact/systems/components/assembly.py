@@ -38,7 +38,7 @@ from mems_impact.systems.components.base import (
     Quantity,
 )
 from mems_impact.systems.components.statics import Holding
-from mems_impact.systems.components.switching import ABOVE, BELOW, SLIDING, SwitchingSurface
+from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDING, SwitchingSurface
 
 __all__ = ["assemble"]
 

@@ -7,7 +7,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.automaton import FORWARD, FREE, RIGHT, SLIP_END, STUCK, mode_of
-from mems_impact.actuator.impacts import BlowCounter, blow_of, contacts, each_blow
+from mems_impact.actuator.impact_statistics import BlowCounter, blow_of, contacts, each_blow
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events
 

@@ -8,7 +8,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V1, V2, X2, actuator_automaton, direction_of, mode_under
-from mems_impact.actuator.impacts import energy_lost
+from mems_impact.actuator.impact_statistics import energy_lost
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run

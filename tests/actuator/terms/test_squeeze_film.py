@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import mems_impact as mi
 from mems_impact.actuator.automaton import X2
-from mems_impact.actuator.extended_automaton import compose
+from mems_impact.actuator.automaton_with_terms import compose
 
 pytestmark = pytest.mark.filterwarnings("ignore::mems_impact.errors.ValidityWarning")
 

@@ -12,7 +12,7 @@ from mems_impact.errors import RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import run
-from mems_impact.integrators.auto import switching
+from mems_impact.integrators.auto import stiffness
 from tests.hybrid.systems import (
     BALL,
     COULOMB,
@@ -102,7 +102,7 @@ def test_at_no_rate_does_it_go_to_and_fro(rtol):
         tried += len(in_vain)
         assert in_vain == list(range(1, len(in_vain) + 1))
         # Before a trial so many windows of steps have passed.
-        assert switching.WINDOW * (2 ** len(in_vain) - 1) <= done.steps
+        assert stiffness.WINDOW * (2 ** len(in_vain) - 1) <= done.steps
         assert len(told) <= 2 * len(in_vain) + 1
         assert (told[-1:] == [-1]) == (rate == 300.0)
     assert (tried > 0) == (rtol == 1e-11)
@@ -159,9 +159,9 @@ def test_an_estimate_of_the_spectral_radius_does_not_hang_on_units():
 
     for decay, expected in ((1.0, 1e4), (1e6, 1e6)):
         engine = _engine(flow, 3, (decay,))
-        engine.rows[switching.STATE][:3] = [1e-4, 1.0, 1e-8]
+        engine.rows[stiffness.STATE][:3] = [1e-4, 1.0, 1e-8]
         engine.directed = 0
-        assert switching.spectral_radius(engine, 0.0) == pytest.approx(expected, rel=0.3)
+        assert stiffness.spectral_radius(engine, 0.0) == pytest.approx(expected, rel=0.3)
 
 
 def _engine(flow, n, p):
@@ -181,11 +181,11 @@ def _engine(flow, n, p):
 @pytest.fixture
 def restless(monkeypatch):
     """Make both methods hand over after a few steps; that rebounds never pause it."""
-    monkeypatch.setattr(switching, "straight", lambda engine, t: True)
+    monkeypatch.setattr(stiffness, "straight", lambda engine, t: True)
     for name, value in {"WINDOW": 2, "LOOK": 4, "ENTER": -1.0, "MOST_DOUBLED": 1}.items():
-        monkeypatch.setattr(switching, name, value)
+        monkeypatch.setattr(stiffness, name, value)
     for name in ("LONG", "GROWN", "LEAVE"):
-        monkeypatch.setattr(switching, name, math.inf)
+        monkeypatch.setattr(stiffness, name, math.inf)
 
 
 CASES = {

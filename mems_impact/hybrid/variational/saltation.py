@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact.hybrid.event_loop import loop
-from mems_impact.hybrid.event_loop.detection import TOLERANCES
+from mems_impact.hybrid.event_loop.event_detection import TOLERANCES
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from mems_impact.hybrid.event_loop.detection import first_violated_guard, rk4_probe
+from mems_impact.hybrid.event_loop.event_detection import first_violated_guard, rk4_probe
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     ENTERED,

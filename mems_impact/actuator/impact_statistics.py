@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import GUARDS, MODES, RELEASE, SLIP_END, V2, X1, direction_of
-from mems_impact.actuator.extended_automaton import layout
+from mems_impact.actuator.automaton_with_terms import layout
 from mems_impact.actuator.parameters import Actuator
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events

@@ -1,4 +1,4 @@
-"""Relays and switching surfaces (Filippov systems)."""
+"""A surface in the space of states at which the flow jumps, and along which it may slide."""
 
 from __future__ import annotations
 
@@ -8,96 +8,6 @@ from typing import Any, ClassVar
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.components.base import CodeNames, Constraint, GuardSpec, Part, Quantity
-
-__all__ = ["Relay", "SwitchingSurface"]
-
-# --- A relay with hysteresis.
-
-LOW, HIGH = 0, 1
-
-
-@dataclass(frozen=True)
-class Relay(Part):
-    """A relay: high once its input has risen to `upper`, low once it has fallen to `lower`.
-
-    In between it stays as it is. What it does is said by the flow, which finds 0 or 1 in
-    ``mode.name``. A run starts low between the two; ``State(mode="high")`` says otherwise.
-
-    Parameters
-    ----------
-    name : str
-    input : str or callable
-        A state, or ``input(t, y, p)``.
-    lower, upper : float, str or callable
-        Numbers, parameters or functions of ``p``, `lower` below `upper`.
-
-    See Also
-    --------
-    SwitchingSurface, Part, System
-
-    Notes
-    -----
-    Modes: low and high. Events: ``NAME rises`` and ``NAME falls``. A relay without hysteresis
-    slides along its threshold: that is a `SwitchingSurface`.
-
-    Examples
-    --------
-    >>> import mems_impact as mi
-    >>> def room(mode, t, y, p):
-    ...     return (-y.T + (0.0 if mode.thermostat == 1 else p.power),)
-    >>> heated = mi.System(
-    ...     states=("T",), flow=room, parameters={"power": 2.0}, time_scale=1.0,
-    ...     parts=[mi.Relay("thermostat", "T", lower=0.9, upper=1.1)],
-    ... )
-    >>> len(mi.simulate(heated, duration=2.0).events)
-    6
-    """
-
-    input: str | Callable[..., float]
-    lower: Quantity = field(kw_only=True)
-    upper: Quantity = field(kw_only=True)
-
-    modes: ClassVar[tuple[str, ...]] = ("low", "high")
-    signs: ClassVar[tuple[int, ...]] = (0, 1)
-
-    def terms(self, words: CodeNames) -> tuple[str, str, str, str | None]:
-        """Return the input, the thresholds, and how fast the input rises if that is known."""
-        lower, upper = words.value("lower", self.lower), words.value("upper", self.upper)
-        if callable(self.input):
-            return words.call(self.input, "t, y, p"), lower, upper, None
-        place = words.index("input", self.input)
-        return f"y[{place}]", lower, upper, f"x[{place}]"
-
-    def fits(self, words: CodeNames) -> list[str]:
-        """Return when it is low, and when it is high."""
-        signal, lower, upper, _ = self.terms(words)
-        return [
-            f"{signal} <= {lower} or ({signal} < {upper} and {words.last} == {LOW})",
-            f"{signal} >= {upper} or ({signal} > {lower} and {words.last} == {HIGH})",
-        ]
-
-    def watches(self, words: CodeNames) -> list[GuardSpec]:
-        """Return both changes."""
-        signal, lower, upper, rate = self.terms(words)
-        return [
-            GuardSpec(
-                name=f"{self.name} rises",
-                modes=(LOW,),
-                margin=f"{upper} - {signal}",
-                rate=None if rate is None else f"-{rate}",
-                leads=str(HIGH),
-            ),
-            GuardSpec(
-                name=f"{self.name} falls",
-                modes=(HIGH,),
-                margin=f"{signal} - {lower}",
-                rate=rate,
-                leads=str(LOW),
-            ),
-        ]
-
-
-# --- A surface in the space of states at which the flow jumps, and along which it may slide.
 
 ABOVE, BELOW, SLIDING = 0, 1, 2
 

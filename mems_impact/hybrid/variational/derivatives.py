@@ -14,7 +14,7 @@ from mems_impact.errors import FunctionError, OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, create_engine
 from mems_impact.hybrid.variational.flow import extended_flow
-from mems_impact.hybrid.variational.propagation import (
+from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
     SCRATCH,
     SegmentBatch,

@@ -1,0 +1,176 @@
+"""A stop that a body strikes, with restitution, and on which it comes to rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from mems_impact.errors import InvalidParameter
+from mems_impact.systems.components.base import (
+    ROUNDING,
+    CodeNames,
+    Constraint,
+    Contact,
+    ContactSides,
+    GuardSpec,
+    Quantity,
+    sides,
+)
+
+FREE, HELD = 0, 1
+TOUCHES = "1e-14"  # of the positions: a gap below it is closed
+
+
+@dataclass(frozen=True)
+class Stopper(Contact):
+    """A stop for a body, or between two bodies.
+
+    An impact turns the relative speed round, times the restitution, and keeps the momentum of two
+    bodies. A sequence of ever weaker impacts is completed, and the body rests on the stop until
+    the force that presses it there falls to zero.
+
+    Parameters
+    ----------
+    name : str
+    position, velocity : str
+        The states of the body.
+    upper, lower : float, str or callable
+        Where the stop is, one of them: ``position <= upper``, or ``position >= lower``. A number, a
+        parameter or a function of ``p``. Between two bodies, of how far they are apart.
+    restitution : float, str or callable
+        A number (>= 0), a parameter or ``restitution(p)``.
+    against : str or tuple of str, optional
+        Position and velocity of the other body; its velocity alone where `position` is a distance
+        from it. Without a mass it moves as the flow says, whatever strikes it.
+
+    See Also
+    --------
+    Impact, Friction, Part, System
+
+    Notes
+    -----
+    Modes: free and held, which the flow finds as 0 and 1. Events: ``NAME``, an impact, and
+    ``NAME lets go``.
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> def fall(mode, t, y, p):
+    ...     return y.v, -p.g
+    >>> ball = mi.System(
+    ...     states=("x", "v"), flow=fall, parameters={"g": 9.81, "e": 0.5}, initial={"x": 1.0},
+    ...     parts=[mi.Stopper("floor", "x", "v", lower=0.0, restitution="e")],
+    ... )
+    >>> mi.simulate(ball, duration=2.0).final
+    State(x=0.0, v=0.0, mode='held')
+    """
+
+    position: str
+    velocity: str
+    upper: Quantity | None = field(default=None, kw_only=True)
+    lower: Quantity | None = field(default=None, kw_only=True)
+    restitution: Quantity = field(kw_only=True)
+    against: str | tuple[str, str] | None = field(default=None, kw_only=True)
+
+    modes: ClassVar[tuple[str, ...]] = ("free", "held")
+    signs: ClassVar[tuple[int, ...]] = (0, 1)
+    holds: ClassVar[int] = HELD
+
+    def __post_init__(self) -> None:
+        if (self.upper is None) == (self.lower is None):
+            given = (self.upper, self.lower)
+            raise InvalidParameter(
+                f"upper, lower of {self.name!r}", given, "exactly one of the two, the other None"
+            )
+
+    def sides(self, words: CodeNames) -> ContactSides:
+        """Return the body, and the other one."""
+        other = self.against if isinstance(self.against, str) else (self.against or (0.0, 0.0))[1]
+        if isinstance(other, str):
+            words.index("against", other)  # a velocity, no parameter
+        return sides(words, self.velocity, other, "against")
+
+    def inwards(self, expression: str) -> str:
+        """Return an expression, positive away from the stop, of one along the position."""
+        return f"-{expression}" if self.upper is not None else expression
+
+    def places(self, words: CodeNames) -> tuple[int, str, str]:
+        """Return the number of the position, where the stop is, and what its gap is made up of."""
+        place = words.index("position", self.position)
+        level = self.upper if self.upper is not None else self.lower
+        assert level is not None
+        at = words.value("upper" if self.upper is not None else "lower", level)
+        size = f"abs(y[{place}]) + abs({at})"
+        if isinstance(self.against, tuple):
+            other = words.index("against", self.against[0])
+            at, size = f"({at} + y[{other}])", f"{size} + abs(y[{other}])"
+        return place, at, size
+
+    @property
+    def pushes(self) -> int:
+        """The sign of its force."""
+        return -1 if self.upper is not None else 1
+
+    def bears(self, words: CodeNames) -> tuple[str, str]:
+        """Return that it bears anything in its direction, and pulls nothing."""
+        return ("math.inf", "") if self.upper is not None else ("", "math.inf")
+
+    def fits(self, words: CodeNames) -> list[str]:
+        """Return when it is free, and when it holds."""
+        both = self.sides(words)
+        place, at, size = self.places(words)
+        gap = self.inwards(f"(y[{place}] - {at})")
+        touches = f"{gap} <= {TOUCHES} * ({size})"
+        closed = f"({words.fired} or {words.last} == {HELD} or {touches})"
+        still = f"({both.near} or (jumped == 0 and {words.last} == {HELD}))"
+        leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
+        return [
+            f"{leaves} or not ({still} and {closed})",
+            f"{still} and {closed} and {words.needed} >= -{ROUNDING} * {words.size}",
+        ]
+
+    def watches(self, words: CodeNames) -> list[GuardSpec]:
+        """Return the impact and the release."""
+        both = self.sides(words)
+        place, at, _ = self.places(words)
+        return [
+            GuardSpec(
+                name=self.name,
+                modes=(FREE,),
+                margin=self.inwards(f"(y[{place}] - {at})"),
+                rate=self.inwards(both.slip),
+                changes=self.after(words, words.value("restitution", self.restitution)),
+                rest=self.after(words, "0.0"),
+            ),
+            GuardSpec(
+                name=f"{self.name} lets go",
+                modes=(HELD,),
+                margin=words.needed,
+                leads=str(FREE),
+            ),
+        ]
+
+    def constraints(self, words: CodeNames) -> list[Constraint]:
+        """Return that the gap is closed where it holds, and stays so."""
+        place, at, _ = self.places(words)
+        slopes = {place: "1.0"}
+        if isinstance(self.against, tuple):
+            slopes[words.index("against", self.against[0])] = "-1.0"
+        closed = Constraint(mode=HELD, value=f"(y[{place}] - {at})", slopes=slopes)
+        return [closed, *super().constraints(words)]
+
+    def after(self, words: CodeNames, restitution: str) -> dict[int, str]:
+        """Return positions and velocities after an impact."""
+        both = self.sides(words)
+        place, at, _ = self.places(words)
+        if both.against is None:
+            return {place: at, both.on: f"-{restitution} * {both.slip}"}
+        speed = both.speed
+        if both.other is not None:
+            # Of the impulse (1 + e) u/(1/m + 1/M), the other body's part.
+            share = f"(1.0 / {both.other}) / {both.share}"
+            speed = f"({speed} + (1.0 + {restitution}) * {both.slip} * {share})"
+        changes = {both.on: f"{speed} - {restitution} * {both.slip}", both.against: speed}
+        # Two positions are left as they are: which of them would have to be put right?
+        apart = isinstance(self.against, tuple) and both.other is not None
+        return changes if apart else {place: at, **changes}
