@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from validation.campaign import comparing, corrugated, cradles, families, tables
+from validation.campaign import comparing, contacts, corrugated, cradles, families, tables
 from validation.campaign.comparing import END, Answer, Row
 from validation.campaign.drawn import Drawn
 from validation.campaign.integrating import Follower
@@ -246,6 +246,11 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
             tuple(rubs),
         )
     )
+
+
+def test_frictions_side_by_side_break_away_together():
+    """Of two between a body and the ground none slides where the other sticks, in any order."""
+    assert contacts.check(1, 2657).story == ""
 
 
 def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -216,6 +216,9 @@ class FlowWriter:
         if len(self.surfaces) > 1:
             sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
             lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
+        # Frictions side by side between two bodies have one relative speed: all slide, or none.
+        for test in self.parted_frictions():
+            lines += [f"if {test}:", "    return False"]
         lines.append("x = slopes(mode, t, y, p)")
         for words, part in zip(self.words, self.parts, strict=True):
             own: list[str] = []
@@ -230,6 +233,18 @@ class FlowWriter:
         return function(
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
+
+    def parted_frictions(self) -> Iterator[str]:
+        """Yield whether two frictions with the same relative speed are in modes apart."""
+        rubs = [(words, both) for words, part, both in self.contacts if part.signs == (0, 1, -1)]
+        for (one, sides), (other, others) in itertools.combinations(rubs, 2):
+            if (sides.on, sides.speed) == (others.on, others.speed):
+                yield f"{other.mode} != {one.mode}"
+            elif sides.against is not None and (sides.on, sides.against) == (
+                others.against,
+                others.on,
+            ):
+                yield f"{other.mode} != (3 - {one.mode}) % 3"  # forward of one is backward
 
     def settled(self) -> str:
         """Return the source that chooses the mode of a state.
