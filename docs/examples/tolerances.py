@@ -66,7 +66,7 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 
 # %%
 # How they are spread
-# ----------------
+# -------------------
 # 256 devices twice over, and those between for Sobol's indices: 1792 runs. Each is over once it
 # repeats itself, after four periods.
 
