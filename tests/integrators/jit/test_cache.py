@@ -15,7 +15,7 @@ from numba.core.caching import FunctionCache
 
 from mems_impact.integrators.jit import numba_support
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 NOTICE = "compiling to native code"
 
 SYSTEM = """
@@ -42,8 +42,9 @@ RUN = """
     import system
     from mems_impact.integrators.options import Options
     from mems_impact.hybrid.automaton import Automaton, Guard
-    from mems_impact.hybrid.simulation import Problem, run
-    from mems_impact.hybrid.simulation import Instant
+    from mems_impact.hybrid.problem import Problem
+    from mems_impact.hybrid.simulation import run
+    from mems_impact.hybrid.state import HybridState
 
     logging.basicConfig(level=logging.INFO)
     ramps = Automaton(
@@ -53,7 +54,7 @@ RUN = """
     problem = Problem(
         automaton=ramps, parameters=[0.0], period=1.0, options=Options(engine="compiled")
     )
-    print(*run(problem, Instant(0, 0.0, 0, np.zeros(3)), 1.0).final.y.round(6))
+    print(*run(problem, HybridState(0, 0.0, 0, np.zeros(3)), 1.0).final.y.round(6))
 """
 
 
