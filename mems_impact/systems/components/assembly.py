@@ -217,7 +217,7 @@ class FlowWriter:
             sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
             lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
         # Frictions side by side between two bodies have one relative speed: all slide, or none.
-        for test in self.parted_frictions():
+        for test in self.friction_conflicts():
             lines += [f"if {test}:", "    return False"]
         lines.append("x = slopes(mode, t, y, p)")
         for words, part in zip(self.words, self.parts, strict=True):
@@ -234,7 +234,7 @@ class FlowWriter:
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
 
-    def parted_frictions(self) -> Iterator[str]:
+    def friction_conflicts(self) -> Iterator[str]:
         """Yield whether two frictions with the same relative speed are in modes apart."""
         rubs = [(words, both) for words, part, both in self.contacts if part.signs == (0, 1, -1)]
         for (one, sides), (other, others) in itertools.combinations(rubs, 2):
