@@ -5,6 +5,7 @@ Where they are meant to change, renew the file, and read the difference:
     PUBLIC_API=renew pytest tests/test_public_api.py
 """
 
+import enum
 import inspect
 import os
 from pathlib import Path
@@ -22,6 +23,8 @@ def described(name):
     is_error = inspect.isclass(value) and issubclass(value, BaseException)
     if is_error and not inspect.isfunction(value.__init__):  # Python's own, which takes anything
         return f"class {name}(*args)"
+    if inspect.isclass(value) and issubclass(value, enum.Enum):  # whose signature is Python's own
+        return f"class {name}: {', '.join(member.value for member in value)}"
     signature = inspect.signature(value)
     bare = [each.replace(annotation=each.empty) for each in signature.parameters.values()]
     arguments = signature.replace(parameters=bare, return_annotation=signature.empty)
