@@ -227,7 +227,7 @@ def map_attractors(
         try:
             problem = case.system.problem(options)
             start = case.system.instant(case.initial, problem)
-        except InvalidParameter as error:
+        except (InvalidParameter, FunctionError) as error:
             follow()
             found.append(Attractor(motion=FAILED, status=str(error)))
             continue
@@ -378,7 +378,7 @@ def _exponent(problem: Problem, start: HybridState) -> tuple[float, float]:
         exponent, error, _ = largest(
             problem, start, tolerance=LEAST, sure=SURE, periods=MOST, chunk=LOOK
         )
-    except RunError:
+    except (RunError, FunctionError):
         return math.nan, math.nan
     return exponent, error
 

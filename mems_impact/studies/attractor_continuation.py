@@ -64,16 +64,18 @@ def match_branches(
     branch = merge_segments(rows, stretch, set(origins), rules)[stretch]
     names = _names(rows, branch, origins, parameter)
     fine = (rows[STATUS] == OK).to_numpy()
-    table = rows.assign(**{ATTRACTOR: [names[b] for b in branch]})[fine].drop(columns=FOLLOWS)
+    named = np.where(fine, [names[b] for b in branch], FAILED)
+    table = rows.assign(**{ATTRACTOR: named.astype(object)}).drop(columns=FOLLOWS)
     table = table.drop_duplicates([ATTRACTOR, parameter]).sort_values(
-        [ATTRACTOR, parameter], key=lambda column: _order(column, list(names.values()))
+        [ATTRACTOR, parameter], key=lambda column: _order(column, [*names.values(), FAILED])
     )
     table = table.reset_index(drop=True)
     table.attrs = dict(rows.attrs)
     ends: dict[tuple[str, int], str] = {}
     for before, after, way in jumps:
         ends.setdefault((names[branch[before]], way), names[branch[after]])
-    return table, _summary(table, ends, parameter)
+    followed = table[table[ATTRACTOR] != FAILED]
+    return table, _summary(followed, ends, parameter)
 
 
 def count_in(
@@ -84,7 +86,7 @@ def count_in(
     rules: AttractorMatcher,
 ) -> None:
     """Put into a table of branches the share of the points that come to each at one value."""
-    here = table.index[table.iloc[:, 0] == value]
+    here = table.index[(table.iloc[:, 0] == value) & (table[ATTRACTOR] != FAILED)]
     columns = {
         name: np.concatenate([points[name].to_numpy(), table.loc[here, name].to_numpy()])
         for name in points
@@ -271,13 +273,13 @@ class AttractorContinuationStudy(Study):
         """Compute some values of a chain; see `Study`."""
         state, value = self._start(first) if carried is None else _restored(carried)
         rows, follows = [], []
-        before = self._at(value, state)
+        before = self._at(value, state, value)
         for number in range(first, last):
             if watch is not None:
                 watch(float(number - first))
             here = self._value(number)
             with at_study_point(number):
-                found = self._at(here, self._phased(state, value, here))
+                found = self._at(here, state, value)
                 back = found.motion != FAILED and self._is_reversible(found, here, before, value)
             follows.append(back)
             rows.append(found)
@@ -314,11 +316,12 @@ class AttractorContinuationStudy(Study):
         state = self.states[number // len(self.over.values)]
         return state, self.measuring.system.value(self.over.name)
 
-    def _at(self, value: float, state: State) -> Attractor:
-        """Return what the motion from a state comes to at a value of the parameter."""
+    def _at(self, value: float, state: State, before: float) -> Attractor:
+        """Return what the motion from a state, left at another value, comes to at a value."""
 
         def case(_number: int) -> InitialCondition:
-            return InitialCondition(self.measuring.system.changed(**{self.over.name: value}), state)
+            system = self.measuring.system.changed(**{self.over.name: value})
+            return InitialCondition(system, self._phased(state, before, value))
 
         return self.measuring.follow_some(range(1), case)[0]
 
@@ -327,7 +330,7 @@ class AttractorContinuationStudy(Study):
     ) -> bool:
         """Return whether the motion, led back, is what it was: else it has jumped."""
         assert found.final is not None
-        back = self._at(value, self._phased(found.final, here, value))
+        back = self._at(value, found.final, here)
         both = [before, back]
         columns = {**self.measuring.columns(both), **self.recognition.columns(both)}
         labels = self.recognition.labels(columns, {})
@@ -354,7 +357,8 @@ class AttractorBranches(Result):
     parameter : str
     table : DataFrame
         One row a branch and a value at which it was seen: the parameter, the name of the
-        ``attractor``, what it comes to and what is measured, as `basins` tells it.
+        ``attractor``, what it comes to and what is measured, as `basins` tells it. Values at which
+        a motion failed are rows of the attractor "failed", with the reason.
     branches : DataFrame
         One row a branch: its name, the first and the last value at which it was seen, its kinds
         of ``motion`` on the way, and what becomes of it ``before`` and ``after``: the branch to
@@ -441,8 +445,8 @@ def continue_attractors(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range. A value that is not allowed is a row with its reason in no
-        branch.
+        If an argument is out of range. Where a value is not allowed, or a run fails, the table has
+        a row of the attractor "failed" with the reason, in no branch.
     StudyInterrupted
         On Ctrl-C; its ``table`` holds the points done.
 
@@ -485,7 +489,10 @@ def continue_attractors(
     rows = run_study(study, store=store, executor=executor, workers=workers, progress=progress)
     table, branches = match_branches(rows, study.chains, study.recognition)
     if shares:
+        followed = set(table.loc[table[ATTRACTOR] != FAILED, parameter])
         for number, value in enumerate(study.over.values):
+            if value not in followed:  # no branch has a share there
+                continue
             one = BasinsStudy(
                 starts=basins.starts,
                 measuring=replace(study.measuring, system=system.changed(**{parameter: value})),

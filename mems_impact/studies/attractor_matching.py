@@ -246,8 +246,8 @@ def match_attractors(
     starts = {name: columns[name] for name in names}
     labels = rules.labels(columns, starts)
     rows = representatives(table, labels)
-    few = np.array([(labels == labels[i]).sum() <= max(1.0, FEW * count) for i in rows.index])
-    rows = rows[few & rows[MOTION].isin([PERIODIC, OFF]).to_numpy()]
+    few = [bool((labels == labels[i]).sum() <= max(1.0, FEW * count)) for i in rows.index]
+    rows = rows[rows[MOTION].isin([PERIODIC, OFF]) & np.array(few, dtype=bool)]
     beside = [
         InitialCondition(system, rules.perturbed(state_of(system, row)))
         for _, row in rows.iterrows()

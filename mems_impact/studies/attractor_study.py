@@ -19,7 +19,7 @@ from mems_impact.analysis.attractor import (
     RecurrenceOptions,
     map_attractors,
 )
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of
@@ -215,7 +215,7 @@ class AttractorEvaluator:
         for number in numbers:
             try:
                 cases.append(case(number))
-            except InvalidParameter as error:
+            except (InvalidParameter, FunctionError) as error:
                 refused[number] = str(error)
         allowed = [number for number in numbers if number not in refused]
         followed = iter(self.follow(cases, watch, allowed))

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mems_impact.analysis.attractor import STUDY_OPTIONS, InitialCondition, RecurrenceOptions
-from mems_impact.errors import InvalidParameter
+from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.integrators.options import Options
 from mems_impact.studies.attractor_study import (
     AttractorEvaluator,
@@ -55,7 +55,7 @@ class MapStudy(AttractorStudy):
         # What the system itself has for the two makes no difference.
         try:
             system = self._system(0)
-        except InvalidParameter:
+        except (InvalidParameter, FunctionError):
             system = self.measuring.system
         return {
             **replace(self.measuring, system=system).identity(),

@@ -15,7 +15,7 @@ from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.special_points import check_kind
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
-from mems_impact.errors import InvalidParameter, OrbitError
+from mems_impact.errors import FunctionError, InvalidParameter, OrbitError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.variational.derivatives import Arc, Event
@@ -439,7 +439,7 @@ def _allowed(orbit: Orbit, name: str, stop: float) -> float:
     for part in (1.0, 0.9, 0.75, 0.5, 0.25, 0.1, 0.01):
         try:
             orbit.system.changed(**{name: here + part * (stop - here)})
-        except InvalidParameter:
+        except (InvalidParameter, FunctionError):
             continue
         return here + part * (stop - here)
     return here

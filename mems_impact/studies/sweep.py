@@ -151,22 +151,26 @@ class SweepStudy(Study):
         """Compute some values; see `Study`."""
         if carried is None:
             state = self.starts[self._direction(first)]
-            period = self.system.forcing_period or _period_of(self.case(first))
+            period = _period_of(self.system)
         else:
             state = state_from(carried["state"], carried["time"], carried["mode"])
             period = carried["period"]
         points = []
         for number in range(first, last):
-            case = self.case(number)
-            if _period_of(case) != period:
-                state = _at_same_phase(state, period, _period_of(case))
-                period = _period_of(case)
+            point = self._empty(number)
+            points.append(point)
+            try:
+                case = self.case(number)
+                own = _period_of(case)
+            except (InvalidParameter, FunctionError) as error:
+                point["status"] = str(error)
+                continue
+            if own != period:
+                state, period = _at_same_phase(state, period, own), own
             if not case.forced:
                 state = state.replace(time=0.0)  # nothing depends on it
-            point = self._empty(number)
             with at_study_point(number):
                 state = self._run(case, point, state, _told_by(watch, number - first))
-            points.append(point)
         told = {"state": state.as_dict(), "time": state.time, "mode": state.mode, "period": period}
         return sweep_tables.columns_of(self.parameter, points, *self._told), told
 
@@ -218,6 +222,7 @@ class SweepStudy(Study):
                 options=self.options,
                 progress=watch or False,
             )
+            statistics = {name: system.out(name, run.gathered[name]) for name in system.told}
         except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return start
@@ -226,7 +231,7 @@ class SweepStudy(Study):
             sweep_tables.counted(system): numbers,
             **{name: system.out(name, y[:, system.states.index(name)]) for name in self._states},
         }
-        point["statistics"] = {name: system.out(name, run.gathered[name]) for name in system.told}
+        point["statistics"] = statistics
         return run.final
 
     def _lasting(self, length: float) -> dict[str, Any]:
@@ -393,7 +398,7 @@ def sweep(
         parameter=parameter,
         values=tuple(ascending),
         starts={
-            name: _initial(initial, name, system.changed(**{parameter: ends[name]}))
+            name: _initial(initial, name, _changed_if_valid(system, parameter, ends[name]))
             for name in CHAINS[direction]
         },
         transient=settling,
@@ -402,7 +407,8 @@ def sweep(
         options=options,
     )
     for number in range(len(ascending)):
-        study.case(number)  # all values are checked before the first is computed
+        with contextlib.suppress(FunctionError):  # a row with its reason
+            study.case(number)  # all values are checked before the first is computed
     for start in study.starts.values():
         system.instant(start, system.problem(options))
     try:
@@ -456,6 +462,14 @@ def _initial(initial: State | Mapping[str, State] | None, name: str, system: Sys
     if not isinstance(initial, State):
         raise InvalidParameter("initial", initial, "a State, or a mapping of 'up', 'down' to State")
     return initial
+
+
+def _changed_if_valid(system: System, parameter: str, value: float) -> System:
+    """Return the system at a value; as it is where a function of the user's fails there."""
+    try:
+        return system.changed(**{parameter: value})
+    except FunctionError:
+        return system
 
 
 def _numbers(values: ArrayLike) -> np.ndarray:

@@ -29,7 +29,7 @@ from mems_impact.hybrid.definition import (
     scaled,
     writes_into_arrays,
 )
-from mems_impact.hybrid.diagnostics.user_functions import innermost_user_line
+from mems_impact.hybrid.diagnostics.user_functions import UserFunction, innermost_user_line
 from mems_impact.hybrid.pickling import portable, reference
 from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
 from mems_impact.hybrid.simulation import Events, Trajectory
@@ -215,7 +215,7 @@ class Numerics(Shown):
 
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
         """Return an observable, which has a unit of its own, of a state of the numerics."""
-        return float(observable.function(self._state(y), self._to_user(problem)))
+        return _observable_value(observable, self._state(y), self._to_user(problem))
 
     def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
@@ -224,7 +224,7 @@ class Numerics(Shown):
         p = self._to_user(problem)
         before, after = self._state(events.before[i]), self._state(events.after[i])
         mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
-        return float(observable.function(mode, time, before, after, p))
+        return _observable_value(observable, mode, time, before, after, p)
 
     @property
     def observed(self) -> CompiledObservables:
@@ -660,3 +660,12 @@ class System(Numerics):
         other = object.__new__(type(self))
         other.__dict__.update(self._given)
         return other
+
+
+def _observable_value(observable: Observable, *arguments: Any) -> float:
+    """Return an observable; FunctionError, with the line of the user's, if its function fails."""
+    try:
+        return float(observable.function(*arguments))
+    except Exception as error:
+        function = UserFunction(f"observable {observable.name}", observable.function)
+        raise function.explain_exception(error)[0] from error

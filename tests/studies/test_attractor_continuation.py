@@ -85,7 +85,11 @@ def test_chains_go_on_from_what_was_carried(both, tmp_path):
 
 def test_a_value_that_is_not_allowed_is_in_no_branch(both):
     found = mi.continue_attractors(both, "e", [0.7, 0.8, 1.5], options=FAST)
-    assert set(found.table["e"]) == {0.7, 0.8}
+    failed = found.table[found.table["attractor"] == "failed"]
+    assert failed["e"].tolist() == [1.5]
+    assert failed["status"].str.startswith("e = 1.5").all()
+    assert set(found.table["e"]) == {0.7, 0.8, 1.5}
+    assert found.table["status"].eq("ok").sum() == 4
     assert len(found.branches) == 2
 
 
