@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+import mems_impact as mi
 from validation.campaign import comparing, contacts, corrugated, cradles, families, tables
 from validation.campaign.comparing import END, Answer, Row
 from validation.campaign.drawn import Drawn
@@ -251,6 +252,44 @@ def rubbing(rubs, loads, springs=0.0, drive=0.0):
 def test_frictions_side_by_side_break_away_together():
     """Of two between a body and the ground none slides where the other sticks, in any order."""
     assert contacts.check(1, 2657).story == ""
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
+    """The same, the body in two halves that are stuck together, each on the ground by one."""
+    whole = contacts.Drawn(1, 2657)
+    judge = Judge(whole.bodies)
+    judge.follow(whole.start, contacts.END)
+    assert judge.until == contacts.END
+    b = whole.bodies
+    halves = np.array([0, 1, 2, 2])
+    share = np.array([1.0, 1.0, 0.5, 0.5])
+    ground, _, _, second = b.contacts
+    assert ground.one == second.one == 2
+    assert ground.other is second.other is None
+    rubs = (*b.contacts[:3], replace(second, one=3), Rub(3, 2, 10.0, 10.0))
+
+    def halved(matrix):
+        assert not matrix[2, :2].any()
+        wide = np.diag(share * np.diag(matrix)[halves])
+        wide[:2, :2] = matrix[:2, :2]
+        return wide
+
+    split = replace(
+        b,
+        masses=b.masses[halves] * share,
+        springs=halved(b.springs),
+        dampers=halved(b.dampers),
+        loads=b.loads[halves] * share,
+        drive=b.drive[halves] * share,
+        contacts=rubs,
+    )
+    ring = contacts.Drawn(1, 2657)
+    ring.__dict__["_drawn"] = split, whole.start[[0, 1, 2, 2, 3, 4, 5, 5]]
+    options = mi.Options(method="dop853", **contacts.OPTIONS)
+    run = mi.simulate(ring.system(turned), duration=contacts.END, options=options)
+    final = [getattr(run.final, name) for name in whole.named]
+    assert final == pytest.approx(judge.at([contacts.END])[0], abs=1e-8)
 
 
 def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():

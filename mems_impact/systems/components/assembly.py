@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -37,6 +37,7 @@ from mems_impact.systems.components.base import (
     Part,
     Quantity,
 )
+from mems_impact.systems.components.friction import Friction
 from mems_impact.systems.components.statics import Holding
 from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDING, SwitchingSurface
 
@@ -100,6 +101,11 @@ class FlowWriter:
             if isinstance(part, Contact)
         ]
         self.holding = Holding(self.contacts, len(states))
+        self.frictions = [
+            (words, part)
+            for words, part in zip(self.words, parts, strict=True)
+            if isinstance(part, Friction)
+        ]
         self.surfaces = [
             (words, part)
             for words, part in zip(self.words, parts, strict=True)
@@ -216,9 +222,7 @@ class FlowWriter:
         if len(self.surfaces) > 1:
             sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
             lines += [f"if {' + '.join(sliding)} > 1:", "    return False"]
-        # Frictions side by side between two bodies have one relative speed: all slide, or none.
-        for test in self.friction_conflicts():
-            lines += [f"if {test}:", "    return False"]
+        lines += self.holding.blocked()
         lines.append("x = slopes(mode, t, y, p)")
         for words, part in zip(self.words, self.parts, strict=True):
             own: list[str] = []
@@ -234,17 +238,26 @@ class FlowWriter:
             "fits(mode, before, fired, given, jumped, t, y, p)", [*lines, "return True"]
         )
 
-    def friction_conflicts(self) -> Iterator[str]:
-        """Yield whether two frictions with the same relative speed are in modes apart."""
-        rubs = [(words, both) for words, part, both in self.contacts if part.signs == (0, 1, -1)]
-        for (one, sides), (other, others) in itertools.combinations(rubs, 2):
-            if (sides.on, sides.speed) == (others.on, others.speed):
-                yield f"{other.mode} != {one.mode}"
-            elif sides.against is not None and (sides.on, sides.against) == (
-                others.against,
-                others.on,
-            ):
-                yield f"{other.mode} != (3 - {one.mode}) % 3"  # forward of one is backward
+    def together(self) -> list[str]:
+        """Return the lines that find which frictions an event is of, and how many those are.
+
+        All that bear a load together reach their limits at once, and whose event is located is a
+        matter of their order.
+        """
+        lines = [f"slips{words.place} = fired == {words.place}" for words, _ in self.frictions]
+        lines.append("together = 0")
+        if len(self.frictions) < 2:
+            return lines
+        limits = [*self.digits(), "x = slopes(mode, t, y, p)", "reached = 0.0"]
+        for words, part in self.frictions:
+            limits += [*self.holding.room(words), f"room{words.place} = {part.room(words)}"]
+            limits += [f"if {words.fired}:", f"    reached = room{words.place}"]
+        for words, part in self.frictions:
+            near = f"room{words.place} <= reached + {part.rounding(words)}"
+            limits.append(f"slips{words.place} = {words.last} == {part.holds} and {near}")
+            limits.append(f"together += slips{words.place}")
+        fired = " or ".join(words.fired for words, _ in self.frictions)
+        return [*lines, f"if own >= 0 and ({fired}):", *indented(limits)]
 
     def settled(self) -> str:
         """Return the source that chooses the mode of a state.
@@ -260,12 +273,13 @@ class FlowWriter:
         moved = []
         for i, part in enumerate(self.parts):
             weight = 1 if isinstance(part, Contact) and part.pushes else many**2
-            moved.append(f"{weight} * (fired != {i} and m{i} != stays{i})")
+            own_event = f"slips{i}" if isinstance(part, Friction) else f"fired == {i}"
+            moved.append(f"{weight} * (not ({own_event}) and m{i} != stays{i})")
             if weight > 1:
                 moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
         taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
         # Where a contact reaches its limit, a stop in its way may take over.
-        rubs = [words.place for words, part, _ in self.contacts if not part.pushes]
+        rubs = [words.place for words, part in self.frictions]
         taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
         slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
         motion = [
@@ -277,7 +291,7 @@ class FlowWriter:
             f"moved = {' + '.join(moved)}",
             f"if moved <= most and {' and '.join(taken)}:",
             "    if fits(candidate, mode, fired, given, jumped, t, y, p):",
-            "        if moved == 0:",
+            "        if moved == 0 and together <= 1:",
             "            return candidate",
             "        x = slopes(candidate, t, y, p)",
             "        motion = 0.0",
@@ -290,6 +304,7 @@ class FlowWriter:
             f"stays{words.place} = {part.stays(words)}"
             for words, part in zip(self.words, self.parts, strict=True)
         ]
+        lines += self.together()
         # What an event leads to fits but for rounding, which is asked of it last.
         lines += [
             f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",

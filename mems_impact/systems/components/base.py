@@ -330,6 +330,15 @@ class Contact(Part):
     def sides(self, words: CodeNames) -> ContactSides:
         """Return what it acts on, and against what."""
 
+    @abstractmethod
+    def rests(self, words: CodeNames) -> str:
+        """Return whether it could hold: it is closed, and there is no relative speed."""
+
+    @property
+    @abstractmethod
+    def moves(self) -> Mapping[int, int]:
+        """The sign of the relative motion of ``on`` that begins at rest, by the other modes."""
+
     def constraints(self, words: CodeNames) -> list[Constraint]:
         """Return that there is no relative speed where it holds."""
         both = self.sides(words)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -142,23 +143,35 @@ class Friction(Contact):
         """Return the static limit, which is that of both directions."""
         return self.limit(words), self.limit(words)
 
+    @property
+    def moves(self) -> Mapping[int, int]:
+        """The sign of the relative speed."""
+        return {FORWARD: 1, BACKWARD: -1}
+
     def rests(self, words: CodeNames) -> str:
         """Return whether there is no relative speed."""
         near = self.sides(words).near
         return f"({near} or (jumped == 0 and {words.last} == {STUCK}))"
 
+    def rounding(self, words: CodeNames) -> str:
+        """Return how near to its limit the force that holds is at it."""
+        return f"({NEAR_LIMIT} * ({self.limit(words)}) + {ROUNDING} * {words.size})"
+
+    def room(self, words: CodeNames) -> str:
+        """Return how far the force that holds is from its limit."""
+        return f"min({words.back}, {words.front})"
+
     def fits(self, words: CodeNames) -> list[str]:
         """Return when it sticks, and when it slides forward or backward."""
         both, rests = self.sides(words), self.rests(words)
-        gain, limit = both.relative("x[{}]"), self.limit(words)
-        room = f"({NEAR_LIMIT} * ({limit}) * {both.share} + {both.drift})"
-        rounding = f"({NEAR_LIMIT} * ({limit}) + {ROUNDING} * {words.size})"
+        gain, rounding = both.relative("x[{}]"), self.rounding(words)
+        room = f"({NEAR_LIMIT} * ({self.limit(words)}) * {both.share} + {both.drift})"
         # At its limit it stays only where others have taken over.
         least = f"({rounding} if {words.fired} and {words.last} == {STUCK} else -{rounding})"
         # Where nothing has moved the state it slides as it did, whatever rounding says.
         slides = f"{words.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
         return [
-            f"{rests} and min({words.back}, {words.front}) >= {least}",
+            f"{rests} and {self.room(words)} >= {least}",
             f"{gain} >= -{room} if {rests} else ({slides.format(FORWARD, '>')})",
             f"{gain} <= {room} if {rests} else ({slides.format(BACKWARD, '<')})",
         ]
@@ -171,7 +184,7 @@ class Friction(Contact):
         """Return the end of a slip and the break-away."""
         both = self.sides(words)
         sign = f"(1.0 if {words.mode} == {FORWARD} else -1.0)"
-        room = f"min({words.back}, {words.front})"
+        room = self.room(words)
         return [
             GuardSpec(
                 name=f"{self.name} sticks",

@@ -6,6 +6,10 @@ cuts (Hoffman's theorem): for each set of bodies, what has to be exerted on it m
 all contacts across its border bear together. Where no contact is superfluous, each cut is one
 contact, and says that its own force is within its own limits.
 
+A contact at rest may only slide where it can move relative to what holds: around no ring of
+contacts at rest do those that slide all do so in one direction, since the relative speeds around a
+ring add up to zero.
+
 Bodies that hang together by contacts that hold are one body: its acceleration is that of what
 drives them all, and no order among the contacts has a part in it. `bodies` has the cuts that say
 whether the contacts bear the forces this takes. In the text ``x[n + k]`` is the force with which
@@ -60,6 +64,9 @@ class Group:
         Whether some contact may be superfluous.
     cuts : tuple of Cut
         Those that leave both sides in one piece.
+    rings : tuple of dict of int to int
+        Of each ring, its contacts by number: 1 where one drives the body that is next around the
+        ring, -1 where it drives the one before.
     """
 
     bodies: tuple[int, ...]
@@ -67,6 +74,7 @@ class Group:
     contacts: tuple[int, ...]
     ring: bool
     cuts: tuple[Cut, ...]
+    rings: tuple[dict[int, int], ...]
 
 
 def groups(contacts: Sequence[ContactSides]) -> list[Group]:
@@ -94,6 +102,7 @@ def groups(contacts: Sequence[ContactSides]) -> list[Group]:
                 tuple(numbers),
                 len(own) >= len(nodes),
                 tuple(_cuts(nodes, own)),
+                tuple(_rings({i: contacts[i] for i in numbers})),
             )
         )
         left = [body for body in left if body not in bodies]
@@ -140,9 +149,33 @@ def _cuts(nodes: list[_Node], ends: dict[int, tuple[_Node, _Node]]) -> list[Cut]
     return cuts
 
 
+def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
+    """Return the rings of contacts, each once.
+
+    The ground and belts are one node, since at rest on two of them a body finds their speeds equal;
+    what moves as the flow prescribes it is another.
+    """
+    ends = {i: (both.on, both.against) for i, both in contacts.items()}
+    rings = []
+    left = set(ends)
+    for i, (on, against) in ends.items():
+        left.remove(i)
+        ways: list[tuple[_Node, dict[int, int], frozenset[_Node]]] = [(on, {i: 1}, frozenset({on}))]
+        for node, way, passed in ways:
+            if node == against:
+                rings.append(way)
+                continue
+            for j in left - set(way):
+                for begin, end, sign in ((ends[j][1], ends[j][0], 1), (*ends[j], -1)):
+                    if begin == node and end not in passed:
+                        ways.append((end, {**way, j: sign}, passed | {end}))
+    return rings
+
+
 # --- What contacts hold, as source: common accelerations and speeds, and the room that is left.
 
 _Contact = tuple[CodeNames, Contact, ContactSides]
+FAR = 2  # in place of a direction: of what does not rest
 
 
 class Holding:
@@ -254,6 +287,27 @@ class Holding:
                 lines.append(f"ground{i} = {speed}")
             for body in group.bodies:
                 lines.append(f"v{body} = {self.choice(group, body, 'y[{}]', 'ground{}')}")
+        return lines
+
+    def blocked(self) -> list[str]:
+        """Return the lines that return False where something slides though what holds forbids it.
+
+        A stop that neither opens nor holds is superfluous, and no matter of this.
+        """
+        lines = []
+        rings = [ring for group in self.groups for ring in group.rings]
+        for i in sorted({i for ring in rings for i in ring}):
+            words, part, _ = self.contacts[i]
+            each = (f"{sign} if {words.mode} == {mode} else " for mode, sign in part.moves.items())
+            lines.append(f"way{i} = {''.join(each)}0")
+            # What moves already is no part of a ring at rest.
+            lines += [f"if way{i} != 0 and not {part.rests(words)}:", f"    way{i} = {FAR}"]
+        for ring, turn in itertools.product(rings, (1, -1)):
+            ways = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
+            rubs = [way for i, way in ways.items() if not self.contacts[i][1].pushes]
+            around = " and ".join(f"0 <= {way} <= 1" for way in ways.values())
+            slides = " or ".join(f"{way} == 1" for way in rubs) or "False"
+            lines += [f"if {around} and ({slides}):", "    return False"]
         return lines
 
     def room(self, words: CodeNames) -> list[str]:

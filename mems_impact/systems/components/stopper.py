@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -111,22 +112,32 @@ class Stopper(Contact):
         """The sign of its force."""
         return -1 if self.upper is not None else 1
 
+    @property
+    def moves(self) -> Mapping[int, int]:
+        """The sign of the relative motion that opens it."""
+        return {FREE: self.pushes}
+
     def bears(self, words: CodeNames) -> tuple[str, str]:
         """Return that it bears anything in its direction, and pulls nothing."""
         return ("math.inf", "") if self.upper is not None else ("", "math.inf")
 
-    def fits(self, words: CodeNames) -> list[str]:
-        """Return when it is free, and when it holds."""
+    def rests(self, words: CodeNames) -> str:
+        """Return whether the gap is closed, and there is no relative speed."""
         both = self.sides(words)
         place, at, size = self.places(words)
         gap = self.inwards(f"(y[{place}] - {at})")
         touches = f"{gap} <= {TOUCHES} * ({size})"
         closed = f"({words.fired} or {words.last} == {HELD} or {touches})"
         still = f"({both.near} or (jumped == 0 and {words.last} == {HELD}))"
+        return f"({still} and {closed})"
+
+    def fits(self, words: CodeNames) -> list[str]:
+        """Return when it is free, and when it holds."""
+        both, rests = self.sides(words), self.rests(words)
         leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
         return [
-            f"{leaves} or not ({still} and {closed})",
-            f"{still} and {closed} and {words.needed} >= -{ROUNDING} * {words.size}",
+            f"{leaves} or not {rests}",
+            f"{rests} and {words.needed} >= -{ROUNDING} * {words.size}",
         ]
 
     def watches(self, words: CodeNames) -> list[GuardSpec]:

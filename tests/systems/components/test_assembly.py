@@ -410,3 +410,61 @@ def test_a_block_sticks_to_all_that_it_comes_to_rest_on_at_once(order):
     slips = run.events[run.events["event"] == "ground slips"]
     assert slips["t"].tolist() == pytest.approx([5.5], rel=1e-8)
     assert run.final.v == pytest.approx(0.5 * (0.05 * 0.5 + 0.05 * 0.5**2), rel=1e-7)
+
+
+def pushed_unequally(mode, t, y, p):
+    return y.v1, y.v2, 0.8 * y.load / 2.0, 0.7 * y.load, 1.0
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (1, 0, 2), (2, 1, 0)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_frictions_that_bear_a_load_together_break_away_together_in_any_order(order, turned):
+    # Two bodies on the ground, one on the other, under 0.8 and 0.7 times a load that rises from
+    # 0.5. At 1 the ground bears no more than 0.6 + 0.9, and both slide; what rubs between them has
+    # not reached its limit. Slid on the other one too, the second body could have stayed.
+    one, other = ("v1", "v2") if turned else ("v2", "v1")
+    parts = [
+        mi.Friction("first", "v1", mu=0.3, static=0.6),
+        mi.Friction("second", "v2", mu=0.5, static=0.9),
+        mi.Friction("between", one, mu=0.1, static=0.3, surface=other),
+    ]
+    pair = mi.System(
+        states=("x1", "x2", "v1", "v2", "load"),
+        flow=pushed_unequally,
+        parts=[parts[k] for k in order],
+        masses={"v1": 2.0, "v2": 1.0},
+        time_scale=1.0,
+    )
+    run = mi.simulate(pair, duration=1.5, initial={"load": 0.5}, options=PLAIN)
+    assert run.events["t"].tolist() == pytest.approx([0.5], rel=1e-9)
+    assert run.final.v1 == run.final.v2 == pytest.approx((0.7 + 0.75) / 3.0, rel=1e-9)
+
+
+BARS = [("v1", 0.0), ("v2", 0.0), ("v1", "v2"), ("v3", "v1"), ("v2", "v3")]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_around_a_ring_at_rest_not_all_that_slides_does_so_in_one_direction(seed):
+    # The relative speeds around a ring add up to zero: of those of contacts at rest, none can
+    # begin to be positive where the others are none or positive.
+    rng = np.random.default_rng(seed)
+    chosen = [BARS[k] for k in rng.permutation(len(BARS))]
+    parts = [
+        mi.Friction(f"rub{k}", on, mu=0.1, static=float(rng.choice([0.1, 0.2])), surface=of)
+        for k, (on, of) in enumerate(chosen)
+    ]
+    bodies = ("v1", "v2", "v3")
+    loads = rng.choice([0.0, 0.1, 0.2, 0.3, -0.2], size=3).tolist()
+
+    def still(mode, t, y, p):
+        return loads[0], loads[1], loads[2]
+
+    rings = mi.System(
+        states=bodies, flow=still, parts=parts, masses=dict.fromkeys(bodies, 1.0), time_scale=1.0
+    )
+    run = mi.simulate(rings, duration=1e-3, options=PLAIN)
+    signs = {"stuck": 0, "forward": 1, "backward": -1}
+    sliding = zip(chosen, run.final.mode.split("-"), strict=True)
+    speeds = {0.0: 0.0, **{body: getattr(run.final, body) for body in bodies}}
+    for (on, of), mode in sliding:
+        assert np.sign(round(speeds[on] - speeds[of], 12)) == signs[mode]
