@@ -10,7 +10,7 @@ from scipy.linalg import expm, expm_frechet
 from mems_impact.actuator.automaton import LEFT_IMPACT, RIGHT_IMPACT, SLIP_END
 from mems_impact.actuator.parameters import PARAMETER_NAMES
 from mems_impact.errors import OrbitError
-from mems_impact.hybrid.automaton import Automaton
+from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.variational.derivatives import Variational
@@ -264,3 +264,58 @@ def test_run_and_arc_agree():
     arc = Variational(made, np.zeros((1, 7))).arc(0, np.array([0.1, 0.2]), 0.0, made.period)
     final = run(made, at((0.1, 0.2)), 1).final.y
     np.testing.assert_allclose(arc.end, final, atol=1e-10)
+
+
+# A body in free flight over a floor of two wavelengths, which steps of any length would miss.
+
+
+def _over_waves(mode, t, y, p, dy):
+    dy[0], dy[1] = y[1], -1.0
+
+
+def _two_waves(mode, t, y, p, g, r):
+    one, other = p[0] * t, 1.7 * p[0] * t + p[1]
+    g[0] = y[0] - 0.05 * (math.sin(one) + 0.5 * math.sin(other))
+    r[0] = y[1] - 0.05 * p[0] * (math.cos(one) + 0.85 * math.cos(other))
+
+
+def _no_change(mode, code, t, y, p):
+    return mode
+
+
+WAVES = Automaton(
+    states=("y", "v"),
+    modes=("flies",),
+    guards=(Guard(name="floor", order=0),),
+    flow=_over_waves,
+    margins=_two_waves,
+    transition=_no_change,
+)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("method", ["adams", "dop853"])
+def test_closest_approaches_hidden_within_a_step(engine, method):
+    """Of each flight the least margin is told where it is near zero or below it."""
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        p = (rng.uniform(20.0, 60.0), rng.uniform(0.0, 6.0))
+        start, v = 0.2, rng.uniform(0.3, 0.8)
+        t = np.linspace(0.0, 1.0, 100_001)
+
+        def margin(t, p=p, v=v, start=start):
+            waves = np.sin(p[0] * t) + 0.5 * np.sin(1.7 * p[0] * t + p[1])
+            return start + v * t - 0.5 * t * t - 0.05 * waves
+
+        values = margin(t)
+        inside = np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] < values[2:])) + 1
+        least = inside[np.argmin(values[inside])]
+        lift = values[least] - rng.choice([-0.02, -1e-9, 1e-9])  # a little below zero, or above
+        options = {"engine": engine, "method": method, **TIGHT}
+        variational = Variational(problem(WAVES, p, period=10.0, **options), np.zeros((1, 2)))
+        arc = variational.arc(0, np.array([start - lift, v]), 0.0, 1.0)
+        assert arc.minima[0] == pytest.approx(values[least] - lift, abs=1e-7)
+        assert arc.minima_time[0] == pytest.approx(t[least], abs=1e-4)
+        when = arc.minima_time[0]
+        place = start - lift + v * when - 0.5 * when * when
+        assert arc.touches[0, 0, 0] == pytest.approx(place, abs=1e-10)

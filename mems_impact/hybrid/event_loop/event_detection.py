@@ -467,7 +467,7 @@ def find_hidden_crossing(
             continue
         if not sure and side * r_a < 0.0 < side * r_b:
             # One closest approach, by the rates: the margin there decides.
-            closest = bisect_rate(engine, s, i, a, b, side)
+            closest = bisect_rate(engine, s.mode, m + i, a, b, side, y, g)
             interface.interpolate(engine, closest, y)
             interface.margins(engine, s.mode, closest, y, g)
             if side * (g[i] + bias) < min(0.0, side * g_b):
@@ -486,19 +486,20 @@ def find_hidden_crossing(
     return math.inf
 
 
-def bisect_rate(engine: Any, s: Any, i: int, a: float, b: float, side: float) -> float:
-    """Bisect the rate of margin `i` on the last step, from falling at `a` to rising at `b`.
+def bisect_rate(
+    engine: Any, mode: int, k: int, a: float, b: float, side: float, y: Any, g: Any
+) -> float:
+    """Bisect rate `k` on the last step, from falling at `a` to rising at `b`.
 
-    With `side` -1 that of its negative. Overwrites STATE.
+    With `side` -1 its negative. Overwrites the state `y` and the margins and rates `g`.
     """
-    g, y = table_row(s, G), table_row(s, STATE)
     for _ in range(80):
         middle = 0.5 * (a + b)
         if middle <= a or middle >= b:
             break
         interface.interpolate(engine, middle, y)
-        interface.margins(engine, s.mode, middle, y, g)
-        if side * g[s.m + i] < 0.0:
+        interface.margins(engine, mode, middle, y, g)
+        if side * g[k] < 0.0:
             a = middle
         else:
             b = middle

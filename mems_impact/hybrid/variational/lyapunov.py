@@ -146,7 +146,7 @@ class LyapunovIntegrator:
             records=np.array([int(guard.records) for guard in automaton.guards], dtype=np.int64),
             constrained=constraints(automaton),
             switches=np.array(problem.switches, dtype=float),
-            minima=np.zeros((1, 3, 2 * m)),
+            minima=np.zeros((1, 2, m)),
             touches=np.zeros((1, m, size)),
             margin=np.zeros((1, 2 * m, n + 2)),
             jump=np.zeros((1, n, n + 2)),

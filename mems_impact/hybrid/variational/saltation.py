@@ -16,13 +16,21 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mems_impact.hybrid.event_loop import loop
-from mems_impact.hybrid.event_loop.event_detection import TOLERANCES
+from mems_impact.hybrid.event_loop.event_detection import (
+    FADING,
+    FINEST,
+    ROUNDINGS,
+    TOLERANCES,
+    bisect_rate,
+    certify_no_crossing,
+)
 from mems_impact.hybrid.event_loop.workspace import (
     ACCUMULATION,
     APPROACH,
     BUFFER_FULL,
     CYCLE,
     DONE,
+    EPS,
     FAILED,
     GUARD,
     HANDOVER,
@@ -79,9 +87,10 @@ class SegmentBatch(NamedTuple):
         State and columns at the start; gets those at the end.
     slopes : float array, shape (N, 2, n)
         Gets the flow at start and end.
-    minima : float array, shape (N, 3, 2 m)
+    minima : float array, shape (N, 2, m)
         Gets the smallest value that each margin has at a closest approach inside the arc (inf if it
-        has none), and when; row 2 is scratch.
+        has none), and when. Of approaches between which an engine sees no change of the rate's
+        sign, only those are told that come near zero or below it.
     touches : float array, shape (N, m, n (1 + columns))
         Gets state and columns there.
     margins : float array, shape (N, 2, 2 m)
@@ -152,7 +161,7 @@ def propagate_segments(engine: Any, block: Any, way: Any) -> int:
             moved = motions[2 * j] + motions[2 * j + 1] * start
             for c in range(n):
                 y[n * (1 + free + j) + c] += slope[c] * moved
-        if not integrate(engine, mode, y, start, end, way, i):
+        if not integrate(engine, mode, y, start, end, way, i, watched=True):
             return i
         # From the left, where a drive that switches at the end has not done so yet.
         interface.flow(engine, mode, end - 1e-15 * abs(end), y, slope)
@@ -192,17 +201,17 @@ def project(engine: Any, mode: int, t: float, y: Any, into: Any, place: int) -> 
 
 
 def integrate(
-    engine: Any, mode: int, y: Any, start: float, end: float, into: Any, place: int
+    engine: Any, mode: int, y: Any, start: float, end: float, into: Any, place: int, watched: bool
 ) -> bool:
     """Integrate `mode` from `start` to `end`; `y` is overwritten. Return whether it went well.
 
-    Closest approaches are written into the row `place` of the arrays of `into`, as of a
-    `SegmentBatch`.
+    If `watched`, closest approaches are written into the row `place` of the arrays of `into`, as of
+    a `SegmentBatch`.
     """
-    m, minima, touches = into.m, into.minima[place], into.touches[place]
+    m = into.m
     for i in range(m):
-        minima[0, i] = math.inf
-        minima[1, i] = math.nan
+        into.minima[place, 0, i] = math.inf
+        into.minima[place, 1, i] = math.nan
         # Only closest approaches are wanted. A margin and its rate that are zero together would
         # stop CVODE ("root found very near t").
         interface.set_bias(engine, i, 1e6)
@@ -211,7 +220,10 @@ def integrate(
     if end <= start:
         integrate_backward(engine, mode, y, start, end, into.work)
         return True
+    if watched:
+        begin_watch(engine, mode, start, y, into)
     interface.restart(engine, mode, start, y, end)  # beyond it the drive may have switched
+    t = start
     for _ in range(into.max_steps):
         status = interface.step(engine)
         if status < 0:
@@ -220,20 +232,117 @@ def integrate(
             interface.state(engine, y)
             interface.restart(engine, mode, interface.time(engine), y, end)
             continue
-        t = interface.time(engine)
+        before, t = t, interface.time(engine)
+        if watched:
+            watch_step(engine, status, mode, before, t, y, into, place)
         if t >= end:
             interface.interpolate(engine, end, y)
             return True
-        if status == interface.ROOT:
-            interface.state(engine, y)
-            interface.margins(engine, mode, t, y, minima[2])
-            for i in range(m):
-                if interface.root_directions(engine, m + i) > 0 and minima[2, i] < minima[0, i]:
-                    minima[0, i] = minima[2, i]
-                    minima[1, i] = t
-                    for j in range(y.size):
-                        touches[i, j] = y[j]
     return False
+
+
+def begin_watch(engine: Any, mode: int, t: float, y: Any, into: Any) -> None:
+    """Take down margins and rates where an arc begins, at (t, y)."""
+    now, curved, highest = into.work[2], into.work[3], into.work[6]
+    interface.margins(engine, mode, t, y, now)
+    for i in range(into.m):
+        curved[i] = 0.0
+        highest[i] = now[i]
+
+
+def watch_step(
+    engine: Any, status: int, mode: int, before: float, t: float, y: Any, into: Any, place: int
+) -> None:
+    """Note the closest approaches in the step from `before` to `t`, which the engine has taken.
+
+    It tells one where the rate has another sign at the end of the step. Others are looked for as
+    runs look for hidden crossings (`event_detection.find_hidden_crossing`). Overwrites `y`.
+    """
+    m, h = into.m, t - before
+    then, now, curved, highest = into.work[1], into.work[2], into.work[3], into.work[6]
+    for k in range(2 * m):
+        then[k] = now[k]
+    interface.end_margins(engine, now)
+    for i in range(m):
+        direction = 0
+        if status == interface.ROOT:
+            direction = interface.root_directions(engine, m + i)
+        if direction != 0:
+            now[m + i] = 0.0
+        if h > 0.0 and (now[i] != then[i] or now[m + i] != then[m + i]):
+            curved[i] = max(abs(now[m + i] - then[m + i]) / h, FADING * curved[i])
+            if not certify_no_crossing(then[i], then[m + i], now[i], now[m + i], h, curved[i]):
+                find_closest_approaches(engine, mode, i, before, t, y, into, place)
+        if direction > 0:
+            interface.state(engine, y)
+            note_approach(i, t, now[i], y, into, place)
+        highest[i] = max(highest[i], now[i])
+
+
+def find_closest_approaches(
+    engine: Any, mode: int, i: int, before: float, t: float, y: Any, into: Any, place: int
+) -> None:
+    """Note the closest approaches of margin `i` near zero or below it inside the last step.
+
+    It is walked through in parts so short that the margin stays above zero, or rises or falls
+    throughout, or turns once. Overwrites `y`.
+    """
+    m = into.m
+    then, now, g, highest = into.work[1], into.work[2], into.work[4], into.work[6]
+    a, g_a, r_a = before, then[i], then[m + i]
+    curved = into.work[3][i]
+    interface.interpolate(engine, t, y)
+    rounding = margin_rounding(max(abs(then[i]), abs(now[i])), y, into.n)
+    finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
+    width = 0.5 * (t - before)
+    while a < t:
+        b = a + width if a + 1.5 * width < t else t
+        g_b, r_b = now[i], now[m + i]
+        if b < t:
+            interface.interpolate(engine, b, y)
+            interface.margins(engine, mode, b, y, g)
+            g_b, r_b = g[i], g[m + i]
+        h = b - a
+        curved = max(curved, abs(r_b - r_a) / h)
+        slowest, fastest = min(abs(r_a), abs(r_b)), max(abs(r_a), abs(r_b), curved * h)
+        one_way = r_a * r_b > 0.0 and slowest > curved * h
+        certain = (
+            one_way or fastest * h <= rounding or certify_no_crossing(g_a, r_a, g_b, r_b, h, curved)
+        )
+        if h > finest and not certain:
+            width *= 0.5
+            continue
+        if not certain and r_a < 0.0 < r_b:
+            closest = bisect_rate(engine, mode, m + i, a, b, 1.0, y, g)
+            interface.interpolate(engine, closest, y)
+            interface.margins(engine, mode, closest, y, g)
+            note_approach(i, closest, g[i], y, into, place)
+        highest[i] = max(highest[i], g_b)
+        a, g_a, r_a = b, g_b, r_b
+        width *= 2.0
+
+
+def note_approach(i: int, t: float, margin: float, y: Any, into: Any, place: int) -> None:
+    """Write a closest approach of margin `i` at (t, y), if it is the closest one so far.
+
+    Where an arc begins at a margin of zero with no speed, its rate may fall by rounding alone.
+    """
+    minima, highest = into.minima[place], into.work[6][i]
+    fallen = highest - margin > margin_rounding(max(abs(highest), abs(margin)), y, into.n)
+    if fallen and margin < minima[0, i]:
+        minima[0, i] = margin
+        minima[1, i] = t
+        for j in range(y.size):
+            into.touches[place, i, j] = y[j]
+
+
+def margin_rounding(margin: float, y: Any, n: int) -> float:
+    """Return what rounding may make of a margin of this size where the state is `y`."""
+    size = margin
+    for j in range(n):
+        size = max(size, abs(y[j]))
+    rounding: float = ROUNDINGS * EPS * size
+    return rounding
 
 
 def integrate_backward(engine: Any, mode: int, y: Any, start: float, end: float, work: Any) -> None:
@@ -516,7 +625,9 @@ def propagate(engine: Any, cycle: int, time: float, at: Any, setup: Any) -> bool
         if parts <= 1:
             end = time + (cycle - at.place[0]) * setup.period
         mode = at.place[1]
-        went = end <= at.t[0] or integrate(engine, mode, at.y, at.t[0], end, setup, 0)
+        went = end <= at.t[0] or integrate(
+            engine, mode, at.y, at.t[0], end, setup, 0, watched=False
+        )
         if not went:
             return False
         whole = 2.0 * (end - at.t[0]) >= at.length[0]  # of a short part nothing is learnt
