@@ -197,6 +197,21 @@ def test_refuses_what_no_circuit_has(values, field):
         mi.SeriesResistance(**values)
 
 
+def test_the_end_of_a_sequence_of_impacts_leaves_the_charge_as_it_is():
+    """With a time constant of 7e-11 s the charge is C(x) times the voltage, but for 1e-6."""
+    mita = mi.load_actuator("mita2003")
+    device = mita.adding(mi.SeriesResistance(resistance=1e3))
+    drive = mi.Sine(amplitude=100.0, omega=2.0 * math.pi)
+    options = mi.Options(engine="interpreted", method="bdf")
+    start = mi.kicked_state(device)
+    run = mi.simulate(device, drive, duration=2e-3, initial=start, options=options)
+    assert run.events["event"].iloc[-1] == "chatter ends"
+    capacitance = 2.0 * mita.alpha / (mita.d - run.events["x2"])
+    voltage = 100.0 * np.cos(2.0 * math.pi * run.events["t"])
+    np.testing.assert_allclose(run.events["charge"], capacitance * voltage, rtol=1e-6)
+    assert "release" not in set(run.events["event"])
+
+
 @pytest.mark.slow
 def test_a_time_constant_of_a_millionth_of_the_period():
     drive = mi.Sine(amplitude=0.24, omega=0.5)
