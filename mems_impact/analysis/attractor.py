@@ -15,11 +15,7 @@ from mems_impact.analysis.lyapunov import LEAST, SURE, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
-from mems_impact.hybrid.attractors.mapper import (
-    AttractorMapper,
-    RecurrenceResult,
-    RecurrenceSettings,
-)
+from mems_impact.hybrid.attractors.mapper import AttractorMapper, RecurrenceResult
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import largest
@@ -42,9 +38,11 @@ __all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions"
 STUDY_OPTIONS = Options(method="auto")
 
 Exponents = Literal["unsettled", "all", "none"]
-# Periods between two looks at an exponent, and after which there is none.
-LOOK, MOST = 16, 3_000
-NEAR = 1e-2  # of the size of each component: returns that are closer are nearly the same
+EXPONENT_CHUNK = 16  # periods between two looks at an exponent
+# Periods over which the exponent of a motion is computed at most: at first, and once it has been
+# followed for longer, where most have shown their sign long before.
+EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
+NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
 class InitialCondition(NamedTuple):
@@ -121,23 +119,6 @@ class RecurrenceOptions:
             raise InvalidParameter(
                 "chaos_persistence", self.chaos_persistence, "a finite number >= 1"
             )
-
-    def recipe(self, system: System, problem: Problem, times: float = 1.0) -> RecurrenceSettings:
-        """Return how the points of a system are followed, for so many times their time."""
-        unit = 1.0 if system.forced else float(system.out("time", problem.period))
-        returned, at = detection.STROBOSCOPIC, 0
-        if not system.forced:
-            returned, at = detection.AT_SECTION, 1
-            if system.section is None:
-                returned, at = detection.AT_GUARD, _guard_of(system)
-        return RecurrenceSettings(
-            transient=max(0.0, times * (self.transient + self.periods) - self.periods) / unit,
-            length=self.periods / unit,
-            longest=self.longest,
-            tolerance=self.tolerance,
-            returned=returned,
-            at=at,
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,8 +232,21 @@ def _followed(
 ) -> list[Attractor]:
     """Return the attractors of points that share an automaton."""
     system, problem = batch[0][0].system, batch[0][1]
-    survey = AttractorMapper(problem, recurrence.recipe(system, problem), system.observed)
-    longer: AttractorMapper | None = None
+    return_kind, return_index = _return_of(system)
+    mapper = AttractorMapper(
+        problem,
+        longest=recurrence.longest,
+        tolerance=recurrence.tolerance,
+        return_kind=return_kind,
+        return_index=return_index,
+        observed=system.observed,
+    )
+    unit = 1.0 if system.forced else float(system.out("time", problem.period))
+    total, length = recurrence.transient + recurrence.periods, recurrence.periods / unit
+    transient, longer = (
+        max(0.0, times * total - recurrence.periods) / unit
+        for times in (1.0, recurrence.chaos_persistence - 1.0)
+    )
     points: list[tuple[ProblemParameters, HybridState]] = [
         (each.numbers, start) for _, each, start in batch
     ]
@@ -270,7 +264,7 @@ def _followed(
                 jumps = tells(at, length)
 
     try:
-        settled = survey.follow(points, told, falls)
+        settled = mapper.follow(points, transient, length, told, falls)
         for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
             if on is not None:
                 on(0.0)  # exponents take longer than all before: work may end here
@@ -280,7 +274,7 @@ def _followed(
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:
                 # It has come near an orbit late: once more, from where it is.
-                (later,) = survey.follow([(at.numbers, one.final)], on)
+                (later,) = mapper.follow([(at.numbers, one.final)], transient, length, on)
                 if later.outcome == detection.PERIODIC:
                     arrived = _attractor(
                         case, at, later, replace(recurrence, exponents="none"), options
@@ -291,21 +285,20 @@ def _followed(
                         exponent=each.exponent,
                         error=each.error,
                     )
-            elif each.motion == CHAOTIC and recurrence.chaos_persistence > 1.0:
-                if longer is None:
-                    recipe = recurrence.recipe(system, problem, recurrence.chaos_persistence - 1.0)
-                    longer = AttractorMapper(problem, recipe, system.observed)
-                (later,) = longer.follow([(at.numbers, one.final)], on)
-                after = _attractor(case, at, later, recurrence, options)
+            elif recurrence.chaos_persistence > 1.0 and (
+                each.motion == CHAOTIC or (each.motion == UNSETTLED and not math.isnan(each.error))
+            ):
+                # Chaos may be a transient. An exponent without a sign may be that of a transient
+                # too, or of few periods.
+                (later,) = mapper.follow([(at.numbers, one.final)], longer, length, on)
+                after = _attractor(case, at, later, recurrence, options, LONGEST_EXPONENT_PERIODS)
                 if after.motion == FAILED:
                     each = replace(each, motion=UNSETTLED)
-                elif after.motion != CHAOTIC:
+                elif after.motion != each.motion:
                     each = replace(after, returns=one.returns + later.returns)
             found.append(each)
     finally:
-        survey.close()
-        if longer is not None:
-            longer.close()
+        mapper.close()
     return found
 
 
@@ -315,6 +308,7 @@ def _attractor(
     settled: RecurrenceResult,
     recurrence: RecurrenceOptions,
     options: Options,
+    exponent_periods: int = EXPONENT_PERIODS,
 ) -> Attractor:
     system = case.system
     if settled.outcome == detection.FAILED:
@@ -333,7 +327,7 @@ def _attractor(
     if recurrence.exponents == "all" or (
         recurrence.exponents == "unsettled" and motion == UNSETTLED
     ):
-        exponent, error = _exponent(problem, settled.final)
+        exponent, error = _exponent(problem, settled.final, exponent_periods)
         if motion == UNSETTLED:
             told = classify(exponent, error, returns=False)
             # The exponent along the flow is zero of any motion that nothing forces.
@@ -369,14 +363,14 @@ def _is_near_return(system: System, settled: RecurrenceResult) -> bool:
     sizes = np.abs(states).max(axis=0, initial=0.0)
     sizes[sizes == 0.0] = 1.0
     apart = (np.abs(states[1:] - states[0]) / sizes).max(axis=1, initial=0.0)
-    return bool(apart.min(initial=math.inf) < NEAR)
+    return bool(apart.min(initial=math.inf) < NEAR_RETURN)
 
 
-def _exponent(problem: Problem, start: HybridState) -> tuple[float, float]:
+def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float, float]:
     """Return the largest exponent per period and its error; NaN if the run cannot go on."""
     try:
         exponent, error, _ = largest(
-            problem, start, tolerance=LEAST, sure=SURE, periods=MOST, chunk=LOOK
+            problem, start, tolerance=LEAST, sure=SURE, periods=periods, chunk=EXPONENT_CHUNK
         )
     except (RunError, FunctionError):
         return math.nan, math.nan
@@ -402,6 +396,15 @@ def _same_structure(one: Problem, other: Problem) -> bool:
         and len(one.parameters) == len(other.parameters)
         and len(one.switches) == len(other.switches)
     )
+
+
+def _return_of(system: System) -> tuple[int, int]:
+    """Return what a return of the system's motions is, and of which guard or direction."""
+    if system.forced:
+        return detection.STROBOSCOPIC, 0
+    if system.section is not None:
+        return detection.AT_SECTION, 1
+    return detection.AT_GUARD, _guard_of(system)
 
 
 def _guard_of(system: System) -> int:

@@ -42,7 +42,6 @@ __all__ = [
     "AttractorMapper",
     "CompiledObservables",
     "RecurrenceResult",
-    "RecurrenceSettings",
     "observed",
 ]
 
@@ -143,33 +142,6 @@ SAMPLES = 128  # forcing periods whose beginnings fit between two looks
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecurrenceSettings:
-    """How points are followed.
-
-    Attributes
-    ----------
-    transient, length : float
-        Periods of the problem that a motion is given to repeat itself, and over which it is then
-        measured if it has not.
-    longest : int
-        Returns after which a motion may repeat itself.
-    tolerance : float
-        To which it has to, relative to the size of each component.
-    returned : int
-        What a return is: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
-    at : int
-        The direction of the section, or the guard.
-    """
-
-    transient: float
-    length: float
-    longest: int = 16
-    tolerance: float = 1e-6
-    returned: int = recurrence.STROBOSCOPIC
-    at: int = 0
-
-
-@dataclass(frozen=True, kw_only=True)
 class RecurrenceResult:
     """What has become of a point, in the units of the numerics.
 
@@ -231,7 +203,14 @@ class AttractorMapper:
     problem : Problem
         Its parameters are replaced by those of each point; their number, and that of the switching
         times, is that of all points.
-    recipe : RecurrenceSettings
+    longest : int
+        Returns after which a motion may repeat itself.
+    tolerance : float
+        To which it has to, relative to the size of each component.
+    return_kind : int, optional
+        What a return is: STROBOSCOPIC, AT_SECTION or AT_GUARD of `recurrence`.
+    return_index : int, optional
+        The direction of the section, or the guard.
     observed : CompiledObservables, optional
         What is gathered beside counts and times.
     """
@@ -239,7 +218,11 @@ class AttractorMapper:
     def __init__(
         self,
         problem: Problem,
-        recipe: RecurrenceSettings,
+        *,
+        longest: int,
+        tolerance: float,
+        return_kind: int = recurrence.STROBOSCOPIC,
+        return_index: int = 0,
         observed: CompiledObservables | None = None,
     ) -> None:
         automaton = problem.automaton
@@ -249,7 +232,7 @@ class AttractorMapper:
         self._problem = problem
         self._bound = bound = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
-        forced = recipe.returned == recurrence.STROBOSCOPIC
+        forced = return_kind == recurrence.STROBOSCOPIC
         self._loop = LoopMemory(problem, bound, SAMPLES, per_period=int(forced))
         clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
@@ -259,22 +242,20 @@ class AttractorMapper:
             {},
             {
                 **places,
-                "returned": recipe.returned,
-                "at": recipe.at,
-                "longest": recipe.longest,
-                "tolerance": recipe.tolerance,
+                "return_kind": return_kind,
+                "return_index": return_index,
+                "longest": longest,
+                "tolerance": tolerance,
                 "noise": problem.options.rtol,
                 "smallest": problem.options.atol / problem.options.rtol,
-                "transient": recipe.transient,
-                "length": recipe.length,
                 "gains": gains,
                 "marks": marks,
             },
         )
-        self._clock, self._longest = clock, recipe.longest
+        self._clock, self._longest = clock, longest
         lengths = {"head": 2, "counts": m, "closest": m, "lasted": len(automaton.modes)}
         lengths |= {"gains": gains, "marks": recurrence.PARTS * marks, "squares": gains}
-        lengths = {"y": n, **lengths, "states": recipe.longest * n}
+        lengths = {"y": n, **lengths, "states": longest * n}
         ends = np.cumsum([RESULTS, *lengths.values()]).tolist()
         self._places = {
             name: slice(*pair) for name, pair in zip(lengths, pairwise(ends), strict=True)
@@ -285,6 +266,8 @@ class AttractorMapper:
     def follow(
         self,
         points: Sequence[tuple[ProblemParameters, HybridState]],
+        transient: float,
+        length: float,
         watch: Callable[[float], None] | None = None,
         falls: Callable[[int, HybridState, float], None] | None = None,
     ) -> list[RecurrenceResult]:
@@ -294,6 +277,9 @@ class AttractorMapper:
         ----------
         points : sequence of (ProblemParameters, HybridState)
             The problem's numbers at each, and where the motion starts.
+        transient, length : float
+            Periods of the problem that a motion is given to repeat itself, and over which it is
+            then measured if it has not.
         watch : callable, optional
             Called several times a second with the points done; it may raise.
         falls : callable, optional
@@ -301,7 +287,7 @@ class AttractorMapper:
 
         Returns
         -------
-        list of Settled
+        list of RecurrenceResult
             One that has failed says so; an ordinary run of it says why.
         """
         inputs = np.array([_row(*point) for point in points])
@@ -312,6 +298,7 @@ class AttractorMapper:
         self._put("inputs", "input_width", inputs)
         self._put("results", "result_width", results)
         work["points"], work["point"], work["begun"] = len(points), 0, 0
+        work["transient"], work["length"] = transient, length
         status = workspace.PAUSED
         while status != workspace.DONE:
             try:

@@ -9,8 +9,8 @@ system, or, without a section, an event of one guard. A motion is periodic once 
 row, and 16 or a fourth of all, are those of n returns ago to within a tolerance, and what is still
 to come of the way there, as the last two differences tell it (a geometric sequence), is below it
 too: a motion that passes an unstable orbit by chance does not pass for one that stays, nor one that
-creeps towards an orbit for one that has arrived. One of which differences fall, window by window of
-its returns, is followed until it arrives, if it does in so many times its own time.
+approaches an orbit slowly for one that has arrived. One of which differences fall, window by window
+of its returns, is followed until it arrives, if it does in so many times its own time.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ WORK = np.dtype(
         ("point", np.int64),
         ("begun", np.int64),  # 1 while the point at work has begun
         ("outcome", np.int64),
-        ("returned", np.int64),  # what a return is; and of which guard, or in which direction
-        ("at", np.int64),
+        ("return_kind", np.int64),  # what a return is; and of which guard, or in which direction
+        ("return_index", np.int64),
         ("longest", np.int64),  # returns after which a motion may repeat itself
         ("tolerance", np.float64),
         ("noise", np.float64),  # what differs by less does not differ
@@ -108,7 +108,8 @@ NUMBER, TOTAL, LOW, HIGH, PARTS = range(5)
 # differences of the present window of returns and of the last three. Then the last
 # returns (when, mode, state, differences), twice as many as a motion may take to repeat itself;
 # and what was gathered up to each of the last so many.
-NOW, ALL, SIZES, STATES, VALUES, GAINED, HELD, MEANS, SQUARES, LARGEST, RING = *range(10), 13
+NOW, ALL, SIZES, STATES, VALUES, GAINED, CONFIRMATIONS, MEANS, SQUARES = range(9)
+LARGEST_DISTANCES, RING = 9, 13
 WHEN, WHICH, WHERE = 0, 1, 2
 
 
@@ -245,9 +246,10 @@ SUBPERIOD_TOLERANCE = 10.0  # tolerances within which returns are one and the sa
 # Returns in a row, at least, that repeat, beside twice round: a motion which passes an unstable
 # orbit by chance has left it by then. The longer it has gone on, the likelier is that: of few
 # returns so large a share is enough.
-FEWEST, MIN_CONFIRMATIONS, SHARE = 2, 16, 0.25
-WINDOW = 0.25  # length of a window, as a part of the returns before it
-FOLLOWED = 64.0  # times the time of a motion, after which none is followed that still creeps
+FEWEST_CONFIRMATIONS, MIN_CONFIRMATIONS, CONFIRMATION_SHARE = 2, 16, 0.25
+WINDOW_SHARE = 0.25  # length of a window, as a part of the returns before it
+# Times the time of a motion, after which none is followed that still approaches an orbit.
+LONGEST_EXTENSION = 64.0
 
 # A row of the inputs: numbers of a point, before its switching times, state and parameters.
 PERIOD, SCALE, LONGEST_STEP, PHASE, MODE, NUMBERS = range(6)
@@ -308,7 +310,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
             quota -= STEPS_PER_CALL
             process_events(engine, s, w)
             if w.outcome == UNDECIDED:
-                if status == DONE and not creeps(s, w):
+                if status == DONE and not extend_approach(s, w):
                     w.outcome = APERIODIC
                 elif status not in (DONE, PAUSED, BUFFER_FULL):
                     w.outcome = FAILED
@@ -391,12 +393,12 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     reset_row(s, w, scratch_row(w, ALL))
     for i in range(w.memory_width):
         scratch_row(w, SIZES)[i] = w.smallest
-        scratch_row(w, HELD)[i] = 0.0
+        scratch_row(w, CONFIRMATIONS)[i] = 0.0
         scratch_row(w, MEANS)[i] = 0.0
         scratch_row(w, SQUARES)[i] = 0.0
         scratch_row(w, GAINED)[i] = 0.0
         for k in range(4):
-            scratch_row(w, LARGEST + k)[i] = math.inf
+            scratch_row(w, LARGEST_DISTANCES + k)[i] = math.inf
 
 
 def process_events(engine: Any, s: Any, w: Any) -> None:
@@ -410,8 +412,10 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
             return
         accumulate_event(engine, s, w, event, when)
         kind, guard = int(event[KIND]), int(event[GUARD])
-        crossed = w.returned == AT_SECTION and kind == SECTION_CROSSING and guard == w.at
-        struck = w.returned == AT_GUARD and kind == TRANSITION and guard == w.at
+        crossed = (
+            w.return_kind == AT_SECTION and kind == SECTION_CROSSING and guard == w.return_index
+        )
+        struck = w.return_kind == AT_GUARD and kind == TRANSITION and guard == w.return_index
         if crossed or struck:
             for j in range(n):
                 y[j] = event[HEAD + n + j]
@@ -423,7 +427,7 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
         y[j] = table_row(s, Y)[j] + table_row(s, OFFSET)[j]
         if table_row(s, CYCLIC)[j] == 0.0:
             sizes[j] = max(sizes[j], abs(y[j]))
-    looks = w.returned != STROBOSCOPIC and w.outcome == UNDECIDED
+    looks = w.return_kind != STROBOSCOPIC and w.outcome == UNDECIDED
     if looks and stands_still(engine, s, w, s.mode, s.t, y):
         w.outcome = STATIONARY
 
@@ -431,7 +435,7 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
 def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float) -> int:
     """End the forcing periods before an instant; return how many samples have been read."""
     y = table_row(s, STATE)
-    while w.returned == STROBOSCOPIC and taken < s.taken and w.outcome == UNDECIDED:
+    while w.return_kind == STROBOSCOPIC and taken < s.taken and w.outcome == UNDECIDED:
         sample = sample_at(s, taken)
         when = sample[0] * s.period + sample[1]
         if when >= until:
@@ -479,12 +483,12 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
     w.returns = k + 1
     if stands_still(engine, s, w, mode, when, y):
         w.still = 1
-        if w.returned != STROBOSCOPIC:
+        if w.return_kind != STROBOSCOPIC:
             w.outcome = STATIONARY
             return
     else:
         w.still = 0
-    if w.returns >= (1.0 + WINDOW) * w.opened + 2 * w.longest * int(w.opened == 0):
+    if w.returns >= (1.0 + WINDOW_SHARE) * w.opened + 2 * w.longest * int(w.opened == 0):
         open_window(w)
     w.repeats = repeats_after(s, w)
     if w.repeats > 0:
@@ -493,33 +497,35 @@ def close_return(engine: Any, s: Any, w: Any, when: float, mode: int, y: Any) ->
 
 def repeats_after(s: Any, w: Any) -> int:
     """Return after how many returns the motion repeats itself, as far as the last one tells."""
-    k, n, held, sizes = w.returns - 1, s.n, scratch_row(w, HELD), scratch_row(w, SIZES)
+    k, n, sizes = w.returns - 1, s.n, scratch_row(w, SIZES)
+    confirmations, largest = scratch_row(w, CONFIRMATIONS), scratch_row(w, LARGEST_DISTANCES)
     here = return_row(w, k)
     found = 0
     for after in range(1, w.longest + 1):
-        apart = math.inf
+        distance = math.inf
         if k >= after:
             then = return_row(w, k - after)
             if then[WHICH] == here[WHICH]:
-                apart = 0.0
+                distance = 0.0
                 for j in range(n):
                     if table_row(s, CYCLIC)[j] == 0.0:
-                        off = abs(here[WHERE + j] - then[WHERE + j]) / sizes[j]
-                        apart = max(apart, off)
+                        difference = abs(here[WHERE + j] - then[WHERE + j]) / sizes[j]
+                        distance = max(distance, difference)
         before = return_row(w, k - after)[WHERE + n + after - 1] if k >= 2 * after else math.inf
-        here[WHERE + n + after - 1] = apart
-        scratch_row(w, LARGEST)[after - 1] = max(scratch_row(w, LARGEST)[after - 1], apart)
-        near = apart <= w.tolerance and k >= 2 * after
-        if near and apart > w.noise:  # what is still to come is apart q / (1 - q)
-            near = apart < before and apart * apart <= w.tolerance * (before - apart)
-        held[after - 1] = held[after - 1] + 1.0 if near else 0.0
-        seen = max(FEWEST, min(MIN_CONFIRMATIONS, SHARE * w.returns))
-        if found == 0 and held[after - 1] >= max(2 * after, seen):
+        here[WHERE + n + after - 1] = distance
+        largest[after - 1] = max(largest[after - 1], distance)
+        near = distance <= w.tolerance and k >= 2 * after
+        if near and distance > w.noise:  # what is still to come is distance q / (1 - q)
+            gain = before - distance
+            near = gain > 0.0 and distance * distance <= w.tolerance * gain
+        confirmations[after - 1] = confirmations[after - 1] + 1.0 if near else 0.0
+        needed = max(FEWEST_CONFIRMATIONS, min(MIN_CONFIRMATIONS, CONFIRMATION_SHARE * w.returns))
+        if found == 0 and confirmations[after - 1] >= max(2 * after, needed):
             found = after
     # A multiplier that turns the differences round lets 2 n be told before n.
     for after in range(1, found):
-        apart = here[WHERE + n + after - 1]
-        if found % after == 0 and apart <= SUBPERIOD_TOLERANCE * w.tolerance:
+        distance = here[WHERE + n + after - 1]
+        if found % after == 0 and distance <= SUBPERIOD_TOLERANCE * w.tolerance:
             return after
     return found
 
@@ -528,12 +534,12 @@ def open_window(w: Any) -> None:
     """Begin a window of returns; the largest differences in the last three are kept."""
     for i in range(w.longest):
         for k in (3, 2, 1):
-            scratch_row(w, LARGEST + k)[i] = scratch_row(w, LARGEST + k - 1)[i]
-        scratch_row(w, LARGEST)[i] = 0.0
+            scratch_row(w, LARGEST_DISTANCES + k)[i] = scratch_row(w, LARGEST_DISTANCES + k - 1)[i]
+        scratch_row(w, LARGEST_DISTANCES)[i] = 0.0
     w.opened = w.returns
 
 
-def creeps(s: Any, w: Any) -> bool:
+def extend_approach(s: Any, w: Any) -> bool:
     """Let a motion go on where it ends, if it comes to an orbit within a bounded time.
 
     The rate of the approach is that of the largest differences in windows, which hold the turns of
@@ -542,23 +548,23 @@ def creeps(s: Any, w: Any) -> bool:
     length = w.transient + w.length
     done = s.end_cycle + (s.end_phase - numbers_of(w)[PHASE]) / s.period
     # Windows are as long as a part of the returns before them: so their beginnings are known.
-    begun = w.opened / (1.0 + WINDOW)
-    apart = begun * (1.0 - (1.0 + WINDOW) ** -2)
+    begun = w.opened / (1.0 + WINDOW_SHARE)
+    span = begun * (1.0 - (1.0 + WINDOW_SHARE) ** -2)
     arrives = math.inf
     for after in range(1, w.longest + 1):
         latest, third = (
-            scratch_row(w, LARGEST + 1)[after - 1],
-            scratch_row(w, LARGEST + 3)[after - 1],
+            scratch_row(w, LARGEST_DISTANCES + 1)[after - 1],
+            scratch_row(w, LARGEST_DISTANCES + 3)[after - 1],
         )
         if 0.0 < latest < third < math.inf:
-            rate = math.log(third / latest) / apart
+            rate = math.log(third / latest) / span
             left = -math.expm1(-rate * after)  # of a difference, from one to the next
             steps = math.log(latest / (w.tolerance * left)) / rate
             arrives = min(arrives, begun + steps + 2 * after + max(2 * after, MIN_CONFIRMATIONS))
     # A tenth more: rates are rough. What wanders may have come nearer by chance, but not again and
     # again: the next look comes no later than after as much time as before.
     needed = done * 1.1 * max(1.0, arrives / w.returns)
-    if needed > FOLLOWED * length:
+    if needed > LONGEST_EXTENSION * length:
         return False
     more = min(needed, 2.0 * done)
     ahead = math.ceil(more - done)
