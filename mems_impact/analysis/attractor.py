@@ -42,6 +42,9 @@ EXPONENT_CHUNK = 16  # periods between two looks at an exponent
 # Periods over which the exponent of a motion is computed at most: at first, and once it has been
 # followed for longer, where most have shown their sign long before.
 EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
+LARGEST_SWING = (
+    3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
+)
 NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are nearly the same
 
 
@@ -73,7 +76,7 @@ class RecurrenceOptions:
         not repeated itself is chaotic or quasi-periodic.
     chaos_persistence : float
         Times `transient` + `periods` after which a motion has to be chaotic still to count as
-        chaotic, at least 1.
+        chaotic, at least 1. As long is one followed whose exponent has no sign before.
 
     Raises
     ------
@@ -294,7 +297,7 @@ def _followed(
                 after = _attractor(case, at, later, recurrence, options, LONGEST_EXPONENT_PERIODS)
                 if after.motion == FAILED:
                     each = replace(each, motion=UNSETTLED)
-                elif after.motion != each.motion:
+                elif not each.motion == after.motion == CHAOTIC:
                     each = replace(after, returns=one.returns + later.returns)
             found.append(each)
     finally:
@@ -323,16 +326,19 @@ def _attractor(
         motion = OFF if any(impacts) and hits == 0.0 else PERIODIC
     else:
         motion = UNSETTLED
-    exponent, error = math.nan, math.nan
+    exponent, error, periods = math.nan, math.nan, 0
     if recurrence.exponents == "all" or (
         recurrence.exponents == "unsettled" and motion == UNSETTLED
     ):
-        exponent, error = _exponent(problem, settled.final, exponent_periods)
+        exponent, error, periods = _exponent(problem, settled.final, exponent_periods)
         if motion == UNSETTLED:
             told = classify(exponent, error, returns=False)
             # The exponent along the flow is zero of any motion that nothing forces.
             drifts = (
-                told == QUASI_PERIODIC and system.forced and not _is_near_return(system, settled)
+                told == QUASI_PERIODIC
+                and system.forced
+                and _is_neutral(exponent * periods, periods)
+                and not _is_near_return(system, settled)
             )
             if told == CHAOTIC or drifts:
                 motion = told
@@ -353,6 +359,21 @@ def _attractor(
     )
 
 
+def _is_neutral(growth: float, periods: int) -> bool:
+    """Return whether a perturbation has grown as one of a quasi-periodic motion may.
+
+    It swings by a bounded factor, and shear lets it grow in proportion to time.
+
+    Parameters
+    ----------
+    growth : float
+        Logarithm of the factor.
+    periods : int
+        Over which it has grown.
+    """
+    return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
+
+
 def _is_near_return(system: System, settled: RecurrenceResult) -> bool:
     """Return whether the last return is close to one before: a motion that creeps to an orbit.
 
@@ -366,15 +387,17 @@ def _is_near_return(system: System, settled: RecurrenceResult) -> bool:
     return bool(apart.min(initial=math.inf) < NEAR_RETURN)
 
 
-def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float, float]:
-    """Return the largest exponent per period and its error; NaN if the run cannot go on."""
+def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float, float, int]:
+    """Return the largest exponent per period, its error and the periods it took.
+
+    NaN if the run cannot go on.
+    """
     try:
-        exponent, error, _ = largest(
+        return largest(
             problem, start, tolerance=LEAST, sure=SURE, periods=periods, chunk=EXPONENT_CHUNK
         )
     except (RunError, FunctionError):
-        return math.nan, math.nan
-    return exponent, error
+        return math.nan, math.nan, 0
 
 
 def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:

@@ -262,3 +262,57 @@ def test_a_transient_among_chaos_is_not_chaotic(a, motion, period):
     assert exact == (period or 18)
     (found,) = map_attractors([InitialCondition(mapped(_logistic, a))], RecurrenceOptions(), FAST)
     assert (found.motion, found.period) == (motion, period)
+
+
+def _henon(mode, t, y, p):
+    return mode, (1.0 - p.a * y.x * y.x + y.y, 0.3 * y.x)
+
+
+def _periods_of_iteration(step, start, most=64, transient=200_000):
+    """Return after how many iterations a map repeats itself, iterated as it stands; 0: never."""
+    state = start
+    for _ in range(transient):
+        state = step(*state)
+    states = [state]
+    for _ in range(2 * most):
+        states.append(step(*states[-1]))
+    for n in range(1, most + 1):
+        off = (abs(a - b) for k in range(n) for a, b in zip(states[k], states[k + n], strict=True))
+        if max(off) < 1e-8:
+            return n
+    return 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("a", [3.8477363, 3.8494863, 3.7234863, 3.9222363])
+def test_an_exponent_without_a_sign_is_computed_for_longer(a):
+    """Motions that have no sign of an exponent after 400 returns: of period 12, and chaotic."""
+    exact = _periods_of_iteration(lambda x: (a * x * (1.0 - x),), (0.4,))
+    (found,) = map_attractors([InitialCondition(mapped(_logistic, a))], RecurrenceOptions(), FAST)
+    assert found.period == exact
+    assert found.motion == ("periodic" if exact else "chaotic")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("a", [1.026011, 1.260011, 1.096011])
+def test_windows_of_henons_map_are_found_and_no_map_is_quasi_periodic(a):
+    """Of periods 8 and 14; and a weak attractor whose exponent is zero to within its error."""
+    system = mi.System(
+        states=("x", "y"), flow=lambda mode, t, y, p: (0.0, 0.0), switches=(0.5,),
+        switch_transition=_henon, period=1.0, parameters={"a": a}, initial={"x": 0.1, "y": 0.1},
+    )  # fmt: skip
+    exact = _periods_of_iteration(lambda x, y: (1.0 - a * x * x + y, 0.3 * x), (0.1, 0.1))
+    (found,) = map_attractors([InitialCondition(system)], RecurrenceOptions(), FAST)
+    if exact:
+        assert (found.motion, found.period) == ("periodic", exact)
+    else:
+        assert found.motion in ("chaotic", "unsettled")
+
+
+@pytest.mark.slow
+def test_a_turn_by_an_irrational_angle_is_quasi_periodic():
+    """Perturbations swing as the circle map does, and never shrink."""
+    system = mapped(_circle, (math.sqrt(5.0) - 1.0) / 2.0)
+    options = RecurrenceOptions(tolerance=1e-8, longest=4)
+    (found,) = map_attractors([InitialCondition(system)], options, FAST)
+    assert found.motion == "quasi-periodic"
