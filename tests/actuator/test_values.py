@@ -201,6 +201,7 @@ def simulated(drive):
     return mi.simulate(ZHAO, drive, 0.3, options=PLAIN)
 
 
+@pytest.mark.slow
 def test_results_return_from_a_pool_of_processes():
     drives = [SINE, OWN["local custom"], OWN["burst of a custom one"]]
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import mems_impact as mi
 
+TIGHT = mi.Options(engine="interpreted", method="dop853", rtol=1e-10, atol=1e-12)
 FREE, JOINED = mi.modes("free", "joined")
 
 
@@ -53,15 +55,18 @@ def joined(**more):
 MU = math.exp(-0.05 * 2.0 * math.pi)  # one oscillator of mass 2, damping 0.2
 
 
-@pytest.mark.parametrize("engine", ["interpreted", "compiled"])
+@pytest.mark.parametrize(
+    "engine", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow)]
+)
 def test_multipliers_of_an_orbit_in_a_mode_held_for_good(engine):
-    options = mi.Options(method="dop853", engine=engine, rtol=1e-10, atol=1e-12)
+    options = replace(TIGHT, engine=engine)
     orbit = mi.find_orbit(joined(), transient=60, options=options)
     assert orbit.stable
     sizes = sorted(np.abs(orbit.multipliers))
     assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_exponents_of_a_mode_held_for_good():
     found = mi.lyapunov(joined(), 4)
     assert np.isneginf(found.exponents[2:]).all()
@@ -77,7 +82,7 @@ def test_units_and_pickles_keep_what_holds():
         typical={"x": 1e-6, "z": 1e-6, "v": 1e-6, "w": 1e-6, "time": 1.0},
     )
     for system in (small, pickle.loads(pickle.dumps(joined()))):
-        orbit = mi.find_orbit(system, transient=60)
+        orbit = mi.find_orbit(system, transient=60, options=TIGHT)
         sizes = sorted(np.abs(orbit.multipliers))
         assert sizes == pytest.approx([0.0, 0.0, MU, MU], abs=1e-8)
 

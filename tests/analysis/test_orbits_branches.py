@@ -90,6 +90,7 @@ def test_the_orbits_beyond_a_grazing_against_the_walk_are_found(switched):
     assert found.multipliers[0] == pytest.approx(orbit.multipliers[0], rel=1e-5)
 
 
+@pytest.mark.slow
 def test_an_impact_that_meets_a_switch_is_a_corner_at_which_a_branch_turns(switched):
     corner = switched.special_points[1]
     assert corner.kind == "simultaneous events"

@@ -59,7 +59,7 @@ def names(directory):
 @pytest.mark.parametrize(
     ("arguments", "files"),
     [
-        (SIMULATE, [*TABLES, "simulate.png"]),
+        pytest.param(SIMULATE, [*TABLES, "simulate.png"], marks=pytest.mark.slow),
         (SWEEP, ["sweep-summary.csv", "sweep-table.csv", "sweep.png"]),
     ],
     ids=["simulate", "sweep"],
@@ -73,7 +73,7 @@ def test_a_reader_that_goes_away_loses_no_file(tmp_path, arguments, files):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", pytest.param("1", marks=pytest.mark.slow)])
 def test_a_full_standard_output(tmp_path, unbuffered):
     with open("/dev/full", "w") as full:
         done = subprocess.run(

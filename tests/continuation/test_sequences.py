@@ -78,7 +78,9 @@ def crossing_sliding(static, second=0.3):
 
 
 @pytest.mark.parametrize("static", [1.0, pytest.param(1.05, marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("start", "stop"), [(1.6, 1.1), (1.1, 1.6)])
+@pytest.mark.parametrize(
+    ("start", "stop"), [(1.6, 1.1), pytest.param(1.1, 1.6, marks=pytest.mark.slow)]
+)
 def test_a_branch_passes_crossing_sliding(static, start, stop):
     orbit = mi.find_orbit(block(static).changed(A=start), transient=300)
     branch = mi.continue_orbit(orbit, "A", stop=stop)

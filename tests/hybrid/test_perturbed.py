@@ -149,8 +149,14 @@ def _ride(mode, t, y, p):
     return RIDES, (y.X, both, y.x, both)
 
 
-@pytest.mark.parametrize("options", [PLAIN, FAST], ids=["interpreted", "compiled"])
-@pytest.mark.parametrize(("e", "height"), [(0.3, 0.5), (0.97, 1e-3)])
+@pytest.mark.parametrize(
+    ("options", "e", "height"),
+    [
+        pytest.param(PLAIN, 0.3, 0.5, id="interpreted"),
+        pytest.param(FAST, 0.3, 0.5, id="compiled", marks=pytest.mark.slow),
+        pytest.param(FAST, 0.97, 1e-3, id="long", marks=pytest.mark.slow),
+    ],
+)
 def test_a_sequence_of_impacts_closes_the_gap_by_impulses(options, e, height):
     """A ball comes to rest on a platform that swings on: where they meet, nothing is set.
 

@@ -161,7 +161,10 @@ def test_an_impact_at_another_gap_some_periods_ago_does_not_prolong_a_sequence()
     ceiling = Guard(name="ceiling", order=2, impact=True)
     guards = (*BALL.guards, ceiling)
     room = replace(BALL, guards=guards, margins=gaps, transition=rebound)
-    done = simulate(room, ball(0.5), [0.5, math.sqrt(5.0)], 12.0, period=0.5)
+    done = simulate(
+        room, ball(0.5), [0.5, math.sqrt(5.0)], 12.0,
+        period=0.5, method="dop853", engine="interpreted",
+    )  # fmt: skip
     assert done.events.guard[0] == 2
     # Up to the ceiling, which it leaves at the speed 2; down; and flights of 2 sqrt(6)/2^n.
     end = (math.sqrt(5.0) - 2.0) + (math.sqrt(6.0) - 2.0) + 2.0 * math.sqrt(6.0)
@@ -546,7 +549,8 @@ def test_flights_under_different_forces_take_turns(light, heavy, e):
         ],
         initial={"x": 0.5},
     )
-    events = mi.simulate(ball, duration=30.0, options=mi.Options(rtol=1e-10, atol=1e-12)).events
+    options = mi.Options(method="dop853", engine="interpreted", rtol=1e-10, atol=1e-12)
+    events = mi.simulate(ball, duration=30.0, options=options).events
     (end,) = events.query("event == 'chatter ends'")["t"]
     # Flights last 2 u/g; the speed u after an impact is e times that after the one before.
     first = math.sqrt(1.0 / light)

@@ -75,7 +75,7 @@ CASES = {
                 (0, 0.3, 0.1, -1.0), 12),
     "frictionless": (ZHAO.replace(mu_s=0, mu_d=0), mi.Sine(amplitude=0.3, omega=0.5),
                      (0, -0.1, 0, 1.0), 8),
-    "chatter and rest": (ZHAO, mi.Sine(amplitude=0.45, omega=0.1), (0, 0, 0, 1.0), 2),
+    "chatter and rest": (ZHAO, mi.Sine(amplitude=0.45, omega=0.1), (0, 0, 0, 1.0), 1),
     "elastic": (ZHAO.replace(e=1.0), mi.Sine(amplitude=0.24, omega=0.5), (0, 0, 0, 1.0), 16),
 }  # fmt: skip
 

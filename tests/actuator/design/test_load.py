@@ -74,6 +74,7 @@ def test_steps_are_those_of_runs(curve):
     assert curve.table["displacement per period"].iloc[1] == pytest.approx(moved, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_frame_that_always_slips_is_not_running_away():
     # Beyond the friction on a frame that slips, 2.47 uN, nothing ends a slip; below, all do.
     loads = [-2.6e-6, 0.0, 0.5e-6, 2.6e-6, 3e-6]

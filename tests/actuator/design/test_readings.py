@@ -159,9 +159,9 @@ def test_a_slow_decay_whose_frequency_depends_on_the_amplitude():
 
 def test_a_block_that_does_not_swing():
     with pytest.raises(mi.InvalidParameter, match="does not swing"):
-        mi.ring_down(ZHAO.replace(c=3.0), DRIVE, initial=mi.State(x2=0.3), options=OPTIONS)
+        mi.ring_down(ZHAO.replace(c=3.0), DRIVE, initial=mi.State(x2=0.3))
     with pytest.raises(mi.InvalidParameter, match="does not die out"):
-        mi.ring_down(ZHAO.replace(c=0.0), DRIVE, initial=mi.State(x2=0.3), options=OPTIONS)
+        mi.ring_down(ZHAO.replace(c=0.0), DRIVE, initial=mi.State(x2=0.3))
 
 
 @pytest.fixture(scope="module")

@@ -161,9 +161,9 @@ def test_threads_give_what_one_thread_gives():
         )
         return [(run.events, run.samples(10).y) for run in runs]
 
-    serial = [one(k) for k in range(40)]
+    serial = [one(k) for k in range(16)]
     with ThreadPoolExecutor(8) as pool:
-        parallel = list(pool.map(one, range(40)))
+        parallel = list(pool.map(one, range(16)))
     for a, b in zip(serial, parallel, strict=True):
         for (events, samples), (other_events, other_samples) in zip(a, b, strict=True):
             assert same(events, other_events)

@@ -339,7 +339,9 @@ def _root_of(mode, t, y, p, g, r):
     g[0], r[0] = 1.0 + math.sqrt(y[0]), -1.0
 
 
-@both
+@pytest.mark.parametrize(
+    "engine", ["interpreted", pytest.param("compiled", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize(
     ("flow", "margins", "code", "end"),
     [

@@ -242,6 +242,6 @@ def test_a_motion_that_repeats_at_any_place_is_periodic():
         states=("x", "v"), flow=flow, period=TURN, initial={"x": 0.5},
         parts=[mi.Friction("ground", "v", mu=5.0)],
     )  # fmt: skip
-    spectrum = mi.lyapunov(block, 2, transient=0, options=PLAIN)
+    spectrum = mi.lyapunov(block, 2, transient=0, periods=40, options=PLAIN)
     assert spectrum.exponents == pytest.approx([0.0, -math.inf], abs=1e-9)
     assert spectrum.kind == "periodic"
