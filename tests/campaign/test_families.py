@@ -292,6 +292,33 @@ def test_frictions_that_only_a_ring_makes_parallel_break_away_together(turned):
     assert final == pytest.approx(judge.at([contacts.END])[0], abs=1e-8)
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
+    """The ground holds two bodies with all it can; one slides, and the other is relieved by it."""
+    rubs = (
+        Rub(1, 0, 0.3, 0.47144624077949904),
+        Rub(0, None, 0.4690042642460146, 0.4690042642460146),
+        Rub(1, None, 0.2, 0.38473978468571524),
+        Rub(1, 0, 0.1, 0.1),
+    )
+    bodies = Bodies(
+        np.ones(2),
+        2.0 * np.eye(2),
+        np.diag([0.1, 0.05]),
+        np.array([0.52555009, 0.0]),
+        np.array([0.0, 1.0]),
+        2.0,
+        rubs,
+    )
+    pair = contacts.Drawn(1, 0)
+    pair.__dict__["_drawn"] = bodies, np.array([0.5, 1.5, 0.0, 0.0])
+    judge = Judge(bodies)
+    judge.follow(pair.start, 10.0)
+    assert judge.until == 10.0
+    assert (1, 0, 1, 1) in [arc.modes for arc in judge.arcs]
+    assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
+
+
 def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():
     """A load of 0.50009 that falls is within 0.49985 a moment later; the body slides back."""
     bodies = Bodies(

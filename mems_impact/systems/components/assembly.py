@@ -281,6 +281,12 @@ class FlowWriter:
         # Where a contact reaches its limit, a stop in its way may take over.
         rubs = [words.place for words, part in self.frictions]
         taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
+        # Of several that reach their limits together one may stay, relieved by another's slip.
+        for i in rubs:
+            taken[i] = f"({taken[i]} or (turn == 1 and together > 1 and m{i} == last{i}))"
+        if rubs:
+            left = " or ".join(f"(slips{i} and m{i} != last{i})" for i in rubs)
+            taken.append(f"(turn != 1 or together <= 1 or {left})")
         slips = " or ".join(f"fired == {i}" for i in rubs) or "False"
         motion = [
             f"if {both.near}:\n    motion += abs({both.relative('x[{}]')})".splitlines()
