@@ -144,6 +144,7 @@ from .studies.sensitivity import sensitivity as sensitivity
 from .studies.sweep import sweep as sweep
 from .studies.uncertainty import ToleranceAnalysis as ToleranceAnalysis
 from .studies.uncertainty import tolerance_analysis as tolerance_analysis
+from .systems.base import HybridSystem as HybridSystem
 from .systems.components.base import Part as Part
 from .systems.components.friction import Friction as Friction
 from .systems.components.friction import Stribeck as Stribeck

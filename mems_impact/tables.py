@@ -100,7 +100,7 @@ class Labels(Protocol):
         """Whether there are forcing periods to be counted."""
 
     @property
-    def shown(self) -> tuple[str, ...]:
+    def displayed_states(self) -> tuple[str, ...]:
         """The states by which orbits are shown."""
 
     @property
@@ -150,7 +150,11 @@ def captions(labels: Labels) -> dict[str, Any]:
         name = labels.automaton.states[section[0]]
         equation = [name, float(labels.out(name, section[1]))]
     forced = {} if labels.forced else {"forced": False}
-    told = {"states": list(labels.shown), "section": equation, "symbols": dict(labels.symbols)}
+    told = {
+        "states": list(labels.displayed_states),
+        "section": equation,
+        "symbols": dict(labels.symbols),
+    }
     return {**told, **forced}
 
 

@@ -8,8 +8,8 @@ from mems_impact.analysis.orbit import Orbit
 from mems_impact.analysis.orbit import find_orbit as find_orbit_of_system
 from mems_impact.analysis.run import Run
 from mems_impact.analysis.simulate import simulate as simulate_system
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import Verb
-from mems_impact.systems.system import System
 
 __all__ = ["find_orbit", "simulate"]
 
@@ -27,7 +27,7 @@ class ActuatorVerb(Protocol[P, Result, Special]):
     def __call__(self, system: OfActuator, /, *rest: P.args, **named: P.kwargs) -> Special: ...
     @overload
     def __call__(
-        self, system: System | Run | Orbit, /, *rest: P.args, **named: P.kwargs
+        self, system: HybridSystem | Run | Orbit, /, *rest: P.args, **named: P.kwargs
     ) -> Result: ...
     @overload
     def __call__(
@@ -38,7 +38,7 @@ class ActuatorVerb(Protocol[P, Result, Special]):
     @overload
     def __call__(self, *, actuator: Actuator, drive: Drive, **named: Any) -> Special: ...
     @overload
-    def __call__(self, *, system: System, **named: Any) -> Result: ...
+    def __call__(self, *, system: HybridSystem, **named: Any) -> Result: ...
 
 def _told(verb: Verb[P, R], _special: type[S]) -> ActuatorVerb[P, R, S]: ...
 

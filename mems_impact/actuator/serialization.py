@@ -25,9 +25,9 @@ from mems_impact.actuator.terms.files import term_of
 from mems_impact.actuator.units import DeviceScales
 from mems_impact.analysis.serialization import register_object, register_run, restored
 from mems_impact.hybrid.pickling import reference
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.codec import Reader, register
 from mems_impact.systems.serialization.detached import check_same_system, describe
-from mems_impact.systems.system import System
 
 SCALES = ("mass", "stiffness", "length", "alpha", "time", "voltage")
 
@@ -81,7 +81,7 @@ def _parts(system: ActuatorSystem) -> dict[str, Any]:
     }
 
 
-def _system(parts: dict[str, Any], reader: Reader) -> System:
+def _system(parts: dict[str, Any], reader: Reader) -> HybridSystem:
     if parts["told"] is not None:
         return restored(parts["told"], reader)
     system = ActuatorSystem(actuator_of(parts["actuator"]), drive_of(parts["drive"]))
@@ -91,7 +91,7 @@ def _system(parts: dict[str, Any], reader: Reader) -> System:
     return system
 
 
-def _ledger(system: System) -> System:
+def _ledger(system: HybridSystem) -> HybridSystem:
     return system.with_energy() if isinstance(system, ActuatorSystem) else system
 
 

@@ -32,14 +32,8 @@ from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
-from mems_impact.systems.observables import MULTIPLIER, Quantity
-from mems_impact.systems.statistics import (
-    Moments,
-    TimeWindow,
-    WindowCheckpoints,
-    closest_approach,
-    ratio,
-)
+from mems_impact.systems.observables import MULTIPLIER, Quantity, TimeWindow
+from mems_impact.systems.statistics import Moments, WindowCheckpoints, closest_approach, ratio
 
 if TYPE_CHECKING:
     from mems_impact.actuator.system import ActuatorSystem

@@ -62,10 +62,9 @@ from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.flow import weight_of
 from mems_impact.systems import arguments
-from mems_impact.systems.observables import Observable, Quantity
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.observables import Observable, Quantity, StatisticsAccumulator, TimeWindow
 from mems_impact.systems.state import State, state_from
-from mems_impact.systems.statistics import StatisticsAccumulator, TimeWindow
-from mems_impact.systems.system import System
 
 __all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_state"]
 
@@ -74,7 +73,7 @@ __all__ = ["ActuatorSystem", "EndedSystem", "EnergyAccountingSystem", "kicked_st
 Kind = TypeVar("Kind", bound="ActuatorNumerics")
 
 
-class ActuatorNumerics(System):
+class ActuatorNumerics(HybridSystem):
     """A system whose parameters are the numbers of an actuator, of its terms and of a drive."""
 
     actuator: Actuator
@@ -411,12 +410,12 @@ class ActuatorSystem(ActuatorNumerics):
         return X2, 0.0, 0
 
     @property
-    def shown(self) -> tuple[str, ...]:
+    def displayed_states(self) -> tuple[str, ...]:
         """The states by which orbits are shown."""
         return ("v2",)
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def sweep_statistics(self) -> tuple[str, ...]:
         """The statistics that a sweep tells of every value."""
         return SWEEP_COLUMNS
 
@@ -480,7 +479,7 @@ class ActuatorSystem(ActuatorNumerics):
             problem = "the forcing period doubles where the bias sets in; begin with another value"
             raise InvalidParameter(name, 0.0, "", problem=problem)
 
-    def ending(self, until: Callable[..., float]) -> System:
+    def ending(self, until: Callable[..., float]) -> HybridSystem:
         """Return the system whose runs end where ``until(mode, t, y, p)`` falls through zero."""
         return ended(self, until)
 

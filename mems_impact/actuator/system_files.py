@@ -25,7 +25,7 @@ from mems_impact.actuator.toml_files import (
 )
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.studies.engine.config import verb_arguments, verb_of
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 
 __all__ = ["holds_study", "is_system_name", "load_study", "load_system"]
 
@@ -38,7 +38,7 @@ WHAT = (
 SYSTEM_REQUEST = CodeRequest(field="system", what=WHAT, kind="command line", reader="load_system")
 
 
-def load_system(name: str) -> System:
+def load_system(name: str) -> HybridSystem:
     """Load a system that Python code defines.
 
     Parameters
@@ -103,20 +103,20 @@ def system_names() -> tuple[str, ...]:
     return plugins.names(plugins.SYSTEMS)
 
 
-def made_system(found: Any, place: str | PathLike[str], name: str) -> System:
+def made_system(found: Any, place: str | PathLike[str], name: str) -> HybridSystem:
     """Return the system that code holds, or that its function makes; InvalidFile if it is none."""
-    if callable(found) and not isinstance(found, System):
+    if callable(found) and not isinstance(found, HybridSystem):
         try:
             found = found()
         except Exception as error:
             reason = f"{name}() fails ({type(error).__name__}: {error})"
             raise InvalidFile(place, reason, f"give a {WHAT}") from None
-    if not isinstance(found, System):
+    if not isinstance(found, HybridSystem):
         raise InvalidFile(place, f"holds no system {name}", f"give a {WHAT}")
     return found
 
 
-def _added(name: str) -> System:
+def _added(name: str) -> HybridSystem:
     found = plugins.plugin(plugins.SYSTEMS, name, _may_be_system, "a System or a function")
     if found is None:
         known = ", ".join(system_names())
@@ -125,7 +125,7 @@ def _added(name: str) -> System:
 
 
 def _may_be_system(found: Any) -> bool:
-    return isinstance(found, System) or callable(found)
+    return isinstance(found, HybridSystem) or callable(found)
 
 
 def _imported(name: str) -> Any:
@@ -171,7 +171,7 @@ class StudyFile:
 
     path: str
     kind: str
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     arguments: dict[str, Any] = field(repr=False)
 
     def run(self, **changes: Any) -> Any:
@@ -294,7 +294,7 @@ class _Reader:
             given["initial"] = kicked_state(actuator)
         return StudyFile(path=str(self.file), kind=kind, system=system, arguments=given)
 
-    def _own_system(self) -> System:
+    def _own_system(self) -> HybridSystem:
         for name in ("device", "drive"):
             if name in self.content:
                 problem = f"not beside system = {self.content['system']!r}, which is all of it"
@@ -309,7 +309,7 @@ class _Reader:
         found = getattr(execute_code(path, STUDY_REQUEST), name, None)
         return self._changed(made_system(found, path, name))
 
-    def _changed(self, found: System) -> System:
+    def _changed(self, found: HybridSystem) -> HybridSystem:
         changes = dict(_flat(self.content.get("set", {}), "set"))
         return found.changed(**changes) if changes else found
 

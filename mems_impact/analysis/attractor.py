@@ -20,6 +20,7 @@ from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.lyapunov import largest
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -30,7 +31,6 @@ from mems_impact.systems.statistics import (
     RESTING,
     UNSETTLED,
 )
-from mems_impact.systems.system import System
 from mems_impact.systems.validation import tell_of_side
 
 __all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions", "map_attractors"]
@@ -51,7 +51,7 @@ NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are 
 class InitialCondition(NamedTuple):
     """A point of a study: a system, and where its motion starts (its own start by default)."""
 
-    system: System
+    system: HybridSystem
     initial: State | None = None
 
 
@@ -210,7 +210,7 @@ def map_attractors(
     for case in cases:
         try:
             problem = case.system.problem(options)
-            start = case.system.instant(case.initial, problem)
+            start = case.system.hybrid_state(case.initial, problem)
         except (InvalidParameter, FunctionError) as error:
             follow()
             found.append(Attractor(motion=FAILED, status=str(error)))
@@ -374,7 +374,7 @@ def _is_neutral(growth: float, periods: int) -> bool:
     return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
 
 
-def _is_near_return(system: System, settled: RecurrenceResult) -> bool:
+def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
     """Return whether the last return is close to one before: a motion that creeps to an orbit.
 
     Near a bifurcation its exponent is as near to zero as that of a quasi-periodic one.
@@ -421,7 +421,7 @@ def _same_structure(one: Problem, other: Problem) -> bool:
     )
 
 
-def _return_of(system: System) -> tuple[int, int]:
+def _return_of(system: HybridSystem) -> tuple[int, int]:
     """Return what a return of the system's motions is, and of which guard or direction."""
     if system.forced:
         return detection.STROBOSCOPIC, 0
@@ -430,7 +430,7 @@ def _return_of(system: System) -> tuple[int, int]:
     return detection.AT_GUARD, _guard_of(system)
 
 
-def _guard_of(system: System) -> int:
+def _guard_of(system: HybridSystem) -> int:
     """Return the first guard at whose events a motion without section may be looked at."""
     guards = system.automaton.guards
     chosen = [i for i, guard in enumerate(guards) if not guard.records]

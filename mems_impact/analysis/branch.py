@@ -24,9 +24,9 @@ from mems_impact.continuation.orbit_branch import OrbitBranch, follow
 from mems_impact.continuation.test_functions import BRANCH_POINT, LABELS, UNEXPLAINED
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.equilibrium import EquilibriumState
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -50,7 +50,7 @@ BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the ey
 class ContinuationResult(Result):
     """What continuation has followed: a branch over one parameter, unless the kind says more."""
 
-    system: System
+    system: HybridSystem
     parameter: str
     bounds: tuple[float, float]
     special_points: tuple[Any, ...]
@@ -145,7 +145,7 @@ class Branch(ContinuationResult):
     False
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     parameter: str
     bounds: tuple[float, float]
     special_points: tuple[SpecialPoint, ...]
@@ -353,7 +353,7 @@ def switch_branch(
     return _branch(system, found, (low, high))
 
 
-def _branch(system: System, found: OrbitBranch, bounds: tuple[float, float]) -> Branch:
+def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float]) -> Branch:
     parameter = found.parameter
     after = {
         id(here.orbit): there.orbit
@@ -382,7 +382,7 @@ def _branch(system: System, found: OrbitBranch, bounds: tuple[float, float]) -> 
     )
 
 
-def _beyond_bounds(system: System, passage: SlowPassage) -> str:
+def _beyond_bounds(system: HybridSystem, passage: SlowPassage) -> str:
     """Return that the period of cycles grows beyond bounds, and where they are slow."""
     shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
     where = ", ".join(
@@ -415,7 +415,7 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
 
 
 def check_bounds(
-    system: System, parameter: str, stop: float, back: float | None
+    system: HybridSystem, parameter: str, stop: float, back: float | None
 ) -> tuple[float, float]:
     """Return the bounds between which to go; InvalidParameter if there is no way to go."""
     system.check_continued(parameter)
@@ -433,11 +433,11 @@ def check_bounds(
     return (stop, back) if stop < back else (back, stop)
 
 
-def _amount(system: System, parameter: str, value: float) -> str:
+def _amount(system: HybridSystem, parameter: str, value: float) -> str:
     return f"{value:g} {system.unit(parameter)}".rstrip()
 
 
-def check_value(system: System, parameter: str, field: str, value: Any) -> None:
+def check_value(system: HybridSystem, parameter: str, field: str, value: Any) -> None:
     """Raise InvalidParameter unless a parameter may have a value."""
     if not is_number(value):
         raise InvalidParameter(field, value, f"a finite value of {parameter}")
@@ -478,7 +478,7 @@ class Curve(ContinuationResult):
     (['omega', 'amplitude'], 'omega reached its bound')
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     kind: str
     label: str
     parameters: tuple[str, str]
@@ -615,7 +615,7 @@ def continue_curve(
     return curve_of(system, found)
 
 
-def curve_of(system: System, found: OrbitCurve) -> Curve:
+def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
     """Return a curve of the continuation in the user's terms."""
     special = tuple(
         CodimensionTwo(
@@ -676,7 +676,7 @@ class EquilibriumBranch(ContinuationResult):
     [('BP', 0.0)]
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     parameter: str
     bounds: tuple[float, float]
     special_points: tuple[EquilibriumPoint, ...]
@@ -824,12 +824,12 @@ def continue_equilibrium(
     )
 
 
-def equilibrium_of(system: System, found: EquilibriumState) -> Equilibrium:
+def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
     """Return an equilibrium of `system`, at its own parameters."""
     return Equilibrium(system=system.at(found.family.values), found=found)
 
 
-def _measures(system: System, state: EquilibriumState) -> dict[str, Any]:
+def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:
     """Return what the tables say of an equilibrium."""
     y, cyclic = state.state, system.automaton.cyclic
     largest = max(state.eigenvalues.real.tolist(), default=math.nan)

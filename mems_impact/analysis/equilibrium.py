@@ -14,10 +14,10 @@ from mems_impact.analysis.orbit import ORBIT_OPTIONS
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.equilibrium import EquilibriumState, find_equilibrium
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
-from mems_impact.systems.system import System
 
 __all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
 
@@ -53,7 +53,7 @@ class Equilibrium(Result):
     ['-0.0500+1.4133j', '-0.0500-1.4133j']
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     found: EquilibriumState = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = ()
@@ -168,7 +168,7 @@ class EquilibriumPoint(Result):
         return f"EquilibriumPoint({where}, {self.equilibrium})"
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The equilibrium's."""
         return self.equilibrium.system
 
@@ -183,7 +183,7 @@ class EquilibriumPoint(Result):
 
 @takes_system(start="guess")
 def find_equilibria(
-    system: System,
+    system: HybridSystem,
     *,
     guess: State | Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
@@ -241,7 +241,7 @@ def find_equilibria(
         )
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
     inner = system.problem(ORBIT_OPTIONS)
-    start = system.instant(guess, inner, field="guess")
+    start = system.hybrid_state(guess, inner, field="guess")
     guesses = [start.y, *_between(system, start.y, bounds or {}, whole("samples", samples, 1))]
     chosen = range(len(system.modes)) if modes is None else modes
     numbers = sorted({system.mode_number(mode, "modes") for mode in chosen})
@@ -279,7 +279,7 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME * size
 
 
-def _inside(system: System, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
+def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
     """Return whether a state that was looked for between bounds lies there."""
     values = dict(zip(system.states, y.tolist(), strict=True))
     return all(
@@ -288,7 +288,7 @@ def _inside(system: System, y: Floats, bounds: Mapping[str, tuple[float, float]]
 
 
 def _between(
-    system: System, y: Floats, bounds: Mapping[str, tuple[float, float]], samples: int
+    system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]], samples: int
 ) -> list[Floats]:
     """Return the places between bounds from which to look."""
     if not bounds:

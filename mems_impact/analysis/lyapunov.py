@@ -20,11 +20,11 @@ from mems_impact.hybrid.variational.derivatives import free_components
 from mems_impact.hybrid.variational.lyapunov import CHUNK, FEWEST, LyapunovIntegrator
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.period_detection import returns
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole
 from mems_impact.systems.statistics import CHAOTIC, PERIODIC, QUASI_PERIODIC
-from mems_impact.systems.system import System
 from mems_impact.systems.validation import tell_of_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
@@ -120,7 +120,7 @@ class LyapunovSpectrum(Result):
     ('periodic', '-0.317', True)
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     options: Options = field(repr=False)
     exponents: Floats
     errors: Floats
@@ -203,7 +203,7 @@ class LyapunovSpectrum(Result):
 
 @takes_system(start="initial")
 def lyapunov(
-    system: System,
+    system: HybridSystem,
     count: int | None = None,
     *,
     initial: State | Mapping[str, float] | None = None,
@@ -303,7 +303,7 @@ def lyapunov(
 
 
 def _start(
-    system: System,
+    system: HybridSystem,
     problem: Problem,
     initial: State | Mapping[str, float] | None,
     transient: float | None,
@@ -313,7 +313,7 @@ def _start(
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
-        start = system.instant(initial, problem)
+        start = system.hybrid_state(initial, problem)
         tell_of_side(system, problem, start)
         return start
     named: dict[str, Any] = {"periods": length} if system.forced else {"duration": length}
@@ -323,7 +323,7 @@ def _start(
 
 
 def _run_to_tolerance(
-    system: System,
+    system: HybridSystem,
     problem: Problem,
     start: HybridState,
     count: int,
@@ -363,7 +363,7 @@ def _run_to_tolerance(
 
 
 def _spectrum(
-    system: System, problem: Problem, stretching: LyapunovIntegrator, converged: bool
+    system: HybridSystem, problem: Problem, stretching: LyapunovIntegrator, converged: bool
 ) -> LyapunovSpectrum:
     """Return what is known, in the system's units, largest first."""
     found, period = stretching.result, float(system.out("time", problem.period))

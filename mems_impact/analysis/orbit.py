@@ -32,6 +32,7 @@ from mems_impact.orbits.period_detection import (
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, whole, with_units
@@ -42,7 +43,6 @@ from mems_impact.systems.statistics import (
     largest_values,
     reduce_values,
 )
-from mems_impact.systems.system import System
 from mems_impact.systems.validation import mode_monitor, tell_of_side
 from mems_impact.tables import CHATTER_ENDS, DRIVE_SWITCHES
 
@@ -54,7 +54,7 @@ __all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit", "orbit_of"]
 # --- How an orbit violates the rules of its system, in words.
 
 
-def sentence(system: System, found: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
+def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
     """Return a defect of an orbit of the system as a sentence, in the units of the user."""
     segment, modes = found.segments[defect.segment], system.modes
     where = f"segment {defect.segment} ({modes[segment.mode]})"
@@ -106,7 +106,7 @@ class Orbit(Result):
     """
 
     figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
     kept: ClassVar[tuple[str, ...]] = (
@@ -334,7 +334,7 @@ class Orbit(Result):
 
     @cached_property
     def shown_states(self) -> dict[str, Floats]:
-        """The states of `System.shown` at the section upwards, or where periods begin.
+        """The displayed states of the system, at the section upwards or where periods begin.
 
         Of a cycle, which begins anywhere, the largest values where there is no section. Each with
         the largest first.
@@ -345,11 +345,11 @@ class Orbit(Result):
             y = self._grid(1).y[: self.periods]
         else:
             y = self._largest[None]
-        places = [self.system.states.index(name) for name in self.system.shown]
+        places = [self.system.states.index(name) for name in self.system.displayed_states]
         falling = -np.sort(-y[:, places], axis=0)
         return {
             name: np.asarray(self.system.out(name, values))
-            for name, values in zip(self.system.shown, falling.T, strict=True)
+            for name, values in zip(self.system.displayed_states, falling.T, strict=True)
         }
 
     @property
@@ -437,7 +437,7 @@ class Orbit(Result):
         return names.get(code, CHATTER_ENDS)
 
 
-def orbit_of(system: System, found: PeriodicOrbit) -> Orbit:
+def orbit_of(system: HybridSystem, found: PeriodicOrbit) -> Orbit:
     """Return an orbit in the user's terms, at its own parameters."""
     orbit: Orbit = (system.orbit_type or Orbit)(system=system.at(found.family.values), found=found)
     return orbit
@@ -456,7 +456,7 @@ UNFORCED = (
 
 @takes_system(start="guess")
 def find_orbit(
-    system: System,
+    system: HybridSystem,
     *,
     guess: State | Mapping[str, float] | None = None,
     periods: int | None = None,
@@ -537,7 +537,7 @@ def find_orbit(
         raise InvalidParameter("period", period, "", problem=refusal)
     chosen = ORBIT_OPTIONS if options is None else options
     problem = system.problem(chosen)
-    start = system.instant(guess, problem, field="guess")
+    start = system.hybrid_state(guess, problem, field="guess")
     tell_of_side(system, problem, start)
     try:
         if system.forced:
@@ -589,7 +589,9 @@ def find_orbit(
     return orbit
 
 
-def _diverged(error: OrbitError | RunError, system: System, problem: Problem) -> OrbitError | None:
+def _diverged(
+    error: OrbitError | RunError, system: HybridSystem, problem: Problem
+) -> OrbitError | None:
     """Return what tells where a motion has diverged; None if that is not why none was found."""
     if isinstance(error, RunError):
         at = error.trajectory.final if isinstance(error.trajectory, Trajectory) else None
@@ -606,7 +608,7 @@ def _diverged(error: OrbitError | RunError, system: System, problem: Problem) ->
 
 
 def _drifting(
-    system: System, problem: Problem, start: HybridState, transient: float
+    system: HybridSystem, problem: Problem, start: HybridState, transient: float
 ) -> OrbitError | None:
     """Return what tells which states grow for ever; None if that is not why none was found."""
     names = system.states
@@ -650,11 +652,11 @@ def _drifting(
     return OrbitError(f"{' and '.join(grows)} {per}, and {why}", remedy, reached)
 
 
-def _unforced(system: System) -> InvalidParameter:
+def _unforced(system: HybridSystem) -> InvalidParameter:
     return InvalidParameter("period", system.forcing_period, "", problem=UNFORCED)
 
 
-def _reached(point: ShootingEvaluation, system: System) -> State | None:
+def _reached(point: ShootingEvaluation, system: HybridSystem) -> State | None:
     """Return the first state of an iteration that did not converge."""
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     y = np.zeros(len(system.states))

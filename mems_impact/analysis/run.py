@@ -16,15 +16,11 @@ from mems_impact.errors import InvalidParameter, RunError
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.observables import StatisticsAccumulator, TimeWindow
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, with_units
-from mems_impact.systems.statistics import (
-    LazyStatistics,
-    StatisticsAccumulator,
-    TimeWindow,
-    evaluate_observables,
-)
-from mems_impact.systems.system import System
+from mems_impact.systems.statistics import LazyStatistics, evaluate_observables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +68,7 @@ class Run(Result):
     '0.3376'
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     options: Options = field(repr=False)
     keep: Keep
     window: tuple[float, float]

@@ -28,27 +28,30 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import Arc, Event
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.equilibrium import EquilibriumEvaluation, EquilibriumState
-from mems_impact.orbits.family import Family, ParameterPoint
+from mems_impact.orbits.family import ParameterPoint
 from mems_impact.orbits.periodic_orbit import AdmissibilityViolation, PeriodicOrbit
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import Segment
-from mems_impact.systems import state, statistics
+from mems_impact.systems import observables, state, statistics
+from mems_impact.systems.base import HybridSystem, SystemFamily
 from mems_impact.systems.serialization.codec import Reader, register
 from mems_impact.systems.serialization.detached import DetachedSystem, check_same_system, describe
 from mems_impact.systems.statistics import Moments
-from mems_impact.systems.system import Build, System
+from mems_impact.systems.system import System
 
 __all__ = ["register_run", "restored"]
 
 TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_arcs")
 
 
-def restored(told: Mapping[str, Any], reader: Reader) -> System:
+def restored(told: Mapping[str, Any], reader: Reader) -> HybridSystem:
     """Return the system of a description: the user's own, at these parameters, if it is given."""
     if reader.system is None:
         return DetachedSystem(told, reader.path)
     check_same_system(reader.system, told, reader.path)
-    system: System = reader.system.restored(told["parameters"], told["scales"], told.get("typical"))
+    system: HybridSystem = reader.system.restored(
+        told["parameters"], told["scales"], told.get("typical")
+    )
     return system
 
 
@@ -91,7 +94,7 @@ def register_run(kind: type[run.Run]) -> None:
 
 register(System, parts=lambda system: describe(system, system.functions), reading=restored)
 register(DetachedSystem, "System", parts=lambda system: system.description, reading=restored)
-register(Build)
+register(SystemFamily)
 register(Typical)
 register(Scales, parts=lambda scales: {"factors": scales.factors, "named": scales.named},
          whole=lambda factors, named: Scales.of(factors, named))  # fmt: skip
@@ -113,10 +116,10 @@ register(
 )  # fmt: skip
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
-    Options, HybridState, Events, Arc, Event, Family, AdmissibilityViolation, PeriodicOrbit,
+    Options, HybridState, Events, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
     ShootingEvaluation, ParameterPoint, Segment, Phase, TestFunction,
     BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
-    statistics.TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
+    observables.TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
     EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
     equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,

@@ -13,10 +13,11 @@ from mems_impact.errors import FunctionError, InvalidParameter, RunError, RunInt
 from mems_impact.hybrid.simulation import MAX_CYCLE, Events, Trajectory
 from mems_impact.hybrid.simulation import run as integrate
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
+from mems_impact.systems.observables import TimeWindow
 from mems_impact.systems.state import State, is_number
-from mems_impact.systems.statistics import LazyStatistics, TimeWindow
-from mems_impact.systems.system import System
+from mems_impact.systems.statistics import LazyStatistics
 from mems_impact.systems.typical_scales import MaxStateRecorder, warn_if_badly_scaled_run
 from mems_impact.systems.validation import mode_monitor, tell_of_side
 
@@ -65,7 +66,7 @@ PERIODS = 300  # of a system with forcing, where nothing is said
 
 @takes_system(start="initial")
 def simulate(
-    system: System,
+    system: HybridSystem,
     periods: float | None = None,
     *,
     duration: float | None = None,
@@ -153,7 +154,7 @@ def simulate(
     if until is not None:
         system = system.ending(until)
         problem = system.problem(options)
-    start = system.instant(initial, problem)
+    start = system.hybrid_state(initial, problem)
     tell_of_side(system, problem, start)
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     periods = _length(system, periods, duration, until, problem.period)
@@ -219,7 +220,7 @@ def simulate(
 
 
 def _length(
-    system: System,
+    system: HybridSystem,
     periods: float | None,
     duration: float | None,
     until: Any,

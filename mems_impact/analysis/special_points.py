@@ -18,8 +18,8 @@ from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
-from mems_impact.systems.system import System
 
 __all__ = ["CodimensionTwo", "GrazingType", "SpecialPoint", "check_kind", "grazing_type"]
 
@@ -107,7 +107,7 @@ class SpecialPoint(Result):
         return f"SpecialPoint({self.label} at {self.parameter}={self.value:.9g}, {self.orbit})"
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The orbit's."""
         return self.orbit.system
 
@@ -174,7 +174,7 @@ class CodimensionTwo(Result):
         return f"CodimensionTwo({self.kind} at {where})"
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The orbit's."""
         return self.orbit.system
 

@@ -32,7 +32,7 @@ BESIDE = (
 
 def from_file(
     ctx: click.Context, path: str, kind: str, beside: Collection[str] = ()
-) -> tuple[mi.System, dict[str, Any]]:
+) -> tuple[mi.HybridSystem, dict[str, Any]]:
     """Return system and arguments of a study file of a kind; `beside` may be said besides."""
     import mems_impact as mi
 
@@ -56,7 +56,7 @@ def study_of(
     *,
     varied: Mapping[str, float] | None = None,
     beside: Collection[str] = (),
-) -> tuple[mi.System, dict[str, Any]]:
+) -> tuple[mi.HybridSystem, dict[str, Any]]:
     """Return system and arguments of the study that the options of a command tell.
 
     Parameters
@@ -131,7 +131,7 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
 
 def load_subject(
     name: str, changes: Mapping[str, float], initial: Initial
-) -> tuple[mi.System, mi.State | None]:
+) -> tuple[mi.HybridSystem, mi.State | None]:
     """Return the system of a name or path, and where it starts; None for its own start.
 
     Parameters

@@ -115,7 +115,7 @@ def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
     return given
 
 
-def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) -> None:
+def _check_column(column: str | None, system: mi.HybridSystem, given: dict[str, Any]) -> None:
     """Refuse a column that the table will not have, before it is computed."""
     from mems_impact.studies.attractor_study import attractor_schema
 
@@ -126,7 +126,7 @@ def _check_column(column: str | None, system: mi.System, given: dict[str, Any]) 
         raise click.UsageError(f"--column {column}: must be one of {', '.join(numbers)}")
 
 
-def _chart(system: mi.System, given: dict[str, Any], progress: bool) -> mi.OperatingChart:
+def _chart(system: mi.HybridSystem, given: dict[str, Any], progress: bool) -> mi.OperatingChart:
     """Return the curves along which the device switches on and off, in the range of the map."""
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem

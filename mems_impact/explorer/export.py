@@ -16,7 +16,7 @@ from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
 from mems_impact.explorer.session import OPTIONS, PageSetting, SliderSpec, Subject, unit_of_time
 from mems_impact.explorer.snapshot import FINE, run_length, sweep_arguments
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 
 __all__ = ["device_file", "python_of", "run_picture"]
 
@@ -91,7 +91,7 @@ def _options(subject: Subject) -> list[str]:
 
 
 def _sweep(
-    system: System, setting: PageSetting, dial: SliderSpec, options: list[str]
+    system: HybridSystem, setting: PageSetting, dial: SliderSpec, options: list[str]
 ) -> Iterator[str]:
     given = sweep_arguments(system, setting, dial, FINE)
     name, values = given.pop("parameter"), given.pop("values")

@@ -19,8 +19,8 @@ from mems_impact.actuator.system_files import load_system
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import InvalidParameter, MemsImpactError, RunError
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State
-from mems_impact.systems.system import System
 
 __all__ = [
     "LONGEST",
@@ -108,10 +108,10 @@ class Subject:
         How runs are integrated.
     """
 
-    system: System
+    system: HybridSystem
     title: str
-    making: Callable[[System], str] = field(repr=False)
-    starts: Mapping[str, Callable[[System], State | None]] = field(repr=False)
+    making: Callable[[HybridSystem], str] = field(repr=False)
+    starts: Mapping[str, Callable[[HybridSystem], State | None]] = field(repr=False)
     groups: Mapping[str, tuple[str, ...]]
     sizes: Mapping[str, float] = field(default_factory=dict)
     options: Options = OPTIONS
@@ -162,7 +162,7 @@ def of_device(
     """
     loaded = load_actuator(name)
 
-    def making(system: System) -> str:
+    def making(system: HybridSystem) -> str:
         assert isinstance(system, ActuatorSystem)
         lines = [
             *_imports(system.drive, drive_source),
@@ -172,7 +172,7 @@ def of_device(
         ]
         return "\n".join(lines)
 
-    def kick(system: System) -> State:
+    def kick(system: HybridSystem) -> State:
         assert isinstance(system, ActuatorSystem)
         return kicked_state(system.actuator)
 
@@ -215,7 +215,7 @@ def of_code(
     """
     begin = load_system(name)
 
-    def making(system: System) -> str:
+    def making(system: HybridSystem) -> str:
         changed = _differing(system.parameters, begin.parameters)
         changing = f".changed(**{changed!r})" if changed else ""
         return f"system = mi.load_system({name!r}){changing}"
@@ -309,7 +309,7 @@ def slider_specs(subject: Subject) -> tuple[SliderSpec, ...]:
     return tuple(_dial(subject, name, value) for name, value in subject.system.parameters.items())
 
 
-def allowed_range(system: System, name: str, low: float, high: float) -> tuple[float, float]:
+def allowed_range(system: HybridSystem, name: str, low: float, high: float) -> tuple[float, float]:
     """Return the part of a range around a parameter's value that the system allows.
 
     What is allowed is asked of the system itself, which may compare the parameter with others.
@@ -329,7 +329,7 @@ def _dial(subject: Subject, name: str, value: float) -> SliderSpec:
     )
 
 
-def _farthest(system: System, name: str, value: float, end: float) -> float:
+def _farthest(system: HybridSystem, name: str, value: float, end: float) -> float:
     """Return how far a parameter may go from its value towards an end."""
 
     def place(part: int) -> float:
@@ -347,7 +347,7 @@ def _farthest(system: System, name: str, value: float, end: float) -> float:
     return place(inside)
 
 
-def _allows(system: System, name: str, value: float) -> bool:
+def _allows(system: HybridSystem, name: str, value: float) -> bool:
     try:
         system.changed(**{name: value}).numbers()
     except (MemsImpactError, ArithmeticError, ValueError):
@@ -401,16 +401,16 @@ class PageSetting:
         """Return the setting with another value of a parameter."""
         return replace(self, values={**self.values, name: value})
 
-    def system(self, subject: Subject) -> System:
+    def system(self, subject: Subject) -> HybridSystem:
         """Return the system at these values; InvalidParameter if it does not allow them."""
         return subject.system.changed(**self.values)
 
-    def initial(self, subject: Subject, system: System) -> State | None:
+    def initial(self, subject: Subject, system: HybridSystem) -> State | None:
         """Return where the run starts."""
         return subject.starts[self.start](system)
 
 
-def unit_of_time(system: System) -> float:
+def unit_of_time(system: HybridSystem) -> float:
     """Return what the length of a run counts in: the forcing period, or a typical time."""
     period = system.forcing_period
     return period if period is not None else float(system.out("time", system.numbers().period))
@@ -466,12 +466,12 @@ def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSett
     return found
 
 
-def length_word(system: System) -> str:
+def length_word(system: HybridSystem) -> str:
     """Return what the length of a run is called."""
     return "periods" if system.forced else "duration"
 
 
-def planes(system: System) -> tuple[str, ...]:
+def planes(system: HybridSystem) -> tuple[str, ...]:
     """Return what a phase plane may be spanned by."""
     return (*system.states, TIME)
 
@@ -497,9 +497,9 @@ def _choices(subject: Subject) -> dict[str, tuple[str, tuple[str, ...]]]:
     return {**found, "parameter": ("parameter", names)} if names else found
 
 
-def _plane(system: System) -> tuple[str, str]:
+def _plane(system: HybridSystem) -> tuple[str, str]:
     """Return the two states by which a motion is shown at first."""
-    shown = system.shown[0] if system.shown else system.states[0]
+    shown = system.displayed_states[0] if system.displayed_states else system.states[0]
     if system.section is not None and system.states[system.section[0]] != shown:
         return system.states[system.section[0]], shown
     cyclic = {system.states[i] for i in system.automaton.cyclic}

@@ -32,7 +32,7 @@ from mems_impact.explorer.session import (
 )
 from mems_impact.hybrid.simulation import Events
 from mems_impact.plotting.trajectories import SMALL, interleaved
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import is_shown
 
 __all__ = [
@@ -109,7 +109,7 @@ class Asked:
 
 
 def sweep_arguments(
-    system: System, setting: PageSetting, dial: SliderSpec, points: int
+    system: HybridSystem, setting: PageSetting, dial: SliderSpec, points: int
 ) -> dict[str, Any]:
     """Return what `mems_impact.sweep` is called with, beside the system."""
     low, high = allowed_range(system, setting.parameter, dial.low, dial.high)
@@ -335,7 +335,7 @@ class RunSnapshot:
     warnings: tuple[str, ...] = ()
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The system that was run."""
         return self.run.system
 
@@ -394,21 +394,21 @@ def take_snapshot(
     )
 
 
-def run_length(system: System, setting: PageSetting, unit: float) -> dict[str, Any]:
+def run_length(system: HybridSystem, setting: PageSetting, unit: float) -> dict[str, Any]:
     """Return the length of the run as `simulate` takes it."""
     if system.forced:
         return {"periods": setting.length}
     return {"duration": setting.length * unit}
 
 
-def states_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
+def states_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
     """Return the states that any part of the page shows, those over time first."""
     over_time = ("x2", "x1") if isinstance(system, ActuatorSystem) else (setting.x, setting.y)
-    names = (*over_time, setting.x, setting.y, *system.shown[:1])
+    names = (*over_time, setting.x, setting.y, *system.displayed_states[:1])
     return tuple(name for name in dict.fromkeys(names) if name != TIME)
 
 
-def series_shown(system: System, setting: PageSetting) -> tuple[str, ...]:
+def series_shown(system: HybridSystem, setting: PageSetting) -> tuple[str, ...]:
     """Return the states that are shown over time."""
     return states_shown(system, setting)[:2]
 
@@ -429,7 +429,7 @@ def _section(run: Run) -> dict[str, Floats]:
     return {name: values[settled] for name, values in found.items()}
 
 
-def _voltages(system: System, motion: Motion) -> tuple[Floats, ...]:
+def _voltages(system: HybridSystem, motion: Motion) -> tuple[Floats, ...]:
     if not isinstance(system, ActuatorSystem):
         return ()
     phase = np.remainder(motion.frames["t"], system.forcing_period)
@@ -439,7 +439,7 @@ def _voltages(system: System, motion: Motion) -> tuple[Floats, ...]:
 
 def _cycles(run: Run, unit: float) -> Cycles:
     system = run.system
-    state = system.shown[0] if system.shown else system.states[0]
+    state = system.displayed_states[0] if system.displayed_states else system.states[0]
     place = system.states.index(state)
     if not system.forced:
         y = run.trajectory.events.crossings(1).after

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,34 +17,21 @@ from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.variational.flow import weight_of
 
-# --- Problems that depend on named parameters.
-
 RELATIVE_STEP = 3e-3  # of the differences that give dp/dvalue and dperiod/dvalue
 
 
 @dataclass(frozen=True)
-class Family:
+class Family(ABC):
     """A problem for every set of values of its named parameters.
+
+    The parameter array, the period and the switching times must be smooth in the values.
 
     Parameters
     ----------
-    build : callable
-        ``build(values)`` returns the `Problem` for a mapping from names to values. The parameter
-        array, the period and the switching times must be smooth in the values.
     values : mapping of str to float
         Names and present values.
-
-    Notes
-    -----
-    Where `build` has an attribute ``automaton``, this is the automaton of all its problems. Where
-    it has a method ``numbers(values)``, this returns the `ProblemParameters` of a problem without
-    making one: corrections and differences by a parameter ask for them by thousands. Where it has a
-    method ``by(method)``, this returns what builds the same problems for another method of
-    integration; ``amount(heading, value)`` and ``convert(error)`` tell numbers in the units of the
-    user.
     """
 
-    build: Callable[[Mapping[str, float]], Problem]
     values: Mapping[str, float]
 
     def __post_init__(self) -> None:
@@ -51,9 +39,31 @@ class Family:
 
     def __reduce__(self) -> Any:
         """Pickle the values as a dict: a mapping proxy cannot be."""
-        return Family, (self.build, dict(self.values))
+        rest = (getattr(self, each.name) for each in fields(self)[1:])
+        return type(self), (dict(self.values), *rest)
 
-    def at(self, /, **changes: float) -> Family:
+    @property
+    @abstractmethod
+    def automaton(self) -> Automaton:
+        """The automaton, which does not depend on the values."""
+
+    @abstractmethod
+    def problem(self) -> Problem:
+        """Return the problem at the present values."""
+
+    @abstractmethod
+    def with_method(self, method: str) -> Self:
+        """Return the family integrated by another method."""
+
+    def numbers(self, /, **changes: float) -> ProblemParameters:
+        """Return what of the problem depends on the values, at some other ones.
+
+        Corrections and differences by a parameter ask for it by thousands: a kind of family that
+        can do without making a problem should.
+        """
+        return self.at(**changes).problem().numbers
+
+    def at(self, /, **changes: float) -> Self:
         """Return the family at other values.
 
         Raises
@@ -63,23 +73,16 @@ class Family:
         """
         for name in changes:
             self.value(name)
-        return Family(self.build, {**self.values, **changes})
+        return replace(self, values={**self.values, **changes})
 
-    def by(self, method: str) -> Family:
-        """Return the family integrated by another method."""
-        known: Callable[[str], Callable[[Mapping[str, float]], Problem]] | None
-        known = getattr(self.build, "by", None)
-        build = _By(self.build, method) if known is None else known(method)
-        return Family(build, self.values)
-
-    def suited(self, stiff: bool) -> Family:
+    def suited(self, stiff: bool) -> Self:
         """Return the family, integrated by one method where that was left open (``"auto"``).
 
         An orbit keeps to one method, lest a step of Newton's method change it.
         """
         if self.problem().options.method != "auto":
             return self
-        return self.by("bdf" if stiff else "dop853")
+        return self.with_method("bdf" if stiff else "dop853")
 
     def value(self, name: str) -> float:
         """Return the present value of a parameter.
@@ -96,29 +99,10 @@ class Family:
 
     def amount(self, heading: str, value: float) -> str:
         """Return a number in the units of the user, to be printed."""
-        known: Callable[[str, float], str] | None = getattr(self.build, "amount", None)
-        return f"{value:.9g}" if known is None else known(heading, value)
+        return f"{value:.9g}"
 
-    def convert(self, error: RunError) -> None:
-        """Let an error of a run tell all in the units of the user."""
-        known: Callable[[RunError], None] | None = getattr(self.build, "convert", None)
-        if known is not None:
-            known(error)
-
-    @property
-    def automaton(self) -> Automaton:
-        """The automaton, which does not depend on the values."""
-        known: Automaton | None = getattr(self.build, "automaton", None)
-        return self.problem().automaton if known is None else known
-
-    def problem(self) -> Problem:
-        """Return the problem at the present values."""
-        return self.build(self.values)
-
-    def numbers(self, /, **changes: float) -> ProblemParameters:
-        """Return what of the problem depends on the values, at some other ones."""
-        values = {**self.values, **changes}
-        return _numbers_of(self.build, values)
+    def convert(self, error: RunError) -> None:  # noqa: B027 - there may be no other units
+        """Convert the numbers in an error of a run to the units of the user."""
 
     def derivative(self, name: str) -> tuple[Floats, float, Floats]:
         """Return the derivatives of parameter array, period and switching times by a value.
@@ -139,30 +123,6 @@ class Family:
             period += w * (up.period - down.period)
             switches = switches + w * (np.array(up.switches) - np.array(down.switches))
         return np.asarray(p, dtype=float), period, np.atleast_1d(np.asarray(switches, dtype=float))
-
-
-def _numbers_of(
-    build: Callable[[Mapping[str, float]], Problem], values: Mapping[str, float]
-) -> ProblemParameters:
-    known: Callable[[Mapping[str, float]], ProblemParameters] | None = getattr(
-        build, "numbers", None
-    )
-    return build(values).numbers if known is None else known(values)
-
-
-@dataclass(frozen=True)
-class _By:
-    """What builds the same problems, to be integrated by another method."""
-
-    build: Callable[[Mapping[str, float]], Problem]
-    method: str
-
-    def __call__(self, values: Mapping[str, float]) -> Problem:
-        problem = self.build(values)
-        return replace(problem, options=replace(problem.options, method=self.method))
-
-    def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
-        return _numbers_of(self.build, values)
 
 
 # --- Where in the space of parameters the equations of an orbit are looked at.

@@ -23,7 +23,7 @@ from mems_impact.plotting.style import (
     styled,
     thickness,
 )
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import captions
 
 __all__ = [
@@ -65,7 +65,7 @@ def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tupl
     return names
 
 
-def plane(system: System, x: str | None, y: str | None) -> tuple[str, str]:
+def plane(system: HybridSystem, x: str | None, y: str | None) -> tuple[str, str]:
     """Return the states that span the plane."""
     free = [name for i, name in enumerate(system.states) if i not in system.automaton.cyclic]
     known = (*system.states, "t")

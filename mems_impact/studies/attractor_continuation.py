@@ -33,11 +33,11 @@ from mems_impact.studies.basins import Basins, BasinsStudy
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import OK, STATUS, Columns, Study, places_of
 from mems_impact.studies.sampling import Axis, InitialConditions, axis, identity_of_axis
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.file import identity_of_state
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import FAILED
-from mems_impact.systems.system import System
 
 __all__ = ["AttractorBranches", "AttractorContinuationStudy", "continue_attractors"]
 
@@ -380,7 +380,7 @@ class AttractorBranches(Result):
     ('amplitude', ['off', 'period 1'])
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     parameter: str
     table: pd.DataFrame = field(repr=False)
     branches: pd.DataFrame = field(repr=False)

@@ -32,6 +32,7 @@ from mems_impact.studies.attractor_study import (
 )
 from mems_impact.studies.engine.study import STATUS, Columns
 from mems_impact.studies.sampling import Grid, InitialConditions, wilson
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import State, state_from
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -43,7 +44,6 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
     counted_periods,
 )
-from mems_impact.systems.system import System
 
 __all__ = [
     "ATTRACTOR",
@@ -80,7 +80,7 @@ class AttractorMatcher:
         Relative to the size of each component, that within which two motions are the same.
     """
 
-    system: System
+    system: HybridSystem
     options: Options
     distance: float
 
@@ -352,13 +352,15 @@ def label_partial(table: pd.DataFrame) -> Seen:
     return Seen(named, attractors, pd.DataFrame({ATTRACTOR: []}))
 
 
-def state_of(system: System, row: Any) -> State:
+def state_of(system: HybridSystem, row: Any) -> State:
     """Return where the motion of a row was left."""
     components = {name: float(row[f"{name} {LEFT}"]) for name in system.states}
     return state_from(components, float(row[f"time {LEFT}"]), row[MODE] or None)
 
 
-def returns(attractors: pd.DataFrame, found: Sequence[Attractor], system: System) -> pd.DataFrame:
+def returns(
+    attractors: pd.DataFrame, found: Sequence[Attractor], system: HybridSystem
+) -> pd.DataFrame:
     """Return the table of the states at the returns of attractors."""
     none = np.empty((0, len(system.states)))
     seen = [none if one.states is None else one.states for one in found]

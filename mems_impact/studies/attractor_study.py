@@ -23,6 +23,7 @@ from mems_impact.errors import FunctionError, InvalidParameter
 from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.study import STATUS, Columns, Study, places_of
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.serialization.file import identity, identity_of_options
 from mems_impact.systems.statistics import (
     CHAOTIC,
@@ -34,7 +35,6 @@ from mems_impact.systems.statistics import (
     UNSETTLED,
     counted_periods,
 )
-from mems_impact.systems.system import System
 from mems_impact.tables import bare, captions, unit_of
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ RETURNS = "returns"
 
 
 def attractor_schema(
-    system: System,
+    system: HybridSystem,
     recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
 ) -> dict[str, str]:
     """Return the columns that tell what a motion comes to, each with its kind."""
@@ -161,7 +161,7 @@ class AttractorEvaluator:
     options : Options
     """
 
-    system: System
+    system: HybridSystem
     recurrence: RecurrenceOptions = field(default_factory=RecurrenceOptions)
     options: Options = STUDY_OPTIONS
 

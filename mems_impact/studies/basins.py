@@ -33,12 +33,12 @@ from mems_impact.studies.sampling import (
     box_of,
     check_sample,
 )
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.file import identity_of_state
 from mems_impact.systems.state import State, is_number, state_from
 from mems_impact.systems.statistics import FAILED
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -139,7 +139,7 @@ class Basins(Result):
     1.0
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     starts: Grid | Sample = field(repr=False)
     initial: State = field(repr=False)
     table: pd.DataFrame = field(repr=False)
@@ -215,7 +215,7 @@ class Basins(Result):
 
 @takes_system(start="initial")
 def basins(
-    system: System,
+    system: HybridSystem,
     *,
     x: tuple[str, ArrayLike] | None = None,
     y: tuple[str, ArrayLike] | None = None,
@@ -320,7 +320,7 @@ def basins(
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
     if not (is_number(distance) and 0.0 < distance < 1.0):
         raise InvalidParameter("distance", distance, "a number above 0 and below 1")
-    system.instant(start, system.problem(options))
+    system.hybrid_state(start, system.problem(options))
     measuring = AttractorEvaluator(system=system, recurrence=recurrence, options=options)
     study = BasinsStudy(
         starts=starts,
@@ -348,7 +348,7 @@ def basins(
     )
 
 
-def _starts(system: System, x: Any, y: Any, box: Any, sample: tuple[Any, Any, Any]) -> Any:
+def _starts(system: HybridSystem, x: Any, y: Any, box: Any, sample: tuple[Any, Any, Any]) -> Any:
     """Return where motions start, as it was given."""
     if box is not None:
         if x is not None or y is not None:

@@ -23,11 +23,11 @@ from mems_impact.studies.attractor_study import (
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import Columns
 from mems_impact.studies.sampling import Axis, axis, check_apart, identity_of_axis
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.file import identity_of_state
 from mems_impact.systems.state import State, state_from
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -86,7 +86,7 @@ class MapStudy(AttractorStudy):
             self.y.name: np.array(self.y.values)[numbers // count],
         }
 
-    def _system(self, number: int) -> System:
+    def _system(self, number: int) -> HybridSystem:
         row, column = divmod(number, len(self.x.values))
         values = {self.x.name: self.x.values[column], self.y.name: self.y.values[row]}
         return self.measuring.system.changed(**values)
@@ -127,7 +127,7 @@ class OperatingMap(Result):
     [[1.0, 1.0], [0.0, 1.0]]
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
     x: Axis = field(repr=False)
     y: Axis = field(repr=False)
     table: pd.DataFrame = field(repr=False)
@@ -172,7 +172,7 @@ class OperatingMap(Result):
 
 @takes_system(start="initial")
 def operating_map(
-    system: System,
+    system: HybridSystem,
     *,
     x: tuple[str, ArrayLike],
     y: tuple[str, ArrayLike],
@@ -248,7 +248,7 @@ def operating_map(
         start = state_from(start)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.instant(start, system.problem(options))
+    system.hybrid_state(start, system.problem(options))
     study = MapStudy(
         x=across,
         y=up,

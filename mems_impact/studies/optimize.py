@@ -25,10 +25,10 @@ from mems_impact.studies.sensitivity import (
     first_order_deviations,
 )
 from mems_impact.studies.trust_region import HOLDS, Iterate, LocalModel, search
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number, whole
-from mems_impact.systems.system import System
 from mems_impact.tables import unit_of
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class Optimum(Result):
     converged: bool
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The orbit's."""
         return self.orbit.system
 
@@ -448,7 +448,7 @@ class Objective:
             for other in found.edge
         ]
 
-    def _history(self, taken: list[Iterate[Orbit]], system: System) -> pd.DataFrame:
+    def _history(self, taken: list[Iterate[Orbit]], system: HybridSystem) -> pd.DataFrame:
         import pandas as pd
 
         rows = []
@@ -480,7 +480,7 @@ def _sequence(orbit: Orbit) -> str:
 
 
 def _quantity(
-    system: System, wanted: str | Quantity, tolerances: Mapping[str, float | str]
+    system: HybridSystem, wanted: str | Quantity, tolerances: Mapping[str, float | str]
 ) -> Quantity:
     """Return a quantity, or the standard deviation of one with the parameters."""
     if isinstance(wanted, Quantity) or not wanted.startswith(STANDARD_DEVIATION):
@@ -496,7 +496,7 @@ def _quantity(
     return Quantity(wanted, deviation, inner.unit, solved=True)
 
 
-def _checked_bounds(system: System, over: Bounds) -> dict[str, tuple[float, float]]:
+def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float, float]]:
     if not over:
         raise InvalidParameter("over", over, "one or more parameters with their bounds")
     found = {}
@@ -563,7 +563,7 @@ class ParetoFront(Result):
     failed: tuple[str, ...] = ()
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """That of the orbit where the searches began."""
         return self.start.system
 

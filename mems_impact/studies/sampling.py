@@ -17,8 +17,8 @@ from scipy.stats import binomtest, qmc
 
 from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.state import is_number, whole
-from mems_impact.systems.system import System
 
 __all__ = [
     "FIRST",
@@ -78,7 +78,7 @@ def identity_of_axis(given: Axis) -> dict[str, Any]:
     return {"name": given.name, "values": list(given.values)}
 
 
-def check_apart(x: Axis, y: Axis, system: System) -> None:
+def check_apart(x: Axis, y: Axis, system: HybridSystem) -> None:
     """Raise InvalidParameter if two axes are one."""
     if x.name == y.name:
         others = ", ".join(name for name in system.parameters if name != x.name)
@@ -158,7 +158,7 @@ def part_of(text: Any) -> float | None:
 
 
 def deviations(
-    tolerances: Mapping[str, float | str], system: System, known: Sequence[str] | None = None
+    tolerances: Mapping[str, float | str], system: HybridSystem, known: Sequence[str] | None = None
 ) -> dict[str, float]:
     """Return standard deviations in the units of the parameters.
 
@@ -178,7 +178,7 @@ def deviations(
     return found
 
 
-def relative_distribution(name: str, text: str, system: System) -> Any:
+def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
     """Return a distribution about the system's own value of a parameter, frozen.
 
     Of "5%" the normal one of that standard deviation, of "uniform: 5%" as much to either side.
@@ -196,7 +196,7 @@ def relative_distribution(name: str, text: str, system: System) -> Any:
     return stats.norm(value, spread)
 
 
-def _size(field: str, name: str, system: System) -> float:
+def _size(field: str, name: str, system: HybridSystem) -> float:
     size = abs(system.value(name))
     if size == 0.0:
         problem = f"{name} is 0, of which no part can be taken; give the tolerance in its unit"
@@ -237,7 +237,7 @@ class ParameterSample:
     identity: dict[str, Any]
 
 
-def distributions(over: Any, system: System) -> dict[str, Any]:
+def distributions(over: Any, system: HybridSystem) -> dict[str, Any]:
     """Return distributions by name, those that are told as a part of a parameter about its value.
 
     InvalidParameter unless the others are frozen ones of scipy.stats.
@@ -257,7 +257,7 @@ def distributions(over: Any, system: System) -> dict[str, Any]:
 
 
 def draw(
-    system: System,
+    system: HybridSystem,
     over: Mapping[str, Any],
     making: Making | None,
     *,
@@ -330,7 +330,7 @@ def matrices(draws: ParameterSample, values: Floats) -> tuple[Floats, Floats, Fl
 
 
 def _made(
-    system: System, names: tuple[str, ...], values: Floats, making: Making | None
+    system: HybridSystem, names: tuple[str, ...], values: Floats, making: Making | None
 ) -> tuple[tuple[str, ...], Floats]:
     """Return the parameters of the system that are made of what is drawn."""
     known = system.parameters

@@ -15,7 +15,7 @@ from mems_impact.analysis.orbit import Orbit, orbit_of
 from mems_impact.analysis.special_points import check_kind
 from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.orbit_branch import OrbitBranch, points_of
-from mems_impact.errors import FunctionError, InvalidParameter, OrbitError
+from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.hybrid.automaton import Automaton
 from mems_impact.hybrid.problem import Problem, ProblemParameters
 from mems_impact.hybrid.variational.derivatives import Arc, Event
@@ -25,10 +25,10 @@ from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, rate_gradient, touch_gradient
 from mems_impact.studies.sampling import deviations
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Quantity
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import is_number
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -222,7 +222,7 @@ def derivatives(
 
 
 def _along_solved(
-    system: System, quantities: Sequence[Quantity], beside: TangentOrbit, size: float
+    system: HybridSystem, quantities: Sequence[Quantity], beside: TangentOrbit, size: float
 ) -> Floats:
     for part in SOLVED_STEPS[:-1]:
         try:
@@ -233,7 +233,7 @@ def _along_solved(
 
 
 def _central(
-    system: System,
+    system: HybridSystem,
     quantities: Sequence[Quantity],
     at: Callable[[float], PeriodicOrbit],
     h: float,
@@ -246,7 +246,7 @@ def _central(
 
 
 def chosen_quantities(
-    system: System, wanted: Sequence[str | Quantity] | None
+    system: HybridSystem, wanted: Sequence[str | Quantity] | None
 ) -> tuple[Quantity, ...]:
     """Return the quantities of a system by name; all but costly ones by default.
 
@@ -279,23 +279,32 @@ REMEDY = "take a shorter way"
 
 
 @dataclass(frozen=True)
-class _Line:
-    """The problems on a straight line in the space of parameters, from 0 to 1."""
+class LineFamily(Family):
+    """The problems on a straight line in the space of parameters, by the part of the way."""
 
     family: Family
     target: Mapping[str, float]
 
-    def __call__(self, values: Mapping[str, float]) -> Problem:
-        return self._at(values).problem()
-
-    def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
-        return self._at(values).numbers()
-
-    @cached_property
+    @property
     def automaton(self) -> Automaton:
         return self.family.automaton
 
-    def _at(self, values: Mapping[str, float]) -> Family:
+    def problem(self) -> Problem:
+        return self._there(self.values).problem()
+
+    def with_method(self, method: str) -> LineFamily:
+        return replace(self, family=self.family.with_method(method))
+
+    def numbers(self, /, **changes: float) -> ProblemParameters:
+        return self._there({**self.values, **changes}).numbers()
+
+    def amount(self, heading: str, value: float) -> str:
+        return self.family.amount(heading, value)
+
+    def convert(self, error: RunError) -> None:
+        self.family.convert(error)
+
+    def _there(self, values: Mapping[str, float]) -> Family:
         part, start = values[PART], self.family.values
         way = {name: start[name] + part * (end - start[name]) for name, end in self.target.items()}
         return self.family.at(**way)
@@ -348,7 +357,7 @@ def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 def _followed(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at the end of a straight way, still in the family of that way."""
     found = orbit.found
-    line = Family(_Line(found.family, dict(target)), {PART: 0.0})
+    line = LineFamily({PART: 0.0}, found.family, dict(target))
     shooting = Shooting(line, found.segments, (), found.shooting.pinned, found.shooting.phase)
     branch = OrbitBranch(PART)
     begin = replace(found, family=line, shooting=shooting)
@@ -505,7 +514,7 @@ class Sensitivity(Result):
     derivatives: Floats = field(repr=False)
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """The orbit's."""
         return self.orbit.system
 
@@ -686,7 +695,7 @@ def first_order_deviations(gradients: Floats, tolerances: Mapping[str, float]) -
     return np.asarray(np.sqrt(((gradients * np.array(list(tolerances.values()))) ** 2).sum(-1)))
 
 
-def _all_parameters(system: System) -> tuple[str, ...]:
+def _all_parameters(system: HybridSystem) -> tuple[str, ...]:
     names = []
     for name in system.parameters:
         try:

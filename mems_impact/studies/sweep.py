@@ -31,11 +31,11 @@ from mems_impact.hybrid.problem import is_compiled
 from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.scheduler import run_study
 from mems_impact.studies.engine.study import STATUS, Columns, Study
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.serialization.file import identity, identity_of_options, identity_of_state
 from mems_impact.systems.state import State, is_number, state_from, whole
 from mems_impact.systems.statistics import maxima
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +68,7 @@ class SweepStudy(Study):
     options : Options
     """
 
-    system: System
+    system: HybridSystem
     parameter: str
     values: tuple[float, ...]
     starts: Mapping[str, State]
@@ -137,7 +137,7 @@ class SweepStudy(Study):
             options = replace(self.options, engine="compiled")
             simulate(case, **self._lasting(1e-3), initial=start, options=options)
 
-    def case(self, number: int) -> System:
+    def case(self, number: int) -> HybridSystem:
         """Return the system of a point; InvalidParameter if its value is not allowed."""
         return self.system.changed(**{self.parameter: self._value(number)})
 
@@ -184,13 +184,15 @@ class SweepStudy(Study):
         return sweep_tables.columns_of(self.parameter, points, *self._told)
 
     @property
-    def _told(self) -> tuple[tuple[str, ...], tuple[str, ...], System]:
-        return self._states, tuple(self.system.told), self.system
+    def _told(self) -> tuple[tuple[str, ...], tuple[str, ...], HybridSystem]:
+        return self._states, tuple(self.system.sweep_statistics), self.system
 
     @cached_property
     def _states(self) -> tuple[str, ...]:
         """The states that are told of every crossing: those by which orbits are shown first."""
-        return tuple(dict.fromkeys([*self.system.shown, *reversed(self.system.visible)]))
+        return tuple(
+            dict.fromkeys([*self.system.displayed_states, *reversed(self.system.section_states)])
+        )
 
     def _direction(self, number: int) -> str:
         return list(self.starts)[number // len(self.values)]
@@ -208,7 +210,7 @@ class SweepStudy(Study):
             "status": "ok",
         }
 
-    def _run(self, system: System, point: Point, start: State, watch: Watch | None) -> State:
+    def _run(self, system: HybridSystem, point: Point, start: State, watch: Watch | None) -> State:
         """Compute one value into its part of the table; return the last good state."""
         first, whole = self.transient, self.transient + self.length
         if system.forced:
@@ -222,7 +224,9 @@ class SweepStudy(Study):
                 options=self.options,
                 progress=watch or False,
             )
-            statistics = {name: system.out(name, run.gathered[name]) for name in system.told}
+            statistics = {
+                name: system.out(name, run.gathered[name]) for name in system.sweep_statistics
+            }
         except (RunError, InvalidParameter, FunctionError) as error:
             point["status"] = str(error)
             return start
@@ -238,7 +242,7 @@ class SweepStudy(Study):
         """Return the argument of `simulate` that says how long."""
         return {"periods" if self.system.forced else "duration": length}
 
-    def _forced(self, system: System, run: Run) -> tuple[Floats, Floats]:
+    def _forced(self, system: HybridSystem, run: Run) -> tuple[Floats, Floats]:
         """Return in which periods the section is crossed, and the states there.
 
         Where periods begin, without a section.
@@ -254,7 +258,7 @@ class SweepStudy(Study):
         settled = (cycle - self.transient) * trajectory.period + time >= trajectory.start.time
         return (cycle[settled] - self.transient).astype(float), y[settled]
 
-    def _unforced(self, system: System, run: Run) -> tuple[Floats, Floats]:
+    def _unforced(self, system: HybridSystem, run: Run) -> tuple[Floats, Floats]:
         """Return the numbers of the crossings of the section, from 0, and the states there.
 
         Without a section the maxima of each state, the k-th of all in one row.
@@ -272,7 +276,7 @@ class SweepStudy(Study):
         return np.arange(float(len(y))), y
 
 
-def _period_of(system: System) -> float:
+def _period_of(system: HybridSystem) -> float:
     """Return the forcing period, in the units of the system."""
     return system.forcing_period or 1.0
 
@@ -294,7 +298,7 @@ CHAINS = {"up": ("up",), "down": ("down",), "both": ("up", "down")}
 
 @takes_system(start="initial")
 def sweep(
-    system: System,
+    system: HybridSystem,
     parameter: str,
     values: ArrayLike,
     *,
@@ -410,7 +414,7 @@ def sweep(
         with contextlib.suppress(FunctionError):  # a row with its reason
             study.case(number)  # all values are checked before the first is computed
     for start in study.starts.values():
-        system.instant(start, system.problem(options))
+        system.hybrid_state(start, system.problem(options))
     try:
         return run_study(
             study,
@@ -426,7 +430,7 @@ def sweep(
 
 
 def _spans(
-    system: System, transient: float | None, periods: int | None, duration: float | None
+    system: HybridSystem, transient: float | None, periods: int | None, duration: float | None
 ) -> tuple[float, float]:
     """Return how long each value settles and is measured: forcing periods, or times without."""
     if system.forced:
@@ -451,7 +455,7 @@ def _spans(
     return float(transient), float(duration)
 
 
-def _initial(initial: State | Mapping[str, State] | None, name: str, system: System) -> State:
+def _initial(initial: State | Mapping[str, State] | None, name: str, system: HybridSystem) -> State:
     if isinstance(initial, Mapping):
         unknown = set(initial) - {"up", "down"}
         if unknown:
@@ -464,7 +468,7 @@ def _initial(initial: State | Mapping[str, State] | None, name: str, system: Sys
     return initial
 
 
-def _changed_if_valid(system: System, parameter: str, value: float) -> System:
+def _changed_if_valid(system: HybridSystem, parameter: str, value: float) -> HybridSystem:
     """Return the system at a value; as it is where a function of the user's fails there."""
     try:
         return system.changed(**{parameter: value})

@@ -39,11 +39,11 @@ from mems_impact.studies.sampling import (
     matrices,
     wilson,
 )
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization.file import identity_of_state
 from mems_impact.systems.state import State, is_number, state_from
-from mems_impact.systems.system import System
 
 __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
 
@@ -294,7 +294,7 @@ class ToleranceAnalysis(Spread, Result):
     (('e',), 16)
     """
 
-    system: System = field(repr=False)
+    system: HybridSystem = field(repr=False)
 
     def __repr__(self) -> str:
         drawn, counted = ", ".join(self.drawn), self._counted()
@@ -315,7 +315,7 @@ class ToleranceAnalysis(Spread, Result):
 
 @takes_system(start="initial")
 def tolerance_analysis(
-    system: System,
+    system: HybridSystem,
     *,
     over: Mapping[str, Any],
     parameters: Making | None = None,
@@ -425,7 +425,7 @@ def tolerance_analysis(
         start = state_from(start)
     if not isinstance(recurrence, RecurrenceOptions):
         raise InvalidParameter("recurrence", recurrence, "a RecurrenceOptions(…)")
-    system.instant(start, system.problem(options))
+    system.hybrid_state(start, system.problem(options))
     if parameters is not None and not callable(parameters):
         allowed = "a function that takes what is drawn by name and returns parameters by name"
         raise InvalidParameter("parameters", parameters, allowed)

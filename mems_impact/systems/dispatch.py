@@ -9,7 +9,7 @@ from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar, cast, overloa
 
 from mems_impact._util.warning_scopes import warned_once
 from mems_impact.errors import InvalidParameter, RunError
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 
 __all__ = ["Verb", "takes_system"]
 
@@ -21,7 +21,7 @@ Result = TypeVar("Result", covariant=True)
 class Drivable(Protocol):
     """What makes a system, given what drives it."""
 
-    def under(self, drive: Any) -> System:
+    def under(self, drive: Any) -> HybridSystem:
         """Return the system."""
 
 
@@ -29,7 +29,7 @@ class Done(Protocol):
     """A run or an orbit, which stands for its system and for where it ended."""
 
     @property
-    def system(self) -> System:
+    def system(self) -> HybridSystem:
         """Its system."""
 
 
@@ -39,7 +39,9 @@ class Verb(Protocol[P, Result]):
     __name__: str
 
     @overload
-    def __call__(self, system: System | Done, /, *rest: P.args, **named: P.kwargs) -> Result: ...
+    def __call__(
+        self, system: HybridSystem | Done, /, *rest: P.args, **named: P.kwargs
+    ) -> Result: ...
 
     @overload
     def __call__(
@@ -55,7 +57,7 @@ class Verb(Protocol[P, Result]):
 
 def takes_system(
     start: str,
-) -> Callable[[Callable[Concatenate[System, P], R]], Verb[P, R]]:
+) -> Callable[[Callable[Concatenate[HybridSystem, P], R]], Verb[P, R]]:
     """Let a verb be called with what makes a system in place of its first argument.
 
     ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
@@ -63,7 +65,7 @@ def takes_system(
     or an orbit stands for its system, and for where it ended: the verb's argument `start`.
     """
 
-    def decorated(verb: Callable[Concatenate[System, P], R]) -> Verb[P, R]:
+    def decorated(verb: Callable[Concatenate[HybridSystem, P], R]) -> Verb[P, R]:
         first = next(iter(inspect.signature(verb).parameters))
 
         @functools.wraps(verb)
@@ -71,13 +73,13 @@ def takes_system(
             rest = list(arguments)
             typed = "actuator" if "actuator" in named else first
             model = rest.pop(0) if rest else named.pop(typed, None)
-            if isinstance(getattr(model, "system", None), System):
+            if isinstance(getattr(model, "system", None), HybridSystem):
                 here = getattr(model, "final", getattr(model, "state", None))
                 if here is None:
                     allowed = "a System, an Actuator and a Drive, a Run or an Orbit"
                     raise InvalidParameter(typed, model, allowed)
                 system, named = model.system.without_until, {start: here, **named}
-            elif isinstance(model, System):
+            elif isinstance(model, HybridSystem):
                 system = model
             elif hasattr(model, "under"):
                 drive = named.pop("drive") if "drive" in named else rest.pop(0) if rest else None

@@ -1,20 +1,28 @@
-"""Observables of runs and quantities of orbits."""
+"""Observables of runs, quantities of orbits, and what gathers them over a window of a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
-from mems_impact.tables import unit_of
+from mems_impact.hybrid.simulation import Events
+from mems_impact.hybrid.state import HybridState
 
-if TYPE_CHECKING:
-    from mems_impact.systems.system import System
-
-__all__ = ["MULTIPLIER", "Observable", "Quantity", "general_quantities"]
+__all__ = [
+    "MULTIPLIER",
+    "EventObserver",
+    "Observable",
+    "Quantity",
+    "StatisticsAccumulator",
+    "TimeWindow",
+]
 
 # --- Observables: quantities that a model adds to tables and studies.
 
@@ -108,55 +116,93 @@ class Quantity:
         return float(self.function(orbit))
 
 
-def _largest_multiplier(orbit: Any) -> float:
+def largest_multiplier(orbit: Any) -> float:
     return math.inf if orbit.found.touches else float(abs(orbit.multipliers[0]))
 
 
-def _closest_approach(orbit: Any) -> float:
+def closest_approach(orbit: Any) -> float:
     return orbit.closest_approach
 
 
-def _impact_speed(orbit: Any) -> float:
+def impact_speed(orbit: Any) -> float:
     return max(orbit.impact_speeds, default=math.nan)
 
 
-def _period(orbit: Any) -> float:
+def period(orbit: Any) -> float:
     return orbit.period
 
 
-def _gain(orbit: Any, *, state: str) -> float:
+def gain(orbit: Any, *, state: str) -> float:
     return orbit.gains[state] / orbit.periods
 
 
-def _observable(orbit: Any, *, name: str) -> float:
+def observable(orbit: Any, *, name: str) -> float:
     return orbit.observables[name]
 
 
-MULTIPLIER = Quantity("largest multiplier", _largest_multiplier, solved=True)
+MULTIPLIER = Quantity("largest multiplier", largest_multiplier, solved=True)
 
 
-def general_quantities(system: System) -> tuple[Quantity, ...]:
-    """Return the quantities of the orbits of any system.
+class StatisticsAccumulator(Protocol):
+    """Takes the events of a run as they come and says at the end what they amount to."""
 
-    What each cyclic state gains per period, its observables (over the orbit, as in the tables of
-    branches), the period of a limit cycle, the largest impact speed, the closest approach, and the
-    largest modulus of a multiplier.
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    def anchor(self, border: int) -> HybridState:
+        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
+
+    def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
+        """Return the statistics of a run that ended at `final`.
+
+        `borders` are the states where the window begins and ends.
+        """
+
+
+class EventObserver(Protocol):
+    """Looks at the events of a run as they come, and tells what the user should know of it."""
+
+    def __call__(self, events: Events) -> None:
+        """Take the next chunk of events."""
+
+    def tell(self, final: HybridState) -> None:
+        """Tell it of a run that ended at `final`."""
+
+
+@dataclass(frozen=True)
+class TimeWindow:
+    """The part of a run that statistics are about.
+
+    Attributes
+    ----------
+    first, last : float
+        In periods; half open: an event at its end is outside.
+    period : float
     """
-    units, states = system.units, system.states
-    cyclic = [states[i] for i in system.automaton.cyclic]
-    each = "period" if system.forced else "cycle"
-    found: list[Any] = [
-        Quantity(f"{state} per {each}", partial(_gain, state=state), unit_of(state, units))
-        for state in cyclic
-    ]
-    found += [
-        Quantity(other.name, partial(_observable, name=other.name), unit_of(other.name, units))
-        for other in system.observables
-    ]
-    if not system.forced:
-        found.append(Quantity("period", _period, unit_of("time", units)))
-    if any(guard.impact for guard in system.automaton.guards):
-        found.append(Quantity("impact speed", _impact_speed, unit_of("impact speed", units)))
-        closest = "closest approach"
-        found.append(Quantity(closest, _closest_approach, unit_of(closest, units)))
-    return (*found, MULTIPLIER)
+
+    first: float
+    last: float
+    period: float
+
+    def instant(self, border: int) -> tuple[int, float]:
+        """Return a border as whole periods and the time within the next one."""
+        periods = (self.first, self.last)[border]
+        whole = math.floor(periods)
+        return whole, (periods - whole) * self.period
+
+    def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
+        """Return the times from the beginning (0) or end (1) of the window."""
+        at_cycle, at_time = self.instant(border)
+        # Periods are counted in integers first, so that late ones lose no digits.
+        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
+        return result
+
+    def contains(self, events: Events) -> NDArray[np.bool_]:
+        """Return which events lie within."""
+        inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
+        return inside & (self.since(1, events.cycle, events.time) < 0.0)
+
+    def until(self, final: HybridState) -> TimeWindow:
+        """Return what lies before `final`: a run that failed may have ended within, or before."""
+        reached = final.cycle + final.time / self.period
+        return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,8 @@ from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Samples, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.orbits.period_detection import flow_at
-
-if TYPE_CHECKING:
-    from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.observables import StatisticsAccumulator, TimeWindow
 
 __all__ = [
     "CHAOTIC",
@@ -33,11 +32,8 @@ __all__ = [
     "RESTING",
     "SAMPLES_PER_PERIOD",
     "UNSETTLED",
-    "EventObserver",
     "Moments",
     "RunStatistics",
-    "StatisticsAccumulator",
-    "TimeWindow",
     "closest_approach",
     "counted_periods",
     "evaluate_observables",
@@ -203,32 +199,6 @@ class Moments:
 # --- Statistics of a run, gathered while it goes on, so that long runs need no more memory.
 
 
-class StatisticsAccumulator(Protocol):
-    """Takes the events of a run as they come and says at the end what they amount to."""
-
-    def __call__(self, events: Events) -> None:
-        """Take the next chunk of events."""
-
-    def anchor(self, border: int) -> HybridState:
-        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
-
-    def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
-        """Return the statistics of a run that ended at `final`.
-
-        `borders` are the states where the window begins and ends.
-        """
-
-
-class EventObserver(Protocol):
-    """Looks at the events of a run as they come, and tells what the user should know of it."""
-
-    def __call__(self, events: Events) -> None:
-        """Take the next chunk of events."""
-
-    def tell(self, final: HybridState) -> None:
-        """Tell it of a run that ended at `final`."""
-
-
 class LazyStatistics:
     """A gatherer that takes the events of a run when it is first asked for what they amount to.
 
@@ -255,45 +225,6 @@ class LazyStatistics:
             gatherer(self._events[first : first + length])
             first += length
         return gatherer
-
-
-@dataclass(frozen=True)
-class TimeWindow:
-    """The part of a run that statistics are about.
-
-    Attributes
-    ----------
-    first, last : float
-        In periods; half open: an event at its end is outside.
-    period : float
-    """
-
-    first: float
-    last: float
-    period: float
-
-    def instant(self, border: int) -> tuple[int, float]:
-        """Return a border as whole periods and the time within the next one."""
-        periods = (self.first, self.last)[border]
-        whole = math.floor(periods)
-        return whole, (periods - whole) * self.period
-
-    def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
-        """Return the times from the beginning (0) or end (1) of the window."""
-        at_cycle, at_time = self.instant(border)
-        # Periods are counted in integers first, so that late ones lose no digits.
-        result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
-        return result
-
-    def contains(self, events: Events) -> NDArray[np.bool_]:
-        """Return which events lie within."""
-        inside: NDArray[np.bool_] = self.since(0, events.cycle, events.time) >= 0.0
-        return inside & (self.since(1, events.cycle, events.time) < 0.0)
-
-    def until(self, final: HybridState) -> TimeWindow:
-        """Return what lies before `final`: a run that failed may have ended within, or before."""
-        reached = final.cycle + final.time / self.period
-        return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)
 
 
 class WindowCheckpoints:
@@ -348,7 +279,7 @@ class RunStatistics:
     """What is told of any system: events by guard, shares of modes, and its observables."""
 
     def __init__(
-        self, system: System, problem: Problem, start: HybridState, window: TimeWindow
+        self, system: HybridSystem, problem: Problem, start: HybridState, window: TimeWindow
     ) -> None:
         self.resume(system, problem)
         self._window = window
@@ -357,7 +288,7 @@ class RunStatistics:
         self._chatter = 0
         self._moments = {each.name: Moments() for each in system.observables if each.at}
 
-    def resume(self, system: System, problem: Problem) -> None:
+    def resume(self, system: HybridSystem, problem: Problem) -> None:
         """Go on for a system and what is integrated of it."""
         self._system, self._problem = system, problem
 
@@ -423,7 +354,9 @@ class RunStatistics:
         return values
 
 
-def evaluate_observables(system: System, problem: Problem, events: Events) -> dict[str, Floats]:
+def evaluate_observables(
+    system: HybridSystem, problem: Problem, events: Events
+) -> dict[str, Floats]:
     """Return the observables of a system at events; NaN where one does not apply."""
     names = [guard.name for guard in system.automaton.guards]
     found: dict[str, Floats] = {}
@@ -472,7 +405,7 @@ def ratio(part: float, whole: float) -> float:
 RETURN = "return time"  # of a system that nothing forces
 
 
-def measure_names(system: System) -> tuple[str, ...]:
+def measure_names(system: HybridSystem) -> tuple[str, ...]:
     """Return the headings of `measures`."""
     each = "period" if system.forced else "time"
     names = [f"impacts per {each}"]
@@ -489,12 +422,12 @@ def measure_names(system: System) -> tuple[str, ...]:
     return tuple(names) if system.forced else (*names, RETURN)
 
 
-def measures(system: System, settled: RecurrenceResult, period: float) -> dict[str, float]:
+def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
     """Return what was gathered of a point by heading, each in the unit that it has in tables.
 
     Parameters
     ----------
-    system : System
+    system : HybridSystem
     settled : RecurrenceResult
     period : float
         The period of the problem, in the units of the numerics.
@@ -532,7 +465,7 @@ def measures(system: System, settled: RecurrenceResult, period: float) -> dict[s
     return values
 
 
-def closest_approach(system: System, settled: RecurrenceResult) -> float:
+def closest_approach(system: HybridSystem, settled: RecurrenceResult) -> float:
     """Return the smallest gap at which bodies turned back without an impact; NaN without any."""
     guards = system.automaton.guards
     gaps = [

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
-from operator import itemgetter
-from typing import Any, ClassVar
+from functools import partial
+from typing import Any, Self
 
 import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import DIMENSIONLESS, Scales
-from mems_impact.errors import FunctionError, InvalidParameter, RunError
+from mems_impact.errors import FunctionError
 from mems_impact.hybrid.attractors.mapper import CompiledObservables, RecurrenceResult, observed
 from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.definition import (
@@ -30,256 +26,30 @@ from mems_impact.hybrid.definition import (
     writes_into_arrays,
 )
 from mems_impact.hybrid.diagnostics.user_functions import UserFunction, innermost_user_line
-from mems_impact.hybrid.pickling import portable, reference
-from mems_impact.hybrid.problem import Problem, ProblemParameters, Section, check_times
-from mems_impact.hybrid.simulation import Events, Trajectory
+from mems_impact.hybrid.pickling import reference
+from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
+from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
-from mems_impact.orbits.family import Family
 from mems_impact.systems import arguments
-from mems_impact.systems import observables as quantity
 from mems_impact.systems import validation as checks
-from mems_impact.systems.base import Shown
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.components import assembly
 from mems_impact.systems.components.assembly import assemble
 from mems_impact.systems.components.base import Part, Quantity
-from mems_impact.systems.observables import Observable
-from mems_impact.systems.result import deep_equal
+from mems_impact.systems.observables import Observable, StatisticsAccumulator, TimeWindow
 from mems_impact.systems.state import Mode, State
-from mems_impact.systems.statistics import (
-    EventObserver,
-    RunStatistics,
-    StatisticsAccumulator,
-    TimeWindow,
-    measure_names,
-    measures,
-)
-from mems_impact.systems.typical_scales import typical_of, warn_if_badly_scaled_orbit
+from mems_impact.systems.statistics import RunStatistics, measure_names, measures
+from mems_impact.systems.typical_scales import typical_of
 from mems_impact.systems.validation import check_parted
 from mems_impact.tables import name_of
 
-__all__ = ["Build", "System"]
-
-# --- The problems of a system at any values of its parameters, for families of orbits.
-
-
-@dataclass(frozen=True)
-class Build:
-    """The problem of a system at any values of its parameters."""
-
-    system: System
-    options: Options
-
-    @property
-    def automaton(self) -> Automaton:
-        """The same for all values."""
-        return self.system.automaton
-
-    def __call__(self, values: Mapping[str, float]) -> Problem:
-        """Return the problem at values in the units of the numerics."""
-        return self.system.at(values).problem(self.options)
-
-    def amount(self, heading: str, value: float) -> str:
-        """Return a number of the numerics in the system's units, to be printed."""
-        return self.system.amount(heading, value)
-
-    def convert(self, error: RunError) -> None:
-        """Let an error of a run tell all in the system's units."""
-        self.system.convert(error)
-
-    def by(self, method: str) -> Build:
-        """Return the same, to be integrated by another method."""
-        return Build(self.system, dataclasses.replace(self.options, method=method))
-
-    @functools.cached_property
-    def _here(self) -> dict[str, float]:
-        return self.system.internal_parameters
-
-    def numbers(self, values: Mapping[str, float]) -> ProblemParameters:
-        """Return what of that problem depends on the values, without making it."""
-        return self.system.numbers(self.system.parameter_changes(values, self._here))
-
-
-# --- From the functions and numbers of a user to those of the numerics, and back.
+__all__ = ["System"]
 
 Number = float | Callable[..., float]
 
 
-class Numerics(Shown):
-    """A system whose user has written functions: they, and what the event loop gets of them.
-
-    Where typical sizes are given, the numerics count in them; the functions never know.
-    """
-
-    _definition: Definition
-    _parameters: dict[str, float]
-    _period: Number | None
-    _switches: Sequence[float] | Callable[..., Sequence[float]]
-    _time_scale: Number | None
-    _section: Section | None
-    _typical: Typical | None = None
-    _begin: Callable[..., int] | None = None
-
-    @property
-    def automaton(self) -> Automaton:
-        """Modes, flow, guards and transitions, as the event loop takes them."""
-        if self._typical is None:
-            return automaton_of(self._definition)
-        return automaton_of(scaled(self._definition, self._typical))
-
-    @property
-    def is_scaled(self) -> bool:
-        """Whether the numerics count in typical sizes."""
-        return self._typical is not None
-
-    def factor(self, heading: str) -> float:
-        """Return the unit of the numerics for what stands under a heading."""
-        if self._typical is None:
-            return super().factor(heading)
-        sizes = self._typical
-        found = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
-        found |= zip(self._parameters, sizes.parameters, strict=True)
-        return found.get(name_of(heading, found), 1.0)
-
-    def margin_unit(self, guard: str) -> float:
-        """Return the unit of the numerics for the margin of a guard."""
-        sizes = dict(self._typical.margins) if self._typical else {}
-        return sizes.get(guard, 1.0)
-
-    @property
-    def section(self) -> Section | None:
-        """The Poincaré section: component, level, direction; in the units of the numerics."""
-        if self._section is None:
-            return None
-        state, level, direction = self._section
-        return state, self.into(self.states[state], level), direction
-
-    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return what of the problem depends on the parameters, in the units of the numerics.
-
-        Parameters
-        ----------
-        changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: differences by
-            a parameter at the end of its range look beyond it, as do trial steps.
-        """
-        p = self._named({**self._parameters, **(changes or {})}.values())
-        time = self.factor("time")
-        period = _in_units(arguments.number("period", self._period, p), time)
-        scale = _in_units(arguments.number("time_scale", self._time_scale, p), time)
-        tail = np.zeros(hidden_parameters(self._definition))
-        unit = scale if scale is not None else period if period is not None else 1.0
-        tail[0] = RATE_STEP * unit
-        switches = arguments.times("switches", self._switches, p)
-        return ProblemParameters(
-            parameters=np.concatenate([self._to_internal(p), tail]),
-            period=period if period is not None else unit,
-            switches=tuple(switch / time for switch in switches),
-            time_scale=scale,
-        )
-
-    @property
-    def forced(self) -> bool:
-        """Whether the system has a forcing period; a function that gives it is not asked."""
-        return self._period is not None if "_period" in vars(self) else super().forced
-
-    @property
-    def forcing_period(self) -> float | None:
-        """The forcing period; None for a system without forcing."""
-        return arguments.number("period", self._period, self._named(self._parameters.values()))
-
-    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
-        """Return the mode of a state whose mode is not given; `y` may be put right.
-
-        Where several fit, as within the hysteresis of a relay, it is `mode` if that is one of them.
-        """
-        if self._begin is None:
-            return mode
-        when, state = self.out("time", time), self._state(y)
-        try:
-            return int(self._begin(mode, when, state, self._to_user(problem)))
-        except ArithmeticError as error:
-            raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
-            place = innermost_user_line(error.__traceback__, self._begin)
-            if place[0]:  # in a function of the user's
-                remedy = "let it have a value wherever a run starts"
-            raise FunctionError("the flow with its parts", raised, remedy, *place) from error
-
-    def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
-        """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""
-        automaton = problem.automaton
-        if mode in automaton.constrained:  # of a state that is there already
-            p = np.asarray(problem.parameters, dtype=float)
-            return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
-        return self.mode_of(y, 0.0, problem, mode) == mode
-
-    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable, which has a unit of its own, of a state of the numerics."""
-        return _observable_value(observable, self._state(y), self._to_user(problem))
-
-    def evaluate_event_observable(
-        self, observable: Observable, events: Events, i: int, problem: Problem
-    ) -> float:
-        """Return an observable, which has a unit of its own, at an event of the numerics."""
-        p = self._to_user(problem)
-        before, after = self._state(events.before[i]), self._state(events.after[i])
-        mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
-        return _observable_value(observable, mode, time, before, after, p)
-
-    @property
-    def observed(self) -> CompiledObservables:
-        """The observables that studies gather, as one function of the numerics."""
-        guards = [guard.name for guard in self.automaton.guards]
-        return observed(
-            tuple(
-                (each.name, each.function, tuple(guards.index(name) for name in each.at))
-                for each in self.study_observables
-            ),
-            self.states,
-            tuple(self._parameters),
-            writes_into_arrays(self._definition.flow),
-            self._typical,
-        )
-
-    def _named(self, values: Iterable[float]) -> Any:
-        return named_tuple("Parameters", tuple(self._parameters))(*values)
-
-    def _state(self, y: Floats) -> Any:
-        """Return a state by name, as functions read it; as a list where they take an array."""
-        values = (y if self._typical is None else y * np.array(self._typical.states)).tolist()
-        if writes_into_arrays(self._definition.flow):
-            return values
-        return named_tuple("State", self.states)(*values)
-
-    def _to_internal(self, p: Any) -> Floats:
-        """Return parameters in the units of the numerics."""
-        values = np.array(p, dtype=float)
-        return values if self._typical is None else values / np.array(self._typical.parameters)
-
-    def _to_user(self, problem: Problem) -> Any:
-        """Return the parameters of a problem by name, as functions read them."""
-        values = problem.parameters[: len(self._parameters)]
-        if self._typical is not None:
-            values = values * np.array(self._typical.parameters)
-        return self._named(values.tolist())
-
-    def _own_time(self) -> float:
-        """Return a time within which something happens, as far as it is known."""
-        p = self._named(self._parameters.values())
-        scale = arguments.number("time_scale", self._time_scale, p)
-        period = arguments.number("period", self._period, p)
-        return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
-
-
-def _in_units(value: float | None, unit: float) -> float | None:
-    return None if value is None else value / unit
-
-
-# --- A system: an automaton with named parameters and all that the verbs of the package ask of
-# it.
-
-
-class System(Numerics):
+class System(HybridSystem):
     """A system that switches between smooth modes, from functions that read like its equations.
 
     Parameters
@@ -366,9 +136,13 @@ class System(Numerics):
     3
     """
 
-    # The classes of its runs and orbits, where a kind of system adds tables of its own.
-    run_type: ClassVar[Any] = None
-    orbit_type: ClassVar[Any] = None
+    _parameters: dict[str, float]
+    _period: Number | None
+    _switches: Sequence[float] | Callable[..., Sequence[float]]
+    _time_scale: Number | None
+    _section: Section | None
+    _begin: Callable[..., int] | None = None
+    definition: Definition
 
     def __init__(
         self,
@@ -420,7 +194,7 @@ class System(Numerics):
             check_parted(flow, names, self._parameters, signs, start.as_dict())
             flow, switch_transition, guards, modes, self._begin, constrained, projection = made
         called = arguments.mode_names(modes, guards)
-        self._definition = Definition(
+        self.definition = Definition(
             states=names,
             modes=called,
             parameters=tuple(self._parameters),
@@ -440,23 +214,21 @@ class System(Numerics):
         quantities = (each.name for each in self.observables)
         self._units = arguments.units(units, (*names, *self._parameters, *quantities))
         self._initial = arguments.initial(initial)
-        self._typical = None
+        self.typical = None
         sizes = arguments.sizes(typical)
         # In the user's own numbers, to which functions and messages belong.
         problem, time = self.problem(Options()), sizes.get("time")
-        checks.dry_run(self, self._definition, problem, time=time, meant=initial is not None)
+        checks.dry_run(self, self.definition, problem, time=time, meant=initial is not None)
         if sizes:
             del self._checked_numbers  # in other units
-            self._typical = typical_of(
+            self.typical = typical_of(
                 sizes,
-                definition=self._definition,
+                definition=self.definition,
                 values=self._parameters,
                 initial=self._initial.as_dict(),
                 units=self._units,
                 time=self._own_time(),
             )
-
-    # What each kind of system has in its own way; the actuator's stands in its own room.
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -478,30 +250,7 @@ class System(Numerics):
         """Where runs start if nothing else is said."""
         return self._initial
 
-    @property
-    def orbit_quantities(self) -> tuple[quantity.Quantity, ...]:
-        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know."""
-        return quantity.general_quantities(self)
-
-    def changed(self, /, **values: float) -> System:
-        """Return the system with other values of some parameters.
-
-        Parameters
-        ----------
-        **values : float
-
-        Raises
-        ------
-        InvalidParameter
-            If a name is none of the system's, or a value is not a number.
-        """
-        for name in values:
-            self.check_parameter(name)
-        other = self.shifted(values)
-        other._checked_numbers  # noqa: B018 - raises where they are not allowed
-        return other
-
-    def shifted(self, values: Mapping[str, float]) -> System:
+    def shifted(self, values: Mapping[str, float]) -> Self:
         """Return the system at values that may not be allowed, at which continuation looks."""
         other = self._copy()
         other._parameters = {**self._parameters, **arguments.numbers(values)}
@@ -509,21 +258,16 @@ class System(Numerics):
 
     def restored(
         self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
-    ) -> System:
+    ) -> Self:
         """Return the system at the values of a file, and in the units in which it counted."""
         other = self.shifted(values)
-        other._typical = typical
+        other.typical = typical
         return other
-
-    @property
-    def is_data_only(self) -> bool:
-        """Whether names and numbers say all of it; a file cannot hold functions."""
-        return False
 
     @property
     def functions(self) -> dict[str, str]:
         """Where its functions are defined, as ``module:name``: to be shown."""
-        definition = self._definition
+        definition = self.definition
         found: dict[str, Any] = {
             "flow": definition.flow,
             "switch_transition": definition.switch_transition,
@@ -547,14 +291,9 @@ class System(Numerics):
         other = self._copy()
         vars(other)["_unended"] = self
         arguments.function("until", until, *arguments.ARGUMENTS)
-        other._definition = ending(self._definition, until)
-        checks.check_end(self, other._definition, self.problem(Options()))
+        other.definition = ending(self.definition, until)
+        checks.check_end(self, other.definition, self.problem(Options()))
         return other
-
-    def standstill_test(self) -> Callable[[Trajectory], float | None]:
-        """Return what tells after how many periods a run stands still; None if it does not."""
-        problem = "of an actuator alone; give a function (mode, t, y, p) that falls through zero"
-        raise InvalidParameter("until", "still", "", problem=problem)
 
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow
@@ -571,95 +310,161 @@ class System(Numerics):
         """The headings of `measures`."""
         return measure_names(self)
 
-    def validity(self, problem: Problem, start: HybridState) -> EventObserver | None:
-        """Return what warns of a run that leaves the range in which the system's model holds."""
-        return None
-
-    def snap_to_mode(self, mode: int, y: Floats) -> Floats:
-        """Return a state that Newton's method has found, without what rounding made of it."""
-        return y
-
-    # What all kinds of system share.
-
-    def check_continued(self, name: str) -> None:
-        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
-        self.check_parameter(name)
-
-    def family(self, options: Options) -> Family:
-        """Return the problems for all values of the parameters, in the units of the numerics."""
-        if not self.is_scaled and self.forced:
-            warn_if_badly_scaled_orbit(self.numbers().period, self.parameters)
-        return Family(Build(self, options), self.internal_parameters)
-
-    def at(self, inner: Mapping[str, float]) -> System:
-        """Return the system at values in the units of the numerics, allowed or not."""
-        changes = self.parameter_changes(inner, self.internal_parameters)
-        return self.shifted(changes) if changes else self
-
-    def problem(self, options: Options) -> Problem:
-        """Return what the event loop integrates, in the units of the numerics."""
-        numbers = self._checked_numbers
-        written = "_definition" in vars(self)
-        return Problem(
-            automaton=self.automaton,
-            section=self.section,
-            options=options,
-            falls=partial(checks.tell_of_fall, self) if written else None,
-            **numbers._asdict(),
-        )
-
-    @cached_property
-    def _checked_numbers(self) -> ProblemParameters:
-        """What of the problem depends on the parameters, once for all problems of the system."""
-        numbers = self.numbers()
-        check_times(numbers, self.factor("time"), self.unit("time"))
-        return numbers
-
-    def __repr__(self) -> str:
-        values = ", ".join(f"{name}={value:.6g}" for name, value in self.parameters.items())
-        return f"{type(self).__name__}({self.name or ', '.join(self.states)}; {values})"
-
-    def summary(self) -> dict[str, Any]:
-        """Return states, modes, guards and parameters."""
-        return {
-            "states": ", ".join(self.states),
-            "modes": ", ".join(self.modes),
-            "guards": ", ".join(guard.name for guard in self.automaton.guards),
-            **{self.label(name): value for name, value in self.parameters.items()},
-        }
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, System):
-            return NotImplemented
-        return type(self) is type(other) and deep_equal(self._key(), other._key())
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        return hash((type(self), *self.parameters.items()))
-
-    def __copy__(self) -> System:
-        return self  # it does not change
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> System:
-        return self
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled, with functions fit to go to another process."""
-        state: dict[str, Any] = portable(self._given)
-        return state
+    @property
+    def checked_modes(self) -> set[int]:
+        """The modes in which its functions have been compared; to be added to."""
+        return checks.checked_modes(self.definition, self._period)
 
     @property
-    def _given(self) -> dict[str, Any]:
-        """What the system is made of, without what is derived of that."""
-        return {name: each for name, each in vars(self).items() if name != "_checked_numbers"}
+    def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
+        """What warns of a jump of the flow where steps become very short."""
+        return partial(checks.tell_of_fall, self, self.definition)
 
-    def _key(self) -> tuple[Any, ...]:
-        """Return all by which systems differ."""
-        return tuple(each for _, each in sorted(self._given.items(), key=itemgetter(0)))
+    @property
+    def automaton(self) -> Automaton:
+        """Modes, flow, guards and transitions, as the event loop takes them."""
+        if self.typical is None:
+            return automaton_of(self.definition)
+        return automaton_of(scaled(self.definition, self.typical))
 
-    def _copy(self) -> System:
-        other = object.__new__(type(self))
-        other.__dict__.update(self._given)
-        return other
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the numerics count in typical sizes."""
+        return self.typical is not None
+
+    def factor(self, heading: str) -> float:
+        """Return the unit of the numerics for what stands under a heading."""
+        if self.typical is None:
+            return super().factor(heading)
+        sizes = self.typical
+        found = dict(zip(self.states, sizes.states, strict=True), time=sizes.time)
+        found |= zip(self._parameters, sizes.parameters, strict=True)
+        return found.get(name_of(heading, found), 1.0)
+
+    def margin_unit(self, guard: str) -> float:
+        """Return the unit of the numerics for the margin of a guard."""
+        sizes = dict(self.typical.margins) if self.typical else {}
+        return sizes.get(guard, 1.0)
+
+    @property
+    def section(self) -> Section | None:
+        """The Poincaré section: component, level, direction; in the units of the numerics."""
+        if self._section is None:
+            return None
+        state, level, direction = self._section
+        return state, self.into(self.states[state], level), direction
+
+    def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
+        """Return what of the problem depends on the parameters, in the units of the numerics.
+
+        Parameters
+        ----------
+        changes : mapping of str to float, optional
+            Other values of some parameters, in the system's units, allowed or not: differences by
+            a parameter at the end of its range look beyond it, as do trial steps.
+        """
+        p = self._named({**self._parameters, **(changes or {})}.values())
+        time = self.factor("time")
+        period = _in_units(arguments.number("period", self._period, p), time)
+        scale = _in_units(arguments.number("time_scale", self._time_scale, p), time)
+        tail = np.zeros(hidden_parameters(self.definition))
+        unit = scale if scale is not None else period if period is not None else 1.0
+        tail[0] = RATE_STEP * unit
+        switches = arguments.times("switches", self._switches, p)
+        return ProblemParameters(
+            parameters=np.concatenate([self._to_internal(p), tail]),
+            period=period if period is not None else unit,
+            switches=tuple(switch / time for switch in switches),
+            time_scale=scale,
+        )
+
+    @property
+    def forced(self) -> bool:
+        """Whether the system has a forcing period; a function that gives it is not asked."""
+        return self._period is not None
+
+    @property
+    def forcing_period(self) -> float | None:
+        """The forcing period; None for a system without forcing."""
+        return arguments.number("period", self._period, self._named(self._parameters.values()))
+
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
+        """Return the mode of a state whose mode is not given; `y` may be put right.
+
+        Where several fit, as within the hysteresis of a relay, it is `mode` if that is one of them.
+        """
+        if self._begin is None:
+            return mode
+        when, state = self.out("time", time), self._state(y)
+        try:
+            return int(self._begin(mode, when, state, self._to_user(problem)))
+        except ArithmeticError as error:
+            raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
+            place = innermost_user_line(error.__traceback__, self._begin)
+            if place[0]:  # in a function of the user's
+                remedy = "let it have a value wherever a run starts"
+            raise FunctionError("the flow with its parts", raised, remedy, *place) from error
+
+    def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
+        """Return an observable, which has a unit of its own, of a state of the numerics."""
+        return _observable_value(observable, self._state(y), self._to_user(problem))
+
+    def evaluate_event_observable(
+        self, observable: Observable, events: Events, i: int, problem: Problem
+    ) -> float:
+        """Return an observable, which has a unit of its own, at an event of the numerics."""
+        p = self._to_user(problem)
+        before, after = self._state(events.before[i]), self._state(events.after[i])
+        mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
+        return _observable_value(observable, mode, time, before, after, p)
+
+    @property
+    def observed(self) -> CompiledObservables:
+        """The observables that studies gather, as one function of the numerics."""
+        guards = [guard.name for guard in self.automaton.guards]
+        return observed(
+            tuple(
+                (each.name, each.function, tuple(guards.index(name) for name in each.at))
+                for each in self.study_observables
+            ),
+            self.states,
+            tuple(self._parameters),
+            writes_into_arrays(self.definition.flow),
+            self.typical,
+        )
+
+    def _named(self, values: Iterable[float]) -> Any:
+        return named_tuple("Parameters", tuple(self._parameters))(*values)
+
+    def _state(self, y: Floats) -> Any:
+        """Return a state by name, as functions read it; as a list where they take an array."""
+        values = (y if self.typical is None else y * np.array(self.typical.states)).tolist()
+        if writes_into_arrays(self.definition.flow):
+            return values
+        return named_tuple("State", self.states)(*values)
+
+    def _to_internal(self, p: Any) -> Floats:
+        """Return parameters in the units of the numerics."""
+        values = np.array(p, dtype=float)
+        return values if self.typical is None else values / np.array(self.typical.parameters)
+
+    def _to_user(self, problem: Problem) -> Any:
+        """Return the parameters of a problem by name, as functions read them."""
+        values = problem.parameters[: len(self._parameters)]
+        if self.typical is not None:
+            values = values * np.array(self.typical.parameters)
+        return self._named(values.tolist())
+
+    def _own_time(self) -> float:
+        """Return a time within which something happens, as far as it is known."""
+        p = self._named(self._parameters.values())
+        scale = arguments.number("time_scale", self._time_scale, p)
+        period = arguments.number("period", self._period, p)
+        return scale or (period or 2.0 * math.pi) / (2.0 * math.pi)
+
+
+def _in_units(value: float | None, unit: float) -> float | None:
+    return None if value is None else value / unit
 
 
 def _observable_value(observable: Observable, *arguments: Any) -> float:

@@ -23,14 +23,14 @@ from dis import get_instructions
 from functools import cache
 from itertools import pairwise
 from types import CodeType, FunctionType, ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mems_impact._util.warning_scopes import warn
 from mems_impact.errors import DiscontinuityWarning, FunctionError, InvalidParameter, StartWarning
 from mems_impact.hybrid.definition import Definition, named_tuple
-from mems_impact.hybrid.diagnostics.failures import AT_TIMES, definition_of, depends_on_time_only
+from mems_impact.hybrid.diagnostics.failures import AT_TIMES, depends_on_time_only
 from mems_impact.hybrid.diagnostics.user_functions import (
     CheckedFunctions,
     DomainError,
@@ -41,11 +41,8 @@ from mems_impact.hybrid.diagnostics.user_functions import (
 from mems_impact.hybrid.problem import STEPS_PER_PERIOD, Problem
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
-from mems_impact.systems.base import Terms
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Observable
-
-if TYPE_CHECKING:
-    from mems_impact.systems.system import System
 
 __all__ = ["check_end", "check_parted", "dry_run", "mode_monitor", "tell_of_fall", "tell_of_side"]
 
@@ -143,13 +140,16 @@ LASTS = 0.5  # part of the difference that is left of a jump then; of a steep sl
 ROUNDING = 0.1  # part of the difference that rounding of state and time may make
 
 
-def tell_of_fall(system: System, at: HybridState, length: float) -> bool:
+def tell_of_fall(
+    system: HybridSystem, definition: Definition, at: HybridState, length: float
+) -> bool:
     """Warn if the flow jumps where the steps of a run have become very short.
 
     Parameters
     ----------
-    system : System
-        One that is written of functions.
+    system : HybridSystem
+    definition : Definition
+        Its functions, in the user's units.
     at : HybridState
         Where such a step begins, in the units of the numerics; cyclic components mean nothing.
     length : float
@@ -160,7 +160,7 @@ def tell_of_fall(system: System, at: HybridState, length: float) -> bool:
     bool
         Whether it jumps.
     """
-    definition, numbers = vars(system)["_definition"], system.numbers()
+    numbers = system.numbers()
     tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
     # Functions may depend on time where something forces the system, and switch within a period.
     time = math.fmod(at.time, numbers.period) if system.forced else 0.0
@@ -503,13 +503,9 @@ POINTS = 3  # at which a mode is looked at after a run
 COMPARISON_CALLS = 1000  # of functions after a run, roughly: some milliseconds
 
 
-def checked_modes(system: Terms) -> set[int]:
-    """Return the modes in which a system has been looked at, at any parameters; to be added to."""
-    return _met(vars(system)["_definition"], vars(system)["_period"])
-
-
 @cache
-def _met(definition: Definition, period: float | Callable[..., float] | None) -> set[int]:
+def checked_modes(definition: Definition, period: float | Callable[..., float] | None) -> set[int]:
+    """Return the modes in which functions have been compared, at any parameters; to be added to."""
     return set()
 
 
@@ -532,15 +528,17 @@ class ModeMonitor:
 
     Parameters
     ----------
-    system : Terms
+    system : HybridSystem
+    definition : Definition
+        Its functions, in the user's units.
     problem : Problem
         In the units of the numerics.
     """
 
-    def __init__(self, system: Terms, problem: Problem) -> None:
+    def __init__(self, system: HybridSystem, definition: Definition, problem: Problem) -> None:
         self.system, self.problem = system, problem
-        self.definition: Definition = vars(system)["_definition"]
-        unmet = set(range(len(system.modes))) - checked_modes(system)
+        self.definition = definition
+        unmet = set(range(len(system.modes))) - system.checked_modes
         self.points: dict[int, list[EvaluationPoint]] = {mode: [] for mode in unmet}
 
     def __call__(self, events: Events) -> None:
@@ -592,14 +590,13 @@ class ModeMonitor:
                     continue  # differences may leave the domain where the run has not
             left -= len(points[:left])
             if points:
-                checked_modes(system).add(mode)
+                system.checked_modes.add(mode)
 
 
-def mode_monitor(system: Terms, problem: Problem) -> ModeMonitor | None:
+def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
     """Return what notes the modes that a run meets; None for a system without functions."""
-    if definition_of(problem.automaton) is None:
-        return None
-    return ModeMonitor(system.without_until, problem)  # what ends a run is a margin alone
+    plain = system.without_until  # what ends a run is a margin alone
+    return plain.definition and ModeMonitor(plain, plain.definition, problem)
 
 
 # --- A short interpreted run of a system, on which its functions are tried.
@@ -878,7 +875,7 @@ def moved(y: Sequence[float], h: float, *terms: tuple[float, list[float]]) -> li
 
 
 def dry_run(
-    system: Terms,
+    system: HybridSystem,
     definition: Definition,
     problem: Problem,
     *,
@@ -889,7 +886,7 @@ def dry_run(
 
     Parameters
     ----------
-    system : Terms
+    system : HybridSystem
         Its names, times and observables.
     definition : Definition
         Its functions.
@@ -909,7 +906,7 @@ def dry_run(
     """
     check_effects(definition)
     tried, start = _tried(definition, problem), _start(system, problem)
-    observables: Sequence[Observable] = vars(system)["observables"]
+    observables = system.observables
     seen: set[int] = set()
 
     def noted(i: int, before: EvaluationPoint, after: EvaluationPoint) -> None:
@@ -926,10 +923,10 @@ def dry_run(
     clock = TimeGrid(system.forcing_period, unit, problem.switches)
     short = DryRun(tried, clock, noted)
     short.go(start, meant=meant)
-    checked_modes(system).update(short.looked)
+    system.checked_modes.update(short.looked)
 
 
-def check_end(system: Terms, definition: Definition, problem: Problem) -> None:
+def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
     """Try the margin of the last guard of a definition, that which ends a run, at the start."""
     with contextlib.suppress(DomainError):
         tried = _tried(definition, problem)
@@ -940,8 +937,8 @@ def _tried(definition: Definition, problem: Problem) -> CheckedFunctions:
     return CheckedFunctions(definition, problem.parameters[: len(definition.parameters)].tolist())
 
 
-def _start(system: Terms, problem: Problem) -> EvaluationPoint:
-    start = system.instant(None, problem)
+def _start(system: HybridSystem, problem: Problem) -> EvaluationPoint:
+    start = system.hybrid_state(None, problem)
     return EvaluationPoint(start.mode, start.time, start.y.tolist())
 
 
@@ -1010,7 +1007,7 @@ def check_parted(
 CLEARLY = 1e3  # tolerances beyond zero
 
 
-def tell_of_side(system: Terms, problem: Problem, start: HybridState) -> None:
+def tell_of_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
     """Warn where a guard that moves the state starts beyond its margin.
 
     Impacts are refused by the run itself. A guard that changes the mode alone may start there: a

@@ -15,7 +15,6 @@ from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import TestFunction, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.simulation import run
-from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from mems_impact.orbits.periodic_orbit import check_closed
 from mems_impact.orbits.shooting import Shooting
@@ -23,6 +22,7 @@ from mems_impact.orbits.signature import read_guess
 from tests.continuation import free_block
 from tests.orbits.families import (
     DEVICE,
+    FunctionFamily,
     actuator,
     actuator_orbit,
     at,
@@ -213,9 +213,9 @@ def test_the_last_step_does_not_go_far_beyond_a_bound():
     def build(values):
         if values["amplitude"] > 0.204:
             raise InvalidParameter("amplitude", values["amplitude"], "0.204 at most")
-        return start.family.build(values)
+        return start.family.at(**values).problem()
 
-    family = Family(build, start.family.values)
+    family = FunctionFamily(start.family.values, build)
     branch = follow(replace(start, family=family), "amplitude", low=0.1, high=0.2)
     assert branch.ended == "amplitude reached its bound"
     assert len(branch.points) == 2

@@ -12,11 +12,10 @@ from mems_impact.continuation.codim1_curve import _CurveProblem, correct_conditi
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.test_functions import DefiningSystem, TestFunction
 from mems_impact.errors import InvalidParameter
-from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
 from tests.orbits.exact import Exact
-from tests.orbits.families import at, oscillator, silent_orbit
+from tests.orbits.families import FunctionFamily, at, oscillator, silent_orbit
 
 LOW, HIGH = 0.43, 0.52
 
@@ -172,7 +171,7 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
         made = compiled.at(**values).problem()
         return replace(made, options=replace(made.options, engine="interpreted", method="dop853"))
 
-    family = Family(interpreted, compiled.values)
+    family = FunctionFamily(compiled.values, interpreted)
     orbit = find_periodic_orbit(family, at((0.1, 0.0)), transient=10)
     shooting = orbit.equations(("amplitude", "omega"))
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))

@@ -15,10 +15,9 @@ from scipy.integrate import solve_ivp
 
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.hybrid.automaton import Automaton, Guard
-from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.hybrid.systems import TAU, problem
-from tests.orbits.families import at, oscillator
+from tests.orbits.families import FunctionFamily, at, oscillator
 
 OMEGA, AMPLITUDE = 1.7, 1.2
 
@@ -81,7 +80,7 @@ def check(branch, special):
 @pytest.mark.slow
 def test_van_der_pol():
     values = {"mu": -0.3, "amplitude": AMPLITUDE, "omega": OMEGA, "d": 10.0, "e": 0.9}
-    orbit = find_periodic_orbit(Family(_problem, values), at((0.0, 0.0)), transient=100)
+    orbit = find_periodic_orbit(FunctionFamily(values, _problem), at((0.0, 0.0)), transient=100)
     branch = follow(orbit, "mu", low=-0.3, high=0.6)
     (special,) = branch.special_points
     assert divergence(special.orbit, special.value) == pytest.approx(0.0, abs=1e-8)

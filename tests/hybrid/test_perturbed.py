@@ -109,7 +109,7 @@ def handed_on():
 def test_a_transition_that_another_sets_off_comes_when_that_one_does():
     system = handed_on()
     problem = system.problem(PLAIN)
-    start = system.instant(None, problem)
+    start = system.hybrid_state(None, problem)
     kinds = [problem.automaton.guards[i].name for i in run(problem, start, 3).events.guard]
     assert {"one", "at once", "back", "middle"} <= set(kinds)
     check(problem, start, 3)
@@ -118,7 +118,7 @@ def test_a_transition_that_another_sets_off_comes_when_that_one_does():
 def test_impacts():
     system = oscillator(A=1.0, e=0.7)
     problem = system.problem(FAST)
-    start = run(problem, system.instant(None, problem), 20.3).final
+    start = run(problem, system.hybrid_state(None, problem), 20.3).final
     assert run(problem, start, 4).events.impacts(problem.automaton).sum() >= 3
     check(problem, start, 4)
 
@@ -171,7 +171,7 @@ def test_a_sequence_of_impacts_closes_the_gap_by_impulses(options, e, height):
         initial={"V": 0.1, "x": height},
     )
     problem = system.problem(options)
-    start = system.instant(None, problem)
+    start = system.hybrid_state(None, problem)
     assert run(problem, start, 1).final.mode == RIDES
     check_one(problem, start, 1, tolerance=1e-6, h=1e-4 * math.sqrt(height))
 
@@ -179,7 +179,7 @@ def test_a_sequence_of_impacts_closes_the_gap_by_impulses(options, e, height):
 def test_at_rest_nothing_is_left():
     system = oscillator(A=2.0, omega=0.2, e=0.5)
     problem = system.problem(FAST)
-    start = system.instant(None, problem)
+    start = system.hybrid_state(None, problem)
     stretching = LyapunovIntegrator(problem, start, 2, chunk=2)
     stretching.advance_exponents()
     assert stretching.result.per_period.tolist() == [-math.inf, -math.inf]
@@ -190,7 +190,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
     """On its own it would be another one after 30 units of time: neighbours part by exp(0.9 t)."""
     system = lorenz()
     problem = system.problem(PLAIN)
-    one = LyapunovIntegrator(problem, system.instant(None, problem), chunk=30)
+    one = LyapunovIntegrator(problem, system.hybrid_state(None, problem), chunk=30)
     one.advance_exponents()
     assert one._at.y[:3].tolist() == one.final.y.tolist()
 
@@ -198,7 +198,7 @@ def test_the_state_that_carries_perturbations_is_that_of_the_run():
 def test_the_same_to_the_last_bit():
     system = oscillator(A=0.5)
     problem = system.problem(FAST)
-    start = run(problem, system.instant(None, problem), 300).final
+    start = run(problem, system.hybrid_state(None, problem), 300).final
     how = {"tolerance": 1e-2, "sure": 4.0, "periods": 1000}
     exponent, error, periods = largest(problem, start, **how)
     assert largest(problem, start, **how) == (exponent, error, periods)
@@ -244,7 +244,7 @@ def test_actuator(drive):
     zhao = mi.load_actuator("zhao2004")
     system = zhao.under(drive)
     problem = system.problem(FAST)
-    start = run(problem, system.instant(mi.kicked_state(zhao), problem), 20.4).final
+    start = run(problem, system.hybrid_state(mi.kicked_state(zhao), problem), 20.4).final
     events = run(problem, start, 4).events
     assert events.impacts(problem.automaton).sum() >= 2
     check(problem, start, 4)

@@ -1,6 +1,8 @@
 """Families of problems: the paper's actuator, and the linear impact oscillator with its kin."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +15,27 @@ from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.hybrid.systems import BALL, COULOMB, SQUARE, STOP, TAU, at, ball, coulomb, problem, stop
+
+
+@dataclass(frozen=True)
+class FunctionFamily(Family):
+    """The problems that ``build(values)`` returns."""
+
+    build: Callable
+    method: str = ""
+
+    @property
+    def automaton(self):
+        return self.problem().automaton
+
+    def problem(self):
+        made = self.build(self.values)
+        options = replace(made.options, method=self.method) if self.method else made.options
+        return replace(made, options=options)
+
+    def with_method(self, method):
+        return replace(self, method=method)
+
 
 TIGHT = {"rtol": 1e-11, "atol": 1e-13}
 # An orbit of the linear oscillator moves by a hundred times the error of an arc: at TIGHT an impact
@@ -37,7 +60,9 @@ def _actuator_problem(values):
 def actuator(amplitude, omega, **changes):
     """The paper's actuator under a sine, in amplitude, omega and what `changes` names."""
     device = {name: getattr(DEVICE, name) for name in ("e", "c", "delta")}
-    return Family(_actuator_problem, {**device, **changes, "amplitude": amplitude, "omega": omega})
+    return FunctionFamily(
+        {**device, **changes, "amplitude": amplitude, "omega": omega}, _actuator_problem
+    )
 
 
 def actuator_orbit(amplitude, omega, start=(0.0, 0.0, 0.0, 0.3), **settings):
@@ -98,7 +123,7 @@ def _stop_problem(values):
 def oscillator(**values):
     """x'' + c x' + k x = A cos(omega t) (or a square wave of that period), a stop at d."""
     coco = {"c": 0.1, "k": 1.0, "amplitude": 0.0, "omega": 1.0, "square": 0.0, "d": 1.0, "e": 0.8}
-    return Family(_stop_problem, {**coco, **values})
+    return FunctionFamily({**coco, **values}, _stop_problem)
 
 
 def _ball_problem(values):
@@ -108,7 +133,7 @@ def _ball_problem(values):
 def table(**values):
     """A ball on a table that vibrates: x'' = -g - A cos(omega t)."""
     still = {"e": 0.5, "g": 1.0, "amplitude": 0.0, "omega": 1.0, "square": 0.0}
-    return Family(_ball_problem, {**still, **values})
+    return FunctionFamily({**still, **values}, _ball_problem)
 
 
 # The same table in the frame of the room, where what an impact does depends on its instant: the
@@ -148,7 +173,7 @@ def _room_problem(values):
 
 def table_in_the_room(**values):
     """A ball with e = 0.5 on a table that vibrates, seen from outside."""
-    return Family(_room_problem, {"amplitude": 1.2, "omega": 1.0, **values})
+    return FunctionFamily({"amplitude": 1.2, "omega": 1.0, **values}, _room_problem)
 
 
 def _coulomb_problem(values):
@@ -158,4 +183,4 @@ def _coulomb_problem(values):
 
 def sticking(**values):
     """An oscillator with dry friction under a square wave; it sticks until the wave switches."""
-    return Family(_coulomb_problem, {"amplitude": 1.5, "omega": 0.3, **values})
+    return FunctionFamily({"amplitude": 1.5, "omega": 0.3, **values}, _coulomb_problem)

@@ -73,7 +73,7 @@ def test_a_function_that_fails_at_other_parameters_is_told():
         initial=mi.State(s=0.3, mode="up"),
     )
     options = Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
-    start = there.instant(None, there.problem(options))
+    start = there.hybrid_state(None, there.problem(options))
     orbit = find_cycle(there.family(options), start, transient=9.0, active=("a",))
     assert orbit.multipliers == pytest.approx([math.exp(-2.0)], abs=1e-8)
     with pytest.raises(OrbitError, match="math domain error"):

@@ -13,7 +13,6 @@ from mems_impact.hybrid.automaton import Automaton, Guard
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import run
 from mems_impact.integrators.options import Options
-from mems_impact.orbits.family import Family
 from mems_impact.orbits.orbit_search import find_cycle, find_periodic_orbit
 from mems_impact.orbits.periodic_orbit import check_closed, make_orbit
 from mems_impact.orbits.shooting import Shooting
@@ -21,6 +20,7 @@ from mems_impact.orbits.signature import BOUNDARY, Segment, _transitions, read_g
 from tests.continuation import free_block
 from tests.hybrid.systems import BALL, ball, problem
 from tests.orbits.families import (
+    FunctionFamily,
     actuator,
     actuator_orbit,
     at,
@@ -234,7 +234,7 @@ def test_a_period_that_jumps_is_refused(value):
         whole = 2.0 if values["omega"] > 1.3 else 1.0
         return replace(jumped, period=whole * jumped.period)
 
-    family = Family(build, dict(smooth.values))
+    family = FunctionFamily(dict(smooth.values), build)
     orbit = find_periodic_orbit(family, at((0.0, 0.0)), transient=100, active=("omega",))
     assert orbit.shooting.setting(np.array([1.299])).period == pytest.approx(2.0 * math.pi / 1.299)
     with pytest.raises(OrbitError, match="period jumps"):
@@ -257,7 +257,7 @@ def test_a_margin_that_rises_from_zero_is_no_defect_and_from_below_is_one():
         initial={"s": 0.3},
     )
     options = Options(method="dop853", engine="interpreted", rtol=1e-11, atol=1e-13)
-    start = saw.instant(None, saw.problem(options))
+    start = saw.hybrid_state(None, saw.problem(options))
     orbit = find_cycle(saw.family(options), start, transient=5.0)
     np.testing.assert_allclose(orbit.multipliers, [math.exp(-1.0)], atol=1e-9)
 

@@ -65,7 +65,7 @@ def test_the_time_within_which_nothing_came_back_is_that_of_all_its_runs(monkeyp
     monkeypatch.setattr(period_detection, "run", counted)
     monkeypatch.setattr(period_detection, "STEPS", 30)
     with pytest.raises(OrbitError) as caught:
-        period_detection.detect_period(problem, DRIFT.instant(None, problem))
+        period_detection.detect_period(problem, DRIFT.hybrid_state(None, problem))
     assert f"within a time of {sum(lengths):.9g};" in str(caught.value)
 
 
@@ -82,7 +82,7 @@ def test_a_transient_is_run_first(monkeypatch, module, transient):
         raise Asked(periods * problem.period)
 
     monkeypatch.setattr(module, "run", asked)
-    family, start = DRIFT.family(PLAIN), DRIFT.instant(None, DRIFT.problem(PLAIN))
+    family, start = DRIFT.family(PLAIN), DRIFT.hybrid_state(None, DRIFT.problem(PLAIN))
     find = orbit_search.find_periodic_orbit if module is orbit_search else orbit_search.find_cycle
     with pytest.raises(Asked) as caught:
         find(family, start, transient=transient)

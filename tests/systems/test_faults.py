@@ -111,7 +111,7 @@ def no_rest(mode, t, y, p):
 
 
 def floor(*, transition=None, rest=None, arrays=False):
-    own = ball(arrays=arrays)._definition.guards[0]
+    own = ball(arrays=arrays).definition.guards[0]
     change, lie = transition or own.transition, rest or own.rest
     guard = mi.Impact("floor", own.margin, change, rest=lie, modes=(FREE,))
     return {"guards": [guard], "arrays": arrays}

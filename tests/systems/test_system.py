@@ -89,7 +89,7 @@ def test_a_sequence_of_impacts_without_rest_ends_the_run():
 
 def test_a_guard_may_only_record():
     half = mi.Guard("half way", lambda mode, t, y, p: y.x - 0.5)
-    system = ball(guards=[*ball()._definition.guards, half])
+    system = ball(guards=[*ball().definition.guards, half])
     run = mi.simulate(system, duration=0.4, options=PLAIN)
     assert run.events["event"].tolist() == ["half way"]
     assert run.events["t"].tolist() == pytest.approx([math.sqrt(1.0 / 9.81)], rel=1e-9)
@@ -263,7 +263,7 @@ def test_verbs_take_orbits():
 
 
 def test_orders_that_are_given_are_kept():
-    floor = ball()._definition.guards[0]
+    floor = ball().definition.guards[0]
     half = mi.Guard("half way", lambda mode, t, y, p: y.x - 0.5, order=0)
     system = ball(guards=[half, floor])
     assert [guard.order for guard in system.automaton.guards] == [0, 1]

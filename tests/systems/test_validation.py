@@ -214,7 +214,7 @@ def refused(changes, sentence, kind):
 
 def floor(kind=mi.Impact, **changes):
     """Return the ball's floor with something changed."""
-    own = ball()._definition.guards[0]
+    own = ball().definition.guards[0]
     made = {"margin": own.margin, "transition": own.transition, "rest": own.rest, **changes}
     if kind is mi.Guard:
         del made["rest"]
@@ -226,7 +226,7 @@ def after(mode, x, v):
 
 
 def into(transition):
-    guards = ball(arrays=True)._definition.guards
+    guards = ball(arrays=True).definition.guards
     own = mi.Impact("floor", guards[0].margin, transition, modes=(FREE,))
     return {"arrays": True, "guards": [own]}
 
@@ -304,7 +304,7 @@ class Falling:
         return y.v, -p.g
 
 
-GAP = ball()._definition.guards[0].margin
+GAP = ball().definition.guards[0].margin
 ARGUMENTS = [
     ({"flow": Falling()}, "flow = .*: must be a function, written with def or lambda"),
     ({"flow": functools.partial(Falling(), 0)}, "must be a function, written with def or lambda"),

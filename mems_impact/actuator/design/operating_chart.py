@@ -544,7 +544,7 @@ class ChartBuilder:
         here = self.system.changed(
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
         )
-        rest = here.instant(State(), family.problem())
+        rest = here.hybrid_state(State(), family.problem())
         try:
             orbit = find_periodic_orbit(family, rest, active=(AMPLITUDE,))
         except OrbitError as error:

@@ -25,10 +25,10 @@ from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.simulation import Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.dispatch import takes_system
 from mems_impact.systems.result import Result
 from mems_impact.systems.state import State, is_number, state_from
-from mems_impact.systems.system import System
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -96,7 +96,7 @@ class RingDown(Result):
 
 @takes_system(start="initial")
 def ring_down(
-    system: System,
+    system: HybridSystem,
     *,
     initial: State | Mapping[str, float] | None = None,
     share: float = 0.01,
@@ -281,7 +281,7 @@ def after_contacts(
         off.drive,
         off.scales,
     )
-    begin, state = 0.0, off.state_of(off.instant(start, off.problem(options)))
+    begin, state = 0.0, off.state_of(off.hybrid_state(start, off.problem(options)))
     if len(log):
         begin = float(log.cycle[-1] * run.trajectory.period + log.time[-1])
         state = off.state_of(HybridState(0, 0.0, int(log.mode_after[-1]), log.after[-1]))

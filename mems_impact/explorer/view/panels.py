@@ -20,7 +20,7 @@ from mems_impact.explorer.snapshot import (
     series_shown,
 )
 from mems_impact.plotting.style import color, wearing
-from mems_impact.systems.system import System
+from mems_impact.systems.base import HybridSystem
 
 __all__ = ["Bifurcation", "CyclesPanel", "Device", "Multipliers", "Portrait", "Series", "frames_of"]
 
@@ -68,7 +68,7 @@ def source(*columns: str) -> ColumnDataSource:
     return ColumnDataSource({name: [] for name in columns})
 
 
-def unit_for(system: System, name: str, values: Any) -> tuple[float, str]:
+def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
     """Return the unit in which values are best told, and in brackets what it is called.
 
     Parameters

@@ -26,9 +26,9 @@ from mems_impact.integrators.options import Options
 from mems_impact.studies.engine.executors import cores
 from mems_impact.studies.optimize import Optimum, ParetoFront, optimize, pareto_front
 from mems_impact.studies.sensitivity import Sensitivity, sensitivity
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Quantity
 from mems_impact.systems.state import State, is_number, state_from
-from mems_impact.systems.system import System
 
 __all__ = [
     "distributions",
@@ -48,7 +48,7 @@ Limits = Mapping[str, tuple[float | None, float | None]]
 
 
 def orbit_sensitivity_study(
-    system: System,
+    system: HybridSystem,
     *,
     initial: State | Mapping[str, float] | None = None,
     transient: float = TRANSIENT,
@@ -72,7 +72,7 @@ def orbit_sensitivity_study(
 
 
 def optimize_from(
-    system: System,
+    system: HybridSystem,
     *,
     over: Mapping[str, tuple[float, float]],
     maximize: str | Sequence[str] = (),
@@ -120,7 +120,7 @@ def _several(names: str | Sequence[str]) -> tuple[str, ...]:
 
 
 def _orbit(
-    system: System,
+    system: HybridSystem,
     initial: State | Mapping[str, float] | None,
     transient: float,
     periods: int | None,

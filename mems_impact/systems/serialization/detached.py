@@ -10,15 +10,17 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact._util.units import Scales
 from mems_impact.errors import FunctionsMissing, InvalidParameter
+from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.automaton import Automaton, Guard
+from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.problem import Problem, Section
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
 from mems_impact.integrators.options import Options
-from mems_impact.systems.observables import Observable
+from mems_impact.systems.base import HybridSystem
+from mems_impact.systems.observables import Observable, TimeWindow
 from mems_impact.systems.state import State
-from mems_impact.systems.statistics import TimeWindow
-from mems_impact.systems.system import System
+from mems_impact.systems.statistics import measure_names
 
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
 
@@ -26,7 +28,7 @@ COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
 SAME = 1e-12  # relative difference of times that are the same, calculated elsewhere
 
 
-def describe(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
+def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, Any]:
     """Return what can be told of a system without its functions.
 
     Parameters
@@ -49,11 +51,11 @@ def describe(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
         "parameters": system.parameters,
         "units": dict(system.units),
         "scales": system.scales,
-        "typical": system._typical,
+        "typical": system.typical,
         "section": system.section,
         "initial": system.initial,
-        "shown": system.shown,
-        "told": system.told,
+        "displayed_states": system.displayed_states,
+        "sweep_statistics": system.sweep_statistics,
         "observables": [
             {"name": each.name, "at": each.at, "reduce": each.reduce, "unit": each.unit}
             for each in system.observables
@@ -66,7 +68,7 @@ def describe(system: System, functions: Mapping[str, str]) -> dict[str, Any]:
     }
 
 
-def check_same_system(given: System, told: Mapping[str, Any], path: str) -> None:
+def check_same_system(given: HybridSystem, told: Mapping[str, Any], path: str) -> None:
     """Raise InvalidParameter unless a system is the one that a description tells of."""
     if _fits(given, told):
         given = given.restored(told["parameters"], told["scales"], told.get("typical"))
@@ -84,7 +86,7 @@ def check_same_system(given: System, told: Mapping[str, Any], path: str) -> None
             _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)
 
 
-def _fits(given: System, told: Mapping[str, Any]) -> bool:
+def _fits(given: HybridSystem, told: Mapping[str, Any]) -> bool:
     return tuple(given.parameters) == tuple(told["parameters"])
 
 
@@ -105,7 +107,7 @@ def _missing_function(*arguments: Any) -> NoReturn:
     raise FunctionsMissing("the functions of the system")
 
 
-class DetachedSystem(System):
+class DetachedSystem(HybridSystem):
     """A system that is described in a file, whose functions are elsewhere.
 
     It has names, units and numbers. What needs the functions raises `FunctionsMissing`.
@@ -115,7 +117,7 @@ class DetachedSystem(System):
         self._told, self._path, self._moved = dict(told), path, False
         self.name = told["name"]
         self._parameters = dict(told["parameters"])
-        self._typical = told.get("typical")
+        self.typical = told.get("typical")
         observables = told["observables"]
         self.observables = tuple(
             Observable(function=_missing_function, **each) for each in observables
@@ -181,16 +183,16 @@ class DetachedSystem(System):
         return section
 
     @property
-    def shown(self) -> tuple[str, ...]:
+    def displayed_states(self) -> tuple[str, ...]:
         """The states by which sweeps and branches show an orbit."""
-        shown: tuple[str, ...] = self._told["shown"]
-        return shown
+        names: tuple[str, ...] = self._told["displayed_states"]
+        return names
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def sweep_statistics(self) -> tuple[str, ...]:
         """The statistics that a sweep tells of every value."""
-        told: tuple[str, ...] = self._told["told"]
-        return told
+        names: tuple[str, ...] = self._told["sweep_statistics"]
+        return names
 
     @property
     def forcing_period(self) -> float | None:
@@ -221,11 +223,40 @@ class DetachedSystem(System):
             unavailable_reason=self._refusal(),
         )
 
+    def restored(
+        self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
+    ) -> DetachedSystem:
+        """Return the system at the values of a file."""
+        return self.shifted(values)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """Names and values of all parameters."""
+        return dict(self._parameters)
+
+    @property
+    def measure_names(self) -> tuple[str, ...]:
+        """The headings of the statistics of attractors."""
+        return measure_names(self)
+
+    def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> NoReturn:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
+    @property
+    def observed(self) -> NoReturn:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
+    def measures(self, settled: RecurrenceResult, period: float) -> NoReturn:
+        """Refuse."""
+        raise FunctionsMissing(self._refusal())
+
     def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
         """Refuse: period and switches may be functions."""
         raise FunctionsMissing(self._refusal())
 
-    def ending(self, until: Callable[..., float]) -> System:
+    def ending(self, until: Callable[..., float]) -> HybridSystem:
         """Refuse."""
         raise FunctionsMissing(self._refusal())
 

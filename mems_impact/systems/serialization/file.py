@@ -18,11 +18,11 @@ from mems_impact._util.files import replacing
 from mems_impact.errors import InvalidFile, InvalidParameter, MemsImpactError
 from mems_impact.integrators.cvode.compiled import sundials_version
 from mems_impact.integrators.options import Options
+from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.result import Result
 from mems_impact.systems.serialization import STORABLE_MODULES
 from mems_impact.systems.serialization.codec import CorruptFile, Reader, Writer
 from mems_impact.systems.state import State
-from mems_impact.systems.system import System
 
 __all__ = [
     "FORMAT",
@@ -67,7 +67,7 @@ def save(value: Result, path: str | PathLike[str]) -> None:
                 np.lib.format.write_array(member, array, allow_pickle=False)
 
 
-def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
+def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> Any:
     """Load a result from the file that its ``save(path)`` wrote.
 
     No code is run that the file might hold or name. What is made of numbers, such as an actuator
@@ -109,7 +109,7 @@ def load(path: str | PathLike[str], *, system: System | None = None) -> Any:
     True
     """
     _check_path(path)
-    if system is not None and not isinstance(system, System):
+    if system is not None and not isinstance(system, HybridSystem):
         allowed = "the System of the result; of an actuator, actuator.under(drive)"
         raise InvalidParameter("system", system, allowed)
     register_storables()
@@ -236,7 +236,7 @@ def _one_line(error: Exception) -> str:
 # --- What a system is, as JSON: equal for two systems whose numbers are the same.
 
 
-def identity(system: System) -> dict[str, Any]:
+def identity(system: HybridSystem) -> dict[str, Any]:
     """Return what tells a system from others: as files tell it, and a digest of its functions."""
     from mems_impact.integrators.jit.closures import digest  # which imports numba
 
