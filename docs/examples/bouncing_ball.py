@@ -1,16 +1,16 @@
 r"""
-Bouncing ball: a table that shakes
+Bouncing ball on a vibrating table
 ==================================
 
 A ball falls on a table that moves as :math:`s = A \cos t`, in laboratory coordinates, with
-accelerations in units of gravity. At a contact the relative velocity is turned round:
+accelerations in units of gravity. An impact reverses the relative velocity:
 
 .. math:: \ddot x = -1, \qquad \dot x - \dot s \to -e\,(\dot x - \dot s) \ \text{at}\ x = s.
 
-Once the table is fast enough, the ball can meet it once a period, in the phase that gives back
-what an impact takes. This orbit is born in a fold and doubles its period, again and again, to
-chaos. Beside it, a ball at rest stays at rest as long as :math:`A < 1`; then the table throws it
-up each time.
+Above a minimum amplitude there is an orbit with one impact per period, at the phase where the
+table returns the energy that an impact dissipates. This orbit is born in a fold and leads to chaos
+by period doublings. A ball at rest stays at rest as long as :math:`A < 1`; above, the table throws
+it up in every period.
 """
 
 import math
@@ -29,8 +29,7 @@ def table(t, p):
 def flow(mode, t, y, p):
     if mode == FLYING:
         return y.v, -1.0
-    # At rest the ball moves as the table. One that comes from elsewhere, since a sweep has just
-    # changed A below it, is drawn to it.
+    # At rest the ball moves with the table. Where a sweep has just changed A, it relaxes to it.
     s, ds = table(t, p)
     return ds - (y.x - s), -p.A * math.cos(t) - (y.v - ds)
 
@@ -69,22 +68,22 @@ ball = mi.System(
 )
 
 # %%
-# On a table that is too slow the ball comes to rest, in ever shorter flights.
+# At a small amplitude a chatter sequence ends in sticking contact.
 
 slow = mi.simulate(ball.changed(A=0.3), periods=8)
 mi.plot_run(slow, first=0).figure.savefig("bouncing_ball_run.png")
 
 # %%
-# Where shaking is faster, there is an orbit with one impact a period.
+# At a larger amplitude there is an orbit with one impact per period.
 
 orbit = mi.find_orbit(ball, transient=200)
 print(orbit.multipliers)
 mi.plot_orbit(orbit).figure.savefig("bouncing_ball_orbit.png")
 
 # %%
-# Its branch is followed up to the period doubling (PD) and beyond, and back through the fold (CF); a
-# third branch is that of the orbit of twice the period. Brute force goes up from rest and down from
-# bouncing.
+# The branch continues through the period doubling (PD) and, downwards, through the fold (CF). A
+# third branch holds the orbits of twice the period. Brute force sweeps up from rest and down from
+# a bouncing motion.
 
 up = mi.continue_orbit(orbit, "A", stop=1.4)
 down = mi.continue_orbit(orbit, "A", stop=0.2, back=1.4)
@@ -102,8 +101,8 @@ mi.plot_branch([up, down, twice], sweep=sweep).figure.savefig("bouncing_ball_bra
 # %%
 # Check
 # -----
-# The impact takes place where the table moves at :math:`\pi (1 - e)/(1 + e)`, which cannot be more
-# than :math:`A`. The orbit is stable up to an :math:`A` that has a closed form as well (A. C. J.
+# At the impact the table moves at the speed :math:`\pi (1 - e)/(1 + e)`, which cannot exceed
+# :math:`A`. The upper end of stability has a closed form as well (A. C. J.
 # Luo and R. P. S. Han, *Nonlinear Dynamics* 10, 1, 1996).
 
 e = ball.parameters["e"]

@@ -1,15 +1,15 @@
 r"""
-Buck converter: a switch that a ramp closes
-===========================================
+Buck converter: chaos under ramp control
+========================================
 
-A converter from a supply :math:`E` to about 12 V: coil, capacitor, load, and a switch that
-connects the supply. A comparator holds the output, less :math:`V_\mathrm{ref}` and amplified,
-against a ramp, and opens the switch while it is above:
+A converter from a supply :math:`E` to about 12 V consists of a coil, a capacitor, a load, and a
+switch that connects the supply. A comparator compares the amplified error of the output, relative
+to :math:`V_\mathrm{ref}`, with a ramp, and opens the switch while the error is above:
 
 .. math:: C \dot v = i - v / R, \qquad L\,\dot\imath = -v\ (+E \ \text{if on}).
 
-It is meant to switch once a ramp. From a supply of 24.5 V on a cycle takes two ramps, from 31.1 V
-on four; and suddenly, above 32 V, the output wanders over a volt.
+The design value is one switching cycle per ramp. Above a supply of 24.5 V a cycle takes two ramps,
+above 31.1 V four; above 32 V the output is chaotic, over a range of a volt.
 """
 
 import numpy as np
@@ -57,15 +57,14 @@ converter = mi.System(
 )  # fmt: skip
 
 # %%
-# This is a run, in which modes are shaded, and its orbit.
+# The figure shows a run with shaded modes; the orbit is computed from it.
 
 run = mi.simulate(converter, periods=200)
 mi.plot_run(run).figure.savefig("buck_converter_run.png")
 orbit = mi.find_orbit(run)
 
 # %%
-# Two branches, of the orbit of one ramp and of that of two, are drawn over brute force (PD: period
-# doubling).
+# The branches of the orbits of one and of two ramps, over brute force (PD: period doubling).
 
 once = mi.continue_orbit(orbit, "E", stop=35.0)
 (doubling,) = once.special_points
@@ -75,7 +74,7 @@ sweep = mi.sweep(converter, "E", np.linspace(22.0, 35.0, 131), transient=200, pe
 mi.plot_branch([once, twice], sweep=sweep).figure.savefig("buck_converter_branch.png")
 
 # %%
-# This is the orbit of two ramps, just before it doubles again.
+# The orbit of two ramps at its period doubling.
 
 mi.plot_orbit(again.orbit).figure.savefig("buck_converter_orbit.png")
 
@@ -83,10 +82,9 @@ mi.plot_orbit(again.orbit).figure.savefig("buck_converter_orbit.png")
 # Check
 # -----
 # Fossas and Olivar (*IEEE Transactions on Circuits and Systems I* 43, 13, 1996) find the doublings
-# near 24.5 V and 31.1 V. The first has a closed form: the circuit is linear on either side of the
-# switch, so that its cycle follows from the time at which it closes, and the cycle's monodromy
-# matrix from the jump of the flow there, by Filippov's matrix. One equation remains: that this
-# matrix has the eigenvalue -1.
+# near 24.5 V and 31.1 V. The first has a closed form: the circuit is linear in each mode, so that
+# the closing time of the switch determines the cycle, and Filippov's matrix of the jump of the flow
+# there gives the monodromy matrix. One equation remains: this matrix has the eigenvalue -1.
 
 assert abs(doubling.value - 24.5) < 0.05
 assert abs(again.value - 31.1) < 0.05

@@ -1,15 +1,14 @@
 r"""
-Coulomb oscillator: driven against dry friction
-===============================================
+Coulomb oscillator: forced motion with dry friction
+===================================================
 
-A mass on a spring, driven, on a ground of dry friction :math:`f` (forces in units of the drive's,
-time in units in which the natural frequency is one):
+A forced mass on a spring slides with dry friction :math:`f` (forces in units of the forcing
+amplitude, time in units in which the natural frequency is one):
 
 .. math:: \ddot x + x + f\,\mathrm{sgn}\,\dot x = \cos \omega t.
 
-With little friction it turns round twice a period without a stop. With more, it sticks at each
-turn until drive and spring exceed the friction. No damping is needed: friction alone limits the
-motion.
+With little friction the mass reverses twice per period without sticking. With more, it sticks at
+each reversal until forcing and spring exceed the friction. Friction alone limits the amplitude.
 """
 
 import math
@@ -70,7 +69,7 @@ oscillator = mi.System(
 )
 
 # %%
-# With much friction, a run and its orbit look like this.
+# With strong friction, the orbit has sticking phases.
 
 run = mi.simulate(oscillator.changed(f=0.93), periods=60)
 mi.plot_run(run, first=56).figure.savefig("coulomb_oscillator_run.png")
@@ -78,8 +77,8 @@ sticking = mi.find_orbit(run)
 mi.plot_orbit(sticking).figure.savefig("coulomb_oscillator_orbit.png")
 
 # %%
-# The orbit without stops is followed through the friction at which it begins to stop, and the one
-# with stops through that at which they vanish: both are the same. Dots are brute force.
+# The orbit without sticking is continued up to the friction at which sticking begins, and the one
+# with sticking down to where it vanishes: the two points agree. Dots are brute force.
 
 gliding = mi.find_orbit(oscillator, transient=60)
 branches = [
@@ -96,8 +95,8 @@ mi.plot_branch(branches, sweep=sweep).figure.savefig("coulomb_oscillator_branch.
 # %%
 # Check
 # -----
-# Without stops, the mass turns round at :math:`\sqrt{V^2 - f^2 U^2}`, with :math:`V = 1/(1 -
-# \omega^2)` and :math:`U = \sin(\pi/\omega) / [\omega (1 + \cos(\pi/\omega))]`, and there are none
+# Without sticking, the mass reverses at :math:`\sqrt{V^2 - f^2 U^2}`, with :math:`V = 1/(1 -
+# \omega^2)` and :math:`U = \sin(\pi/\omega) / [\omega (1 + \cos(\pi/\omega))]`; this motion exists
 # up to :math:`f = V / \sqrt{U^2 + \omega^{-4}}` (J. P. Den Hartog, *Transactions of the ASME* 53,
 # APM-53-9, 107, 1931).
 

@@ -1,18 +1,18 @@
 r"""
-Impact oscillator: what begins with a grazing
-=============================================
+Impact oscillator: period adding after a grazing
+================================================
 
-A mass on a spring, heavily damped and driven, with a stop at :math:`x = 1`:
+A heavily damped, forced mass on a spring has a stop at :math:`x = 1`:
 
 .. math::
 
    \ddot x + c\,\dot x + x = A \cos \omega t, \qquad \dot x \to -e\,\dot x \ \text{at}\ x = 1.
 
-Nothing strikes until the motion touches the stop at zero speed, at :math:`A = A_G`. Beyond it
-every further impact throws the mass off the old orbit, to which it creeps back by the factor
-:math:`\lambda = e^{-T/2}` a period; it strikes again after some periods, the more the nearer
-:math:`A` is to :math:`A_G`. So windows of orbits with one impact in 6, 5, 4, … periods follow on
-each other, with chaos between them: period adding.
+At :math:`A = A_G` the motion without impacts grazes the stop. Beyond it every impact throws the
+mass off the old orbit, and the deviation decays by the factor :math:`\lambda = e^{-T/2}` per
+period. The number of periods until the next impact grows as :math:`A` approaches :math:`A_G`. So
+windows of orbits with one impact in 6, 5, 4, … periods follow one another, with chaos between
+them: period adding.
 """
 
 import math
@@ -50,7 +50,7 @@ run = mi.simulate(oscillator, periods=200)
 mi.plot_run(run, first=190).figure.savefig("impact_oscillator_run.png")
 
 # %%
-# These are the multipliers of the orbit, and its impact.
+# The orbit has these multipliers and this impact.
 
 five = mi.find_orbit(run, periods=5)
 print(five.multipliers)
@@ -58,9 +58,9 @@ print(five.impacts[["time", "v before", "v after"]])
 mi.plot_orbit(five).figure.savefig("impact_oscillator_orbit.png")
 
 # %%
-# Branches over brute force: the orbit that grazes (G), and those with one impact in 4, 5 and 6
-# periods, followed downwards from the upper end of their windows. At the lower end they double their
-# period (PD), and continue as unstable orbits to the point where all of them begin, the grazing.
+# Branches over brute force: the orbit that grazes (G), and the orbits with one impact in 4, 5 and 6
+# periods, continued downwards from the upper end of their windows. At the lower end their period
+# doubles (PD); the unstable orbits continue to the grazing, where all of them begin.
 
 silent = mi.find_orbit(oscillator.changed(A=21.5), transient=100)
 branches = [mi.continue_orbit(silent, "A", stop=22.5, back=21.5)]
@@ -76,11 +76,11 @@ mi.plot_branch(branches, sweep=sweep).figure.savefig("impact_oscillator_branch.p
 # %%
 # Check
 # -----
-# Between impacts the motion is linear. So :math:`A_G` has a closed form, and so has the speed
-# :math:`v` of the impact of an orbit with one impact in *n* periods (S. W. Shaw and P. J. Holmes,
+# Between impacts the motion is linear. So :math:`A_G` has a closed form, and so has the impact speed
+# :math:`v` of an orbit with one impact in *n* periods (S. W. Shaw and P. J. Holmes,
 # *Journal of Sound and Vibration* 90, 129, 1983): the free part :math:`h` of the motion leads from
-# :math:`(1 - P, -e v - \dot P)` to :math:`(1 - P, v - \dot P)`, with the forced part :math:`P` at
-# the impact, of which :math:`P^2 + \dot P^2 / \omega^2 = (A / A_G)^2` is known.
+# :math:`(1 - P, -e v - \dot P)` to :math:`(1 - P, v - \dot P)`, where the forced part :math:`P` at
+# the impact satisfies :math:`P^2 + \dot P^2 / \omega^2 = (A / A_G)^2`.
 
 p = oscillator.parameters
 grazing = math.hypot(1.0 - p["omega"] ** 2, p["c"] * p["omega"])
@@ -93,8 +93,8 @@ roots = np.roots([h**2 + (dP / p["omega"]) ** 2, -2.0 * h, 1.0 - (p["A"] / grazi
 assert abs(five.impacts["v before"][0] - roots.max()) < 1e-9
 
 # %%
-# The windows shrink towards the grazing by :math:`\lambda^2`, since an impact throws the mass off
-# by the square root of :math:`A - A_G`.
+# The windows shrink towards the grazing by :math:`\lambda^2`, since the deviation after an impact
+# is proportional to the square root of :math:`A - A_G`.
 
 doublings = [branch.special_points[0].value - grazing for branch in branches[1:]]
 print(np.divide(doublings[1:], doublings[:-1]), math.exp(-five.period))

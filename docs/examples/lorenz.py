@@ -2,15 +2,15 @@ r"""
 Lorenz system: an unstable cycle in the attractor
 =================================================
 
-The Lorenz system is a model of convection in three numbers:
+The Lorenz system models convection by three variables:
 
 .. math::
 
    \dot x = \sigma (y - x), \qquad \dot y = x (\rho - z) - y, \qquad \dot z = x y - \beta z.
 
-At a large :math:`\rho` there is a symmetric cycle that attracts. On the way down it loses its
-symmetry and its stability, but it goes on: at :math:`\rho = 28` it is the shortest of the cycles
-in the chaotic attractor, which no run would show.
+At large :math:`\rho` a symmetric cycle is stable. As :math:`\rho` decreases, the symmetric cycle
+loses its stability, but it persists: at :math:`\rho = 28` it is the shortest cycle in the chaotic
+attractor, and no simulation shows it.
 """
 
 import numpy as np
@@ -38,8 +38,8 @@ chaos = mi.simulate(convection.changed(rho=28.0), duration=30.0, initial={"x": 1
 mi.plot_run(chaos, states=["x", "z"]).figure.savefig("lorenz_run.png")
 
 # %%
-# The cycle is found where it attracts, and followed down to 28. (Steps are lengths in the units of
-# the states, which are large here.)
+# The cycle is computed where it is stable, and continued down to 28. (Lengths in the step control
+# have the units of the states, which are large here.)
 
 cycle = mi.find_orbit(convection, transient=40.0)
 steps = mi.StepControl(initial=0.1, largest=8.0)
@@ -49,7 +49,7 @@ print(hidden.period, hidden.multipliers)
 mi.plot_orbit(hidden, x="x", y="z").figure.savefig("lorenz_orbit.png")
 
 # %%
-# Brute force, a run at each value, is drawn below the branch.
+# Brute force, one run per value, is drawn below the branch.
 
 dots = []
 for rho in np.linspace(28.0, 350.0, 162):
@@ -61,9 +61,9 @@ axes.figure.savefig("lorenz_branch.png")
 # %%
 # Check
 # -----
-# Periods of this attractor's cycles are known to many digits (D. Viswanath, *Nonlinearity* 16,
-# 1035, 2003); the multipliers' product is :math:`e^{-(\sigma + 1 + \beta) T}`, since the flow
-# shrinks volumes evenly.
+# The periods of the cycles in this attractor are known to many digits (D. Viswanath, *Nonlinearity*
+# 16, 1035, 2003). The product of the multipliers is :math:`e^{-(\sigma + 1 + \beta) T}`, since the
+# divergence of the flow is constant.
 
 assert abs(hidden.period - 1.5586522107161747) < 1e-9
 shrinking = np.exp(-(10.0 + 1.0 + 8.0 / 3.0) * cycle.period)

@@ -3,10 +3,10 @@ Where the actuator walks: an operating map
 ==========================================
 
 The actuator of Zhao et al. under :math:`V = f \cos\omega t`: at which amplitude and frequency does
-it walk, with how long a step, and where is its motion chaotic? Every point of the map is a motion
-of its own, which starts with a kick that strikes a stopper and is followed until it repeats itself.
-The curves over it are not simulated: `operating_chart` follows grazings and folds of periodic
-orbits, as in Fig. 7 of the paper. Both must tell the same.
+it walk, how long is its step, and where is its motion chaotic? Every point of the map is a run
+that starts with a kick against a stopper and lasts until the motion is recognised as periodic.
+The curves over the map are computed independently: `operating_chart` continues grazings and folds
+of periodic orbits, as in Fig. 7 of the paper.
 """
 
 import numpy as np
@@ -26,27 +26,26 @@ found = mi.operating_map(
 print(mi.map_summary(found.table).round(4).to_string(index=False))
 
 # %%
-# Periodic points cost few forcing periods, since they are left as soon as they have settled; those
-# that never repeat themselves cost all of ``transient`` and ``periods`` (see `RecurrenceOptions`), and a
-# Lyapunov exponent, which tells whether they are chaotic.
+# Periodic points cost few forcing periods, since they end as soon as they have settled. All others
+# cost at least ``transient`` and ``periods`` (see `RecurrenceOptions`), and a Lyapunov exponent that
+# detects chaos.
 
 print(found.table.groupby("motion")["returns"].mean().round(1))
 
 # %%
 # The boundaries
 # --------------
-# ``crises=0`` leaves out the boundary that no curve gives, where the walk ends in a crisis: the map
-# shows it.
+# ``crises=0`` omits the boundary at a crisis, which is simulated and not continued.
 
 chart = mi.operating_chart(actuator, drive, omega=(0.44, 0.51), crises=0)
 mi.plot_map(found, boundaries=chart).figure.savefig("operating_map_motions.png", dpi=200)
 
 # %%
-# To the right of "switching on" there is no orbit without impacts: the device walks, wherever it
-# starts. Between "switching off" and that, at high frequencies, it may walk or stand still, and the
-# kick decides. Where the walk is periodic it makes one impact in every forcing period. Below the
-# diagonal it is chaotic: the steps scatter, though their mean is steady. Between lies a thin strip
-# of period doublings.
+# To the right of "switching on" there is no stable orbit without impacts: the device walks from any
+# initial state. Between "switching off" and "switching on", at high frequencies, walking and
+# standing still coexist, and the kick decides. Periodic walking has one impact per forcing period.
+# Below the diagonal walking is chaotic: the steps scatter, but their mean is constant. A thin strip
+# of period doublings lies between.
 #
 # The speed
 # ---------
@@ -58,7 +57,7 @@ mi.plot_map(found, "mean speed", boundaries=chart).figure.savefig(
 # %%
 # Check
 # -----
-# Beyond the curves of the chart by more than a cell, no point of the map says otherwise.
+# No point of the map that is more than a cell beyond the curves contradicts the chart.
 
 table = found.table
 cell = 0.14 / 29
@@ -75,7 +74,7 @@ assert not (table["motion"][beyond] == "off").any()
 assert (table["motion"][below] == "off").all()
 
 # %%
-# And a point of period 1 has the step of the orbit that `find_orbit` corrects to rounding.
+# A point of period 1 has the step of the orbit computed by `find_orbit`.
 
 periodic = table[(table["motion"] == "periodic") & (table["period"] == 1)]
 point = periodic.iloc[len(periodic) // 2]

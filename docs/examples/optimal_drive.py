@@ -1,10 +1,10 @@
 r"""
-The drive that walks fastest
-============================
+The fastest drive
+=================
 
-The microactuator of the paper walks at :math:`f = 0.24` and :math:`\omega = 0.5` with one step in
-each period of the force. Which of its numbers matter most? Is there a better drive, and how near is
-that to the edge of what works? An orbit answers, since it is known with its derivatives.
+The microactuator of the paper walks at :math:`f = 0.24` and :math:`\omega = 0.5` with one step per
+forcing period. Which parameters matter most? Which drive is faster, and how far is it from a
+bifurcation? The periodic orbit and its derivatives answer these questions.
 """
 
 import numpy as np
@@ -16,10 +16,10 @@ zhao = mi.load_actuator("zhao2004")
 paper = mi.find_orbit(zhao, mi.Sine(amplitude=0.24, omega=0.5), transient=300)
 
 # %%
-# What matters
-# ------------
-# ``sensitivity`` differentiates step, speed, impact speed and the rest by all numbers of device and
-# drive: by the variational equations along the orbit, without a single neighbouring run.
+# Sensitivities
+# -------------
+# ``sensitivity`` differentiates step, speed, impact speed and other quantities by all parameters of
+# device and drive, by the variational equations along the orbit.
 
 found = mi.sensitivity(paper)
 elasticity = found.table.set_index(["quantity", "parameter"])["elasticity"]["mean speed"]
@@ -27,13 +27,12 @@ print(elasticity.round(2))
 mi.plot_sensitivity(found, "mean speed").figure.savefig("optimal_drive_tornado.png", dpi=150)
 
 # %%
-# One per cent of the frequency makes 16 % of the speed, one per cent of the mass of the block or of
-# its spring 8 %: what counts is how near the device is to resonance. The friction of the frame
-# counts a tenth of that, and the static friction nothing, since each blow tears the frame off
-# anyway.
+# One per cent of the frequency changes the speed by 16 %, one per cent of the mass of the block or of
+# its spring by 8 %: the distance from resonance dominates. The friction of the frame has a tenth of
+# that effect, and static friction none, since each impact breaks the frame loose.
 #
-# Gaps are etched to half a per cent, and springs, whose stiffness goes with the third power of
-# their width, to three. To first order the standard deviation of the speed is then a quarter.
+# With a tolerance of half a per cent on gaps, and of three on springs, whose stiffness goes with the
+# third power of their width, the standard deviation of the speed is a quarter, to first order.
 
 tolerances = {"delta": 0.0025, "d": 0.005, "k": 0.03}
 deviation = found.standard_deviations(tolerances).set_index("quantity").loc["mean speed"]
@@ -42,7 +41,7 @@ print(deviation)
 # %%
 # A better drive
 # --------------
-# ``optimize`` goes along the gradient, with the orbit, which has to stay stable.
+# ``optimize`` maximizes the speed of the orbit, which has to stay stable.
 
 best = mi.optimize(
     paper, maximize="mean speed", over={"amplitude": (0.2, 0.3), "omega": (0.45, 0.6)}
@@ -54,10 +53,10 @@ gain = best.value / (paper.step / paper.period)
 print(f"{gain:.2f} times as fast")
 
 # %%
-# The voltage stands at its bound, the frequency does not: beyond it the speed falls, and a little
-# farther the orbit ends in a fold, 1.3 % of the frequency away. The multipliers tell of that only
-# at the last moment. So ``margins`` follows the orbit to where it really ends. With 4 % to
-# the fold the device is slower by 8 %, and still 4.6 times as fast as before.
+# The optimum has the largest voltage and a frequency within its bounds: above it the speed falls,
+# and 1.3 % above it the orbit ends in a fold. Multipliers change only close to the fold, so the
+# bifurcation margins, ``best.margins``, continue the orbit to its end. At 4 % below the fold
+# the device is slower by 8 %, and still 4.6 times as fast as before.
 
 up = best.margins.query("parameter == 'omega' and direction == 'up'").iloc[0]
 safe = mi.find_orbit(
@@ -66,8 +65,8 @@ safe = mi.find_orbit(
 print(f"{safe.step / safe.period / best.value:.3f} of the speed at omega = {0.96 * up['at']:.4f}")
 
 # %%
-# Over the frequency, at the best voltage and at the paper's: lines are the orbit, solid where it is
-# stable; marks are runs, swept up, which know nothing of it. The large ones are the two orbits.
+# The speed over the frequency, at the best voltage and at the paper's. Lines are the orbits, solid
+# where stable; small markers are an independent upward sweep; large markers are the two orbits.
 
 with mi.style():
     axes = Figure(layout="constrained").subplots()
@@ -95,10 +94,10 @@ with mi.style():
 axes.figure.savefig("optimal_drive_branch.png")
 
 # %%
-# What speed costs
-# ----------------
-# The energy that the impacts take, period by period, wears the stoppers. Which drive gives the most
-# speed for it? A Pareto front tells for each loss the highest speed.
+# Speed against energy
+# --------------------
+# The energy dissipated by impacts wears the stoppers. A Pareto front gives the highest speed for
+# each loss per period.
 
 front = mi.pareto_front(
     paper,
@@ -111,15 +110,15 @@ print(front.table.drop(columns="held by").round(6).to_string(index=False))
 mi.plot_pareto(front).figure.savefig("optimal_drive_front.png", dpi=150)
 
 # %%
-# The paper's point is not far off: the best drive of its speed saves 5 % of the energy. Speed costs
-# energy nearly in proportion, whatever the drive. What the best drives between the ends have in
-# common is that they stand as near to the fold as they may.
+# The paper's point is close to the front: the best drive of its speed saves 5 % of the energy. The
+# energy is nearly proportional to the speed. The best drives between the ends are as close to the
+# fold as the constraint allows.
 #
 # Check
 # -----
-# The derivatives are those of orbits that are found anew. The best drive walks as fast in a run
-# that does not know the orbit, and no value of the sweeps is better. Its margin ends at the fold
-# that ``continue_orbit`` finds.
+# The derivatives agree with differences of orbits. The best drive has the same speed in an ordinary
+# run, and no value of the sweeps is better. Its margin ends at the fold that ``continue_orbit``
+# locates.
 
 gradient = found.gradient("mean speed")
 for name in ("omega", "k", "e"):

@@ -1,13 +1,13 @@
 r"""
-One device followed through: air, leads, stoppers
-=================================================
+A real device: air, leads, stoppers
+===================================
 
 The preset ``mita2003`` makes steps of 20 nm at 100 V and 1 Hz, as measured. It has a constant
-damping :math:`c = 0.2\sqrt{k m_2}`, assumed since so narrow a gap squeezes the air in it; a voltage
-without resistance; and stoppers on which an impact takes no time. Here it gets, one after the
-other, what a device has: air in the gap, at 1 bar and pumped out; leads of 10 kOhm; stoppers of
-silicon. What does that change in its step, in the voltages at which it walks, and in what a run
-costs?
+damping :math:`c = 0.2\sqrt{k m_2}`, an assumption for the air in its narrow gap; a voltage
+without resistance; and stoppers with instantaneous impacts. This page adds, one after the
+other, air in the gap, at 1 bar and at 5 Pa; leads of 10 kOhm; and stoppers of
+silicon. It shows their effect on the step, on the voltages at which the device walks, and on the
+cost of a run.
 """
 
 import math
@@ -25,11 +25,11 @@ critical = math.sqrt(mita.k * mita.m2)  # c of quality factor 1
 # %%
 # The devices
 # -----------
-# The suspension alone shall have a quality factor of 50. A face of 1 mm x 0.167 mm beside the
-# electrode then makes up for the rest: small swings are damped as the preset assumes. Pumped out
-# means 5 Pa. At 1 Pa the mean free path is 2,700 times the gap that is left at the stopper, beyond
-# the fit of the viscosity, as a ``ValidityWarning`` says; long before, the film has nothing left to
-# lose. (The step below is 30.98 nm at 1 Pa, 30.96 nm at 5 Pa.)
+# The suspension alone is assumed to have a quality factor of 50. The film on a face of 1 mm x
+# 0.167 mm provides the rest of the preset's damping of small oscillations. The evacuated device is
+# at 5 Pa. At 1 Pa the mean free path is 2,700 times the gap at the stopper, beyond
+# the fit of the viscosity, as a ``ValidityWarning`` says; the film has lost its effect long before.
+# (The step below is 30.98 nm at 1 Pa, 30.96 nm at 5 Pa.)
 
 film = {"length": 1e-3, "width": 1.67e-4, "viscosity": 1.82e-5, "free_path_pressure": 6.7e-3}
 bare = mita.replace(c=critical / 50)
@@ -59,8 +59,8 @@ devices = {"preset": mita, "air": air, "5 Pa": pumped, "leads": leads, "stoppers
 # %%
 # The step
 # --------
-# First the quality factor of small swings, from their ring-down; then the step at the fitted point.
-# What is new adds up: leads are with air, stoppers with leads.
+# The quality factor of small oscillations comes from their ring-down; the step is at the fitted
+# point. The effects are cumulative: leads include air, stoppers include leads.
 
 slow = mi.Sine(amplitude=100.0, omega=2 * math.pi, phase=-math.pi / 2)  # begins at 0 V
 bdf = mi.Options(method="bdf")
@@ -73,7 +73,7 @@ print(quality)
 
 
 def settled(device, drive, cycles, options=bdf):
-    """Return a run from rest; its second half is what its statistics are of."""
+    """Return a run from rest, with statistics of its second half."""
     periods = round(cycles * 2 * math.pi / drive.omega / device.under(drive).forcing_period)
     window = (periods // 2, periods)
     return mi.simulate(
@@ -97,19 +97,19 @@ for name, device in devices.items():
 print(pd.DataFrame(rows).round(3).to_string(index=False))
 
 # %%
-# The preset's damping is right for small swings only. At the stopper the gap is half as wide, and
+# The preset's damping holds for small oscillations only. At the stopper the gap is half as wide, and
 # the air damps eight times as much: the block arrives more slowly, and the step falls from 20 to
-# 8.4 nm. Whoever fits a constant damping to a ring-down, and the stiffness to a step, fits the
-# wrong stiffness. 10 kOhm change two millionths of the step, since the leads charge within 30 ns.
-# The yielding stoppers take a tenth of the step, and a run thirteen times as many of the
-# integrator's: the block, as it rests, rings on a stiff spring.
+# 8.4 nm. A fit of a constant damping to a ring-down, and of the stiffness to a step, gives a
+# wrong stiffness. 10 kOhm change the step by two millionths, since the leads charge within 30 ns.
+# Compliant stoppers reduce the step by a tenth, and a run takes thirteen times as many integration
+# steps, since the resting block oscillates on a stiff spring.
 #
-# Pumped out
-# ----------
-# Without air the step is half as long again as the preset's, and not to be relied on: with a
-# quality factor of 50 the block still swings at the next pull-in, and the step depends on the phase
-# at which that finds it: 9 nm at 5 Hz, 158 nm at 6 Hz. Air at 1 bar keeps the step smooth up to
-# some 5 Hz.
+# Evacuated
+# ---------
+# Without air the step is half as long again as the preset's, and erratic: with a
+# quality factor of 50 the block still oscillates at the next pull-in, and the step depends on the
+# phase: 9 nm at 5 Hz, 158 nm at 6 Hz. With air at 1 bar the step is a smooth function of frequency up
+# to some 5 Hz.
 
 hertz = np.arange(1.0, 13.0)
 colors = {"preset": "0.5", "air": "#b3901f", "5 Pa": "#00224e"}
@@ -128,12 +128,12 @@ with mi.style():
 axes.figure.savefig("real_device_step.png")
 
 # %%
-# Where it walks
-# --------------
+# Voltages at which it walks
+# --------------------------
 # Near half its resonance of 240 Hz the device walks at far lower voltages. ``operating_chart``
-# follows where walking begins and ends: for the preset, and for the device whose suspension alone
-# damps. With a film the equations are stiff, and sweeps up and down in steps of 1 V are quicker; at
-# one frequency for leads and stoppers too.
+# continues the boundaries of walking, for the preset and for the device with suspension damping
+# only. With a film the equations are stiff, and sweeps up and down in steps of 1 V are quicker; so
+# for leads and stoppers, at one frequency.
 
 omegas = [650.0, 680.0, 710.0, 740.0]
 studies = {  # voltages, frequencies, and periods to settle and to measure
@@ -185,20 +185,20 @@ with mi.style():
 axes.figure.savefig("real_device_chart.png")
 
 # %%
-# Air takes away what the preset promises: at 710 rad/s walking begins above 36 V, not at 28.6 V.
-# Pumped out, 16 V do, and 11 V at 740 rad/s, on the same curve as without any film. To the left of
-# 738 rad/s that is a fold, where the orbit without impacts vanishes before it grazes (type III). At
-# 680 rad/s the walk begins there too, but for the first volt with six impacts in a hundred periods,
-# which ten periods do not show. Leads and stoppers shift nothing by a volt.
+# With air, walking at 710 rad/s begins above 36 V instead of at 28.6 V. Evacuated, the device walks
+# from 16 V on, and from 11 V at 740 rad/s, on the same curve as without a film. Below 738 rad/s this
+# boundary is a fold, where the orbit without impacts vanishes before it grazes (type III). At
+# 680 rad/s walking begins there too, but over the first volt with six impacts in a hundred periods,
+# which ten periods do not show. Leads and stoppers shift the boundaries by less than a volt.
 #
 # Speed and cost
 # --------------
-# At 42 V and 710 rad/s: the speed, and how many steps a cycle of the voltage takes the integrator.
-# In the film pressure dies out within a microsecond and behind the leads a charge within 30 ns,
-# beside a cycle of 9 ms: Adams' method is stopped where it has taken 20,000 steps for one flight.
-# ``method="auto"`` finds out by itself; in air it takes 1,905 steps, as many as BDF. The yielding
-# stoppers make the device slower by 30 %, since restitution falls with the speed of the impact: 0.8
-# at 0.75 mm/s is less at 2.5 mm/s.
+# The table shows the speed at 42 V and 710 rad/s, and the integration steps per cycle of the voltage.
+# Pressure in the film decays within a microsecond and charge behind the leads within 30 ns, against
+# a cycle of 9 ms: Adams' method stops after 20,000 steps for one flight.
+# ``method="auto"`` recognises this; in air it takes 1,905 steps, as many as BDF. The compliant
+# stoppers make the device slower by 30 %, since restitution falls with the impact speed: it is 0.8
+# at 0.75 mm/s and less at 2.5 mm/s.
 
 brisk = mi.Sine(amplitude=42.0, omega=710.0)
 rows = []
@@ -219,10 +219,10 @@ for name, device in devices.items():
 print(pd.DataFrame(rows).round(2).to_string(index=False))
 
 # %%
-# How much resistance would matter? With the parasitic capacitance it is a low-pass filter, behind
-# which the device walks as at a voltage that is smaller by so much: 0.2 Gohm take two fifths of the
-# speed. Beside 3 pF it walks 3 % more slowly still, since the capacitance of the electrode grows as
-# the gap closes; not so beside 300 pF.
+# A larger resistance forms a low-pass filter with the parasitic capacitance, and the device walks as
+# at the attenuated voltage: 0.2 Gohm reduce the speed by two fifths. With 3 pF it is another 3 %
+# slower, since the capacitance of the electrode grows as the gap closes; with 300 pF this effect
+# vanishes.
 
 ratios = []
 for ohms, farads in ((2e8, 3e-12), (2e6, 3e-10)):
@@ -237,8 +237,8 @@ for ohms, farads in ((2e8, 3e-12), (2e6, 3e-10)):
 # %%
 # Check
 # -----
-# The step of the preset is the one that was measured. The quality factor in air is that of the
-# suspension and of the closed form for a plate and a slow motion (:math:`\mu L W^3/h^3 (1 - 0.630\,
+# The step of the preset is the measured one. The quality factor in air is that of the
+# suspension and of the closed form for a plate in slow motion (:math:`\mu L W^3/h^3 (1 - 0.630\,
 # W/L)`, J. J. Blech, *J. Lubrication Technology* 105, 615, 1983), with the viscosity of a rarefied
 # gas (T. Veijola et al., *J. Microelectromech. Syst.* 4, 109, 1995).
 
@@ -250,8 +250,8 @@ squeezed = viscosity * length * (width / mita.d) ** 3 * (1 - 0.630 * width / len
 assert math.isclose(quality["air"], critical / (bare.c + squeezed), rel_tol=2e-3)
 
 # %%
-# Pumped out, walking begins within 3 % of the curve that was followed without a film. The small
-# resistance changes nothing, and the large one is the filter.
+# Evacuated, walking begins within 3 % of the curve continued without a film. The small
+# resistance changes nothing, and the large one acts as the filter.
 
 on = charts["5 Pa"].table.query("boundary == 'on'").sort_values("omega")
 for omega in (650.0, 710.0, 740.0):

@@ -1,20 +1,22 @@
 r"""
-Rocking block: to and fro over two corners
-==========================================
+Rocking block: impacts on two corners
+=====================================
 
-A slender rigid block stands on a ground that shakes. It rocks about one of its two lower corners;
-each time it passes the upright it changes corners and keeps the part :math:`r` of its speed. With
-the tilt :math:`x` in units of that at which it balances, and time in units of its own growth:
+A slender rigid block stands on a shaking ground. It rocks about one of its two lower corners;
+each time it passes the upright position it changes corners and keeps the fraction :math:`r` of its
+speed. With the tilt :math:`x` in units of the angle of balance, and time scaled by the growth rate
+there:
 
 .. math::
 
    \ddot x = x - \mathrm{sgn}\,x + \beta \cos \omega t, \qquad
    \dot x \to r\,\dot x \ \text{at}\ x = 0.
 
-It begins to rock once :math:`\beta > 1`. The orbit that is found has one impact on each corner,
-alike. Shaken more it loses this symmetry where two orbits branch off, mirror images of each other,
-which double their period soon before the block topples. The symmetric orbit is born in a fold far
-below :math:`\beta = 1`: a block that rocks goes on where one at rest stays.
+The block begins to rock at :math:`\beta = 1`. The orbit has one impact on each corner and is
+symmetric. At stronger forcing it loses stability at a branch point, where two asymmetric orbits
+begin, mirror images of each other; their period doubles shortly before the block topples. The
+symmetric orbit is born in a fold far below :math:`\beta = 1`, where a block at rest stays at rest
+and a rocking block keeps rocking.
 """
 
 import math
@@ -73,13 +75,13 @@ block = mi.System(
 )
 
 # %%
-# In this run the block tips over a corner at once, and falls into step with the ground.
+# The block tips over a corner at once, and the motion becomes periodic.
 
 run = mi.simulate(block, periods=60)
 mi.plot_run(run, first=0, last=8).figure.savefig("rocking_block_run.png")
 
 # %%
-# Both the symmetric orbit and an unsymmetric one are found, and the latter is drawn.
+# A symmetric and an asymmetric orbit; the figure shows the asymmetric one.
 
 orbit = mi.find_orbit(run)
 gentle = mi.find_orbit(block.changed(beta=0.8), guess=orbit.state, transient=60)
@@ -88,8 +90,8 @@ print(orbit.multipliers, tilted.multipliers, sep="\n")
 mi.plot_orbit(tilted).figure.savefig("rocking_block_orbit.png")
 
 # %%
-# On the branches the symmetric orbit continues, unstable, where the others begin (BP: each of these
-# turns round there into its mirror image). Dots are brute force.
+# Beyond the branch point (BP) the symmetric orbit is unstable. The asymmetric branch passes through
+# the branch point into its mirror image. Dots are brute force.
 
 branches = [
     mi.continue_orbit(gentle, "beta", stop=0.1, back=0.95),
@@ -105,12 +107,12 @@ mi.plot_branch(branches, sweep=sweep).figure.savefig("rocking_block_branch.png")
 # %%
 # Check
 # -----
-# Between impacts all is linear, and half a period of the symmetric orbit mirrors the other. So it
-# has a closed form (S. J. Hogan, *Proceedings of the Royal Society of London A* 425, 441, 1989),
-# here by four linear equations: with :math:`x = 1 - u \cos\omega t + w \sin\omega t + a \cosh t +
-# b \sinh t`, the block is upright at the ends of the half period and :math:`\dot x` begins as it
-# ends, times :math:`-r`; what remains is :math:`u^2 + w^2 = \beta^2 / (1 + \omega^2)^2`, and the
-# fold is where it has a double root.
+# Between impacts the motion is linear, and one half period of the symmetric orbit mirrors the other.
+# So the orbit has a closed form (S. J. Hogan, *Proceedings of the Royal Society of London A* 425,
+# 441, 1989): with :math:`x = 1 - u \cos\omega t + w \sin\omega t + a \cosh t + b \sinh t`, the
+# block is upright at both ends of the half period, and :math:`\dot x` at its beginning is
+# :math:`-r` times that at its end. The remaining equation is
+# :math:`u^2 + w^2 = \beta^2 / (1 + \omega^2)^2`; the fold is its double root.
 
 omega, r = (block.parameters[name] for name in ("omega", "r"))
 half = math.pi / omega

@@ -2,14 +2,14 @@ r"""
 Stick-slip: a mass on a moving belt
 ===================================
 
-A mass on a spring lies on a belt that moves at the speed :math:`V`. It sticks and is carried along
-until the spring exceeds the static friction :math:`F_s`; then it slips under the smaller dynamic
-friction :math:`F_d` (and a little damping) until it has the speed of the belt again:
+A mass on a spring lies on a belt that moves at the speed :math:`V`. It sticks and moves with the
+belt until the spring force exceeds the static friction :math:`F_s`; then it slips under the smaller
+dynamic friction :math:`F_d` (and weak damping) until it reaches the speed of the belt again:
 
 .. math:: \dot x = V \ \text{(sticks)}, \qquad \ddot x + c\,\dot x + x = F_d \ \text{(slips)}.
 
-Nothing forces this system: the period of the cycle is found with it. With damping there is a speed
-of the belt above which the mass no longer catches up with it, and comes to rest.
+The system is autonomous: the period is computed with the limit cycle. With damping there is a belt
+speed above which the mass no longer reaches the speed of the belt, and comes to rest.
 """
 
 import math
@@ -57,7 +57,7 @@ belt = mi.System(
 )
 
 # %%
-# A run settles to the cycle, which is then found as an orbit.
+# A run settles to the limit cycle, which is then computed as an orbit.
 
 run = mi.simulate(belt, duration=60)
 mi.plot_run(run).figure.savefig("stick_slip_belt_run.png")
@@ -66,8 +66,8 @@ print(cycle.period, cycle.multipliers)
 mi.plot_orbit(cycle).figure.savefig("stick_slip_belt_orbit.png")
 
 # %%
-# The branch shows the smallest deflection, up to the speed of the belt that the mass only just
-# reaches ("sticks"). Brute force is a run at each value.
+# The branch shows the smallest deflection, up to the largest belt speed that the mass can reach
+# ("sticks"). Brute force is one run per value.
 
 branches = [mi.continue_orbit(cycle, "V", stop=stop) for stop in (0.02, 0.6)]
 print(branches[1].special_table[["label", "V"]], branches[1].ended)
@@ -83,9 +83,9 @@ axes.figure.savefig("stick_slip_belt_branch.png")
 # %%
 # Check
 # -----
-# Without damping the cycle takes :math:`\pi + 2\,\mathrm{atan2}(V, D) + 2 D / V` with :math:`D =
-# F_s - F_d`: an arc of a circle, and the way on the belt. With damping, the slipping mass spirals
-# about its equilibrium; that it only just comes back to the belt's speed is one equation for the
+# Without damping the period is :math:`\pi + 2\,\mathrm{atan2}(V, D) + 2 D / V` with :math:`D =
+# F_s - F_d`: a circular arc, and the sticking phase. With damping, the slipping mass spirals
+# about its equilibrium; that it returns to the belt speed tangentially is one equation for the
 # ratio of :math:`D` to :math:`V`.
 
 p = belt.parameters

@@ -1,19 +1,19 @@
 r"""
-Stribeck belt: squeal that begins with a jump
+Stribeck belt: a subcritical Hopf bifurcation
 =============================================
 
-A damped mass on a spring rubs on a belt of speed :math:`V`, with a friction that falls with the
-speed of rubbing :math:`w = V - \dot x`, as Stribeck found:
+A damped mass on a spring rubs on a belt of speed :math:`V`, with a Stribeck friction that falls
+with the sliding speed :math:`w = V - \dot x`:
 
 .. math::
 
    \ddot x + c\,\dot x + x = F(V - \dot x), \qquad F(w) = F_d + (F_s - F_d)\,e^{-w / v_s} .
 
-At rest on the running belt, the mass feels the falling friction as a negative damping. It is
-stable if the belt is fast, and unstable below a Hopf point. The cycle that is born there is
+At rest on the running belt, falling friction acts as negative damping. The equilibrium is
+stable on a fast belt, and unstable below a Hopf point. The cycle that is born there is
 unstable and grows with :math:`V` until it reaches the speed of the belt. From there on the mass
-sticks once a cycle: a large motion, which is stable. Between the Hopf point and this corner the
-mass rests or squeals, as it was started.
+sticks once per cycle, and the cycle is large and stable. Between the Hopf point and this corner
+rest and squeal coexist.
 """
 
 import math
@@ -63,7 +63,7 @@ belt = mi.System(
 )
 
 # %%
-# A run settles to the cycle, which is then found as an orbit.
+# A run settles to the limit cycle, which is then computed as an orbit.
 
 run = mi.simulate(belt, duration=60.0)
 mi.plot_run(run).figure.savefig("stribeck_belt_run.png")
@@ -71,8 +71,8 @@ squeal = mi.find_orbit(run)
 mi.plot_orbit(squeal).figure.savefig("stribeck_belt_orbit.png")
 
 # %%
-# The branch of the equilibrium has a Hopf point (H), from which the cycles that are born there are
-# followed to the large cycle.
+# The branch of equilibria has a Hopf point (H); the branch of cycles that begins there leads to the
+# large cycle.
 
 resting = mi.find_equilibria(belt.changed(V=0.7), guess={"x": 0.6})[0]
 rest = mi.continue_equilibrium(resting, "V", 0.1, steps=mi.StepControl(largest=0.01))
@@ -81,8 +81,8 @@ born = mi.switch_branch(hopf, bounds=(0.1, 0.7))
 print(resting, rest, born, sep="\n")
 
 # %%
-# Brute force is a run at each value, down from rest and up from the squeal. While the mass rests, it
-# crosses no section; then its last state is drawn.
+# Brute force is one run per value, down from rest and up from the squeal. A mass at rest crosses no
+# section; then its last state is drawn.
 
 dots = []
 for values, start in (
@@ -101,9 +101,9 @@ axes.figure.savefig("stribeck_belt_branch.png")
 # %%
 # Check
 # -----
-# The Hopf point is where the slope of the friction takes away the damping, :math:`F'(V) = -c`, so
-# at :math:`V = v_s \ln \frac{F_s - F_d}{c\,v_s}`; the cycles begin with the frequency 1 of the
-# spring. (On such laws: J. J. Thomsen and A. Fidlin, *International Journal of Non-Linear
+# At the Hopf point the slope of the friction cancels the damping, :math:`F'(V) = -c`, so
+# :math:`V = v_s \ln \frac{F_s - F_d}{c\,v_s}`; the cycles begin with the natural frequency 1.
+# (On such laws: J. J. Thomsen and A. Fidlin, *International Journal of Non-Linear
 # Mechanics* 38, 389, 2003.)
 
 p = belt.parameters

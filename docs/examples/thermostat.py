@@ -8,9 +8,8 @@ to the outside; a thermostat switches at :math:`\theta = 19` and 21 degrees. Tim
 .. math:: \dot h = 8\,(P\,\text{if on}) - 8\,(h - \theta), \qquad
    \dot \theta = 2\,(h - \theta) - 0.5\,(\theta - \theta_o).
 
-The heater stays warm when it is switched off, and cold when it is switched on, so that the room
-swings by more than the thermostat allows. How long a cycle takes and how much of it is spent
-heating depends on the weather.
+The heater responds with a delay, so that the room temperature overshoots both thresholds. The
+period of the cycle and its share of heating depend on the outside temperature.
 """
 
 import numpy as np
@@ -58,13 +57,13 @@ house = mi.System(
 )
 
 # %%
-# This run begins on a morning after a cold night.
+# The run begins with a cold room.
 
 run = mi.simulate(house, duration=6.0)
 mi.plot_run(run).figure.savefig("thermostat_run.png")
 
 # %%
-# It settles to a cycle.
+# It settles to a limit cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)
@@ -73,7 +72,7 @@ mi.plot_orbit(cycle, x="room", y="h").figure.savefig("thermostat_orbit.png")
 
 # %%
 # The branch shows the heater's temperature as the room passes 20 degrees upwards. At -19 degrees
-# outside ("too warm") the room no longer reaches 21. Brute force is a run at each value.
+# outside ("too warm") the room no longer reaches 21. Brute force is one run per value.
 
 colder = mi.continue_orbit(cycle, "outside", stop=-25.0)
 warmer = mi.continue_orbit(cycle, "outside", stop=18.5, steps=mi.StepControl(largest=0.5))
@@ -89,7 +88,7 @@ axes.figure.savefig("thermostat_branch.png")
 # %%
 # Check
 # -----
-# Heated for long, the room would be :math:`4 P` warmer than the outside. In each mode all is
+# Under permanent heating, the room is :math:`4 P` warmer than the outside. Each mode is
 # linear, so that the two durations and the heater's temperature at the two switches solve four
 # equations in closed form, as in the theory of relays (Ya. Z. Tsypkin, *Relay Control Systems*,
 # Cambridge University Press, 1984).

@@ -1,10 +1,10 @@
 r"""
-Tolerances: which devices of a wafer are good ones
-==================================================
+Tolerances: the yield of a wafer
+================================
 
-The preset ``mita2003`` makes steps of 20 nm at 100 V and 1 Hz. No two devices of a wafer are alike.
-How many of them make steps of 20 nm within a fifth, and what would have to be made better, so that
-more of them do?
+The preset ``mita2003`` makes steps of 20 nm at 100 V and 1 Hz. The devices of a wafer differ by
+manufacturing tolerances. What share of them makes steps of 20 nm within a fifth, and which
+improvement of the process raises this yield?
 """
 
 import math
@@ -20,24 +20,25 @@ drive = mi.Sine(amplitude=100.0, omega=2 * math.pi)
 STEP = "displacement per period"  # a forcing period is half a cycle of the voltage: one blow
 
 # %%
-# What varies
-# -----------
-# Independent of each other:
+# Distributions
+# -------------
+# These variations are independent of each other:
 #
-# - *Etching* takes more off each edge than it should, or less. That makes beams thinner, and gaps
-#   wider by twice as much: the offset of etched walls is the error of geometry that matters
+# - *Etching* removes more or less from each edge than intended. Overetch makes beams thinner and gaps
+#   wider, by twice the offset per edge; this is the dominant error of geometry
 #   (measured by resonators: "MEMS process error characterization using lateral resonant
 #   structures", *Proc. SPIE* 5343, 2003; on cantilevers: R. Mirzazadeh, S. Eftekhar Azam and
-#   S. Mariani, *Sensors* 18, 1243, 2018). Assumed: a standard deviation of 50 nm on an
-#   edge, so that lines keep their width to 0.1 um, or 0.2 um at most.
-# - *Thickness*: 25 um of silicon come with 1 um more or less in a process that is for sale
-#   (SOIMUMPs), 4 %. Stiffness, mass, electrode and film go with it.
-# - *Restitution* and *friction* depend on surfaces. Assumed: standard deviations of 0.02 and of
-#   0.02, which is 7 %; static and dynamic friction vary together.
-# - *Voltage*: a supply that is good to 1 %.
+#   S. Mariani, *Sensors* 18, 1243, 2018). Assumed: a standard deviation of 50 nm per
+#   edge, so that line widths deviate by 0.1 um, and by 0.2 um at most.
+# - *Thickness*: a commercial process (SOIMUMPs) specifies 25 um of silicon to within 1 um, 4 %.
+#   Stiffness, mass, electrode and film are proportional to it.
+# - *Restitution* and *friction* depend on surfaces. Assumed: standard deviations of 0.02 each, which
+#   is 7 % of the friction; static and dynamic friction vary together.
+# - *Voltage*: a supply with a tolerance of 1 %.
 #
-# What depends on the same thing is made of it by a function. Beams 5 um wide are assumed; their
-# stiffness goes with the cube of the width, the damping of a film with the inverse cube of the gap.
+# A function computes the parameters that depend on a common cause. Beams are assumed to be 5 um wide;
+# their stiffness goes with the cube of the width, the damping of a film with the inverse cube of the
+# gap.
 
 over = {
     "etch": stats.norm(0.0, 50e-9),
@@ -65,10 +66,10 @@ def device(etch, thickness, e, friction, voltage, width=5e-6):
 
 
 # %%
-# How they are spread
-# -------------------
-# 256 devices twice over, and those between for Sobol's indices: 1792 runs. Each is over once it
-# repeats itself, after four periods.
+# Spread and Sobol indices
+# ------------------------
+# Two samples of 256 devices, and their combinations for the Sobol indices, make 1792 runs. Each ends
+# once its motion is recognised as periodic, after four periods.
 
 wanted = {STEP: (16e-9, 24e-9)}
 given = {"specification": wanted, "options": mi.Options(method="dop853")}
@@ -82,16 +83,15 @@ print(indices[["first", "first low", "first high", "total"]].round(3))
 mi.plot_tolerance_analysis(found, quantity=STEP).figure.savefig("tolerances_spread.png")
 
 # %%
-# Of every five devices one is out. It is the etching: two thirds of the variance would be gone
-# without it. Friction has a fifth, restitution a tenth; the supply need not be any better, and
-# neither need the wafer. Indices of first order and total ones are the same within their intervals:
-# what one tolerance does to the step hardly depends on the others, and each can be dealt with by
-# itself.
+# One device in five is out of specification. Etching causes two thirds of the variance, friction a
+# fifth, restitution a tenth; supply and thickness are good enough. First-order and total indices
+# agree within their intervals: the effect of each tolerance hardly depends on the others, so each can
+# be treated by itself.
 #
-# What would help
-# ---------------
-# Wider beams do not care about 50 nm, as any textbook says. Or an etching that is twice as good; or
-# surfaces of which friction varies half as much.
+# Possible improvements
+# ---------------------
+# Wider beams, whose stiffness depends less on 50 nm, as textbooks recommend; an etching twice as
+# precise; or surfaces whose friction varies half as much.
 
 rows = []
 better = {**over, "etch": stats.norm(0.0, 25e-9)}
@@ -115,17 +115,17 @@ table = pd.DataFrame(rows).set_index("device")
 print(table.round(3))
 
 # %%
-# Wider beams make it worse. What the etching does to the step it does by the gaps, which get wider
-# by as much: the block arrives faster. Softer beams, as the same etching makes them, take a part of
-# that back, and the more so the narrower they are. So the stoppers are what has to be kept to its
-# measure, and a better etching is worth three times as much as better surfaces.
+# Wider beams reduce the yield. Etching affects the step through the gaps: a wider gap lets
+# the block arrive faster. The same overetch softens the beams, which compensates a part of that, more
+# so for narrow beams. So the position of the stoppers is the critical dimension, and the better
+# etching is worth three times as much as the better surfaces.
 #
 # Check
 # -----
-# The nominal device makes 20 nm. Rows of the table are what ordinary runs tell of them. The
-# frame slides until friction has taken its energy, so that steps go with the inverse of friction;
-# and the speed of the first impact, which nothing has struck before, knows of no friction and no
-# restitution, and not of a thickness that stiffness, mass, electrode and film share.
+# The nominal device makes 20 nm. Rows of the table agree with ordinary runs. The
+# frame slides until friction has dissipated its energy, so that steps go with the inverse of
+# friction. The speed of the first impact is independent of friction and
+# restitution, and of the thickness, which stiffness, mass, electrode and film share.
 
 names = list(device(0, 1, 0.8, 0.27, 100))
 nominal = mi.simulate(mita, drive, periods=6, window=(4, 6)).statistics[STEP]

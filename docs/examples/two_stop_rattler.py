@@ -2,16 +2,16 @@ r"""
 Two-stop rattler: a ball in a driven box
 ========================================
 
-A box on a spring, lightly damped, is driven at its resonance; a ball of the mass ratio *m* flies
-between its two walls, a clearance *d* apart, and takes energy at every impact. In this way
-chimneys and turbine blades are calmed: an impact damper.
+A lightly damped box on a spring is forced at its resonance. A ball of mass ratio *m* flies
+between its two walls, at the clearance *d*, and every impact dissipates energy. Such impact
+dampers reduce vibrations of chimneys and turbine blades.
 
 .. math:: \ddot x + 2 \zeta \dot x + x = \cos \omega t, \qquad \ddot z = 0 .
 
-At the best clearance the ball strikes each wall once a period, alike. With a smaller one there are
-more impacts, with a larger one the orbit loses its stability (a Neimark-Sacker point, NS), and the
-motion swells and fades. Where impacts follow each other ever faster, the ball comes to lie at a
-wall until the box draws back from it.
+At the best clearance the ball strikes each wall once per period, symmetrically. A smaller clearance
+leads to more impacts; at a larger one the orbit loses stability at a Neimark-Sacker point (NS), and
+the amplitude is modulated. A chatter sequence ends with the ball resting on a wall until the box
+recedes.
 """
 
 import math
@@ -81,20 +81,20 @@ box = mi.System(
 )
 
 # %%
-# The run begins in the middle, with the ball thrown to the right.
+# In the run, the ball starts in the middle and moves to the right.
 
 run = mi.simulate(box, periods=400)
 mi.plot_run(run, first=0, last=40, states=["x", "z"]).figure.savefig("two_stop_rattler_run.png")
 
 # %%
-# The orbit is drawn as the box moves.
+# The figure shows the orbit in the phase plane of the box.
 
 orbit = mi.find_orbit(run)
 print(orbit.multipliers)
 mi.plot_orbit(orbit).figure.savefig("two_stop_rattler_orbit.png")
 
 # %%
-# The branches go both ways from this clearance; dots are brute force.
+# Two branches start from this clearance, one in each direction; dots are brute force.
 
 up = mi.continue_orbit(orbit, "d", stop=32.0, steps=mi.StepControl(most=750))
 down = mi.continue_orbit(orbit, "d", stop=6.0)
@@ -105,13 +105,12 @@ mi.plot_branch([up, down], sweep=sweep).figure.savefig("two_stop_rattler_branch.
 # %%
 # Check
 # -----
-# Half a period of this orbit mirrors the other, which gives it a closed form (S. F. Masri and T.
+# One half period of this orbit mirrors the other, which gives it a closed form (S. F. Masri and T.
 # K. Caughey, *Journal of Applied Mechanics* 33, 586, 1966). The ball leaves the right wall, where
 # the box is at :math:`x_0`, at the speed :math:`w`, and reaches the left one after half a period,
 # in which the box moves from :math:`(x_0, v)` to :math:`(-x_0, v')`. Momentum, restitution and
-# flight give :math:`w, v, v'`, and the difference to the forced motion turns as that of the free
-# box. What remains is an equation of second degree for :math:`x_0`, and the fold (CF) is where it
-# has a double root.
+# flight give :math:`w, v, v'`, and the deviation from the forced motion is a free oscillation of the
+# box. The remaining equation for :math:`x_0` is quadratic; the fold (CF) is its double root.
 
 p = box.parameters
 half = math.pi / p["omega"]

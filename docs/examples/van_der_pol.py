@@ -1,14 +1,15 @@
 r"""
-Van der Pol oscillator: a cycle without a guard
-===============================================
+Van der Pol oscillator: a smooth limit cycle
+============================================
 
-A classical limit cycle arises from friction that feeds small motions and brakes large ones,
+A classical limit cycle arises from damping that is negative at small amplitudes and positive at
+large ones,
 
 .. math:: \ddot x - \mu\,(1 - x^2)\,\dot x + x = 0.
 
-With a small :math:`\mu` the cycle is a circle of radius 2 and takes :math:`2 \pi`; with a large
-one it creeps and jumps. Nothing switches here, nothing forces, and the period is found with the
-cycle.
+For small :math:`\mu` the cycle is a circle of radius 2 with the period :math:`2 \pi`; for large
+:math:`\mu` it is a relaxation oscillation. The system is smooth and autonomous, and the period is
+computed with the cycle.
 """
 
 import math
@@ -38,14 +39,14 @@ run = mi.simulate(oscillator, duration=40.0)
 mi.plot_run(run).figure.savefig("van_der_pol_run.png")
 
 # %%
-# It settles to the cycle.
+# It settles to the limit cycle.
 
 cycle = mi.find_orbit(run)
 print(cycle.period, cycle.multipliers)
 mi.plot_orbit(cycle).figure.savefig("van_der_pol_orbit.png")
 
 # %%
-# The branch shows the speed in the middle. Brute force is a run at each value.
+# The branch shows the speed at :math:`x = 0`. Brute force is one run per value.
 
 branches = [mi.continue_orbit(cycle, "mu", stop=stop) for stop in (0.05, 6.0)]
 dots = []
