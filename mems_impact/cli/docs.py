@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import webbrowser
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -11,25 +12,49 @@ from mems_impact.cli.output import OutputValue, show, show_text, tell_values
 from mems_impact.cli.runtime import quiet, say
 
 BUILD = "python -m sphinx docs docs/_build/html"
-CLOSE = 5  # how many names are told where a word is none of them
+CLOSE = 5  # suggestions for an unknown word
+
+
+class Topic(NamedTuple):
+    """A topic of `topics.toml`.
+
+    Attributes
+    ----------
+    name : str
+    also : tuple of str
+        Synonyms.
+    answer : str
+        One line.
+    names : tuple of str
+        Public names that serve.
+    page : str
+        Page below `docs`, with its heading.
+    """
+
+    name: str
+    also: tuple[str, ...]
+    answer: str
+    names: tuple[str, ...]
+    page: str
 
 
 @click.command(short_help="Open the documentation on a name, a command or a topic.")
-@click.argument("word", required=False)
-@click.option("--text", is_flag=True, help="Show the text here; open no browser.")
-def command(*, word: str | None, text: bool) -> None:
-    """Open the page on WORD, a name of Python, a command or a topic; without WORD the first page.
+@click.argument("words", metavar="[WORD]...", nargs=-1)
+@click.option("--text", is_flag=True, help="Show the text in the terminal; open no browser.")
+def command(*, words: tuple[str, ...], text: bool) -> None:
+    """Open the page on WORD: a public name, a command or a topic; by default the first page.
 
-    Where the site has been built in this clone it opens in a browser, without a network. Else, or
-    with --text, the text is shown here: a name with its docstring, a command with its options, and
-    of a topic the names that speak of it.
+    If the site has been built in this clone, the page opens in a browser, without a network.
+    Otherwise, or with --text, the terminal shows the text: the docstring of a name, the options of
+    a command, the answer on a topic and the names whose docstrings mention it.
 
     \b
     Examples:
       mems-impact docs find_orbit
       mems-impact docs sweep --text
-      mems-impact docs grazing
+      mems-impact docs quality factor
     """  # noqa: D301 - click looks for the backspace itself
+    word = " ".join(words) or None
     site = built_site()
     if not text and site is not None:
         address = page(site, word)
@@ -37,19 +62,19 @@ def command(*, word: str | None, text: bool) -> None:
         show(address)
         webbrowser.open(address)
         return
-    show_text(told(word))
+    show_text(text_on(word))
     if site is None and not text and not quiet():
-        say(f"as a site with pictures: {BUILD}, in a clone")
+        say(f"to build the site with pictures, in a clone: {BUILD}")
 
 
 def built_site() -> Path | None:
-    """Return where the site of this clone has been built, or None."""
+    """Return the folder of the site built in this clone, or None."""
     site = Path(__file__).resolve().parents[2] / "docs" / "_build" / "html"
     return site if (site / "index.html").is_file() else None
 
 
 def page(site: Path, word: str | None) -> str:
-    """Return the address of the page on a word: of the reference, of its own, or of a search."""
+    """Return the address of the page on a word: reference, own page, topic or search."""
     if word is None:
         return (site / "index.html").as_uri()
     topic = word.lower().replace(" ", "_").replace("-", "_")
@@ -61,13 +86,19 @@ def page(site: Path, word: str | None) -> str:
     for candidate in candidates:
         if candidate.is_file():
             return candidate.as_uri()
+    found = topic_on(word)
+    if found is not None:
+        name, _, heading = found.page.partition("#")
+        address = (site / name).with_suffix(".html")
+        if address.is_file():
+            return f"{address.as_uri()}#{heading}" if heading else address.as_uri()
     from urllib.parse import quote
 
     return f"{(site / 'search.html').as_uri()}?q={quote(word)}"
 
 
 def public(word: str) -> str | None:
-    """Return the public name that is meant, the case of letters aside, or None."""
+    """Return the public name that equals a word, ignoring case, or None."""
     import mems_impact as mi
 
     if word in mi.__all__:
@@ -76,40 +107,71 @@ def public(word: str) -> str | None:
     return same[0] if same else None
 
 
-def told(word: str | None) -> str:
-    """Return what there is to say on a word, as text."""
+def topics() -> list[Topic]:
+    """Return all topics."""
+    import tomllib
+    from importlib.resources import files
+
+    text = (files("mems_impact.cli") / "topics.toml").read_text("utf-8")
+    return [
+        Topic(name, tuple(each["also"]), each["answer"], tuple(each["names"]), each["page"])
+        for name, each in tomllib.loads(text).items()
+    ]
+
+
+def topic_on(word: str) -> Topic | None:
+    """Return the topic that a word names, or a synonym of it, ignoring case; or None."""
+    wanted = _plain(word)
+    for topic in topics():
+        if wanted in {_plain(each) for each in (topic.name, *topic.also)}:
+            return topic
+    return None
+
+
+def _plain(word: str) -> str:
+    return word.lower().replace("_", " ").replace("-", " ")
+
+
+def text_on(word: str | None) -> str:
+    """Return the documentation on a word as text: all names without one."""
     import inspect
 
     import mems_impact as mi
     from mems_impact.cli import COMMANDS
 
     names = sorted(mi.__all__, key=str.lower)
-    lines = {name: (inspect.getdoc(getattr(mi, name)) or "").partition("\n")[0] for name in names}
+    docstrings = {name: inspect.getdoc(getattr(mi, name)) or "" for name in names}
+    lines = {name: text.partition("\n")[0] for name, text in docstrings.items()}
     if word is None:
         return "\n".join(f"{name}: {line}" for name, line in lines.items())
     parts = []
     name = public(word)
     if name is not None:
         thing = getattr(mi, name)
-        parts.append(f"mems_impact.{name}{signature(thing)}\n\n{inspect.getdoc(thing)}")
+        parts.append(f"mems_impact.{name}{signature(thing)}\n\n{docstrings[name]}")
     if word in COMMANDS:
         parts.append(help_of(word))
     if not parts:
-        spoken = [
-            n for n in names if word.lower() in f"{n} {inspect.getdoc(getattr(mi, n))}".lower()
-        ]
-        parts += [f"{n}: {lines[n]}" for n in spoken]
+        topic = topic_on(word)
+        served = topic.names if topic is not None else ()
+        if topic is not None:
+            parts += [f"{topic.name}: {topic.answer}", f"page: docs/{topic.page}"]
+        plain = _plain(word)
+        mentioned = [n for n in names if len(word) > 2 and plain in _plain(f"{n} {docstrings[n]}")]
+        parts += [f"{n}: {lines[n]}" for n in dict.fromkeys((*served, *mentioned))]
     if not parts:
         from difflib import get_close_matches
 
-        close = get_close_matches(word, [*names, *COMMANDS], CLOSE, cutoff=0.5)
-        hint = f"; near are {', '.join(close)}" if close else ""
-        raise click.UsageError(f"nothing is said of {word!r}{hint}")
+        close = get_close_matches(
+            word, [*names, *COMMANDS, *(topic.name for topic in topics())], CLOSE, cutoff=0.5
+        )
+        hint = f"; similar names: {', '.join(close)}" if close else ""
+        raise click.UsageError(f"the documentation does not mention {word!r}{hint}")
     return "\n".join(parts)
 
 
 def signature(thing: object) -> str:
-    """Return how a name is called, without the types, which its text tells."""
+    """Return the signature of a name without types, which its docstring gives."""
     import inspect
 
     assert callable(thing)

@@ -1,6 +1,11 @@
 """`mems-impact docs` finds the page on a word, built or not."""
 
+import re
+from pathlib import Path
+
 import pytest
+
+import mems_impact as mi
 
 from mems_impact.cli import docs
 
@@ -11,6 +16,7 @@ def site(tmp_path):
     for name in (
         "index",
         "maps",
+        "howto",
         "reference/mems_impact.Basins-class",
         "reference/mems_impact.basins",
     ):
@@ -25,6 +31,7 @@ def site(tmp_path):
         ("Basins", "/reference/mems_impact.Basins-class.html"),
         ("basins", "/reference/mems_impact.basins.html"),
         ("maps", "/maps.html"),
+        ("time step", "/howto.html#choose-tolerances-the-method-and-the-time-step"),
         ("stick and slip", "/search.html?q=stick%20and%20slip"),
     ],
 )
@@ -58,5 +65,53 @@ def test_the_text_without_a_site(cli, word, said):
     assert said in done.out
 
 
-def test_a_word_of_which_nothing_is_said(cli):
-    assert "near are find_orbit" in cli("docs", "find_orbitt", "--text").complaint()
+def test_an_unknown_word(cli):
+    assert "similar names: find_orbit" in cli("docs", "find_orbitt", "--text").complaint()
+
+
+WANTED = (
+    "quality factor",
+    "hertz",
+    "resonance",
+    "electrode area",
+    "capacitance",
+    "deadband",
+    "hysteresis",
+    "time step",
+    "restitution",
+    "Zeno",
+)
+
+
+@pytest.mark.parametrize("word", WANTED)
+def test_a_word_of_a_designer_is_found_by_the_command(cli, word):
+    done = cli("docs", *word.split(), "--text")
+    assert done.status == 0
+    first, page = done.out.splitlines()[:2]
+    assert first.startswith(f"{word.lower()}: ")
+    assert page.startswith("page: docs/")
+
+
+@pytest.mark.parametrize("word", WANTED)
+def test_a_word_of_a_designer_is_found_by_the_search_of_the_site(word):
+    # The site's search finds the pages that hold every word of a query.
+    text = (DOCS / "howto.md").read_text("utf-8").lower()
+    assert word.lower() in text
+
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("topic", docs.topics(), ids=lambda topic: topic.name)
+def test_topics_lead_to_names_and_headings(topic):
+    assert set(topic.names) <= set(mi.__all__)
+    page, _, heading = topic.page.partition("#")
+    found = HEADING.findall((DOCS / page).read_text("utf-8"))
+    slugs = {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in found}
+    assert not heading or heading in slugs
+
+
+def test_no_synonym_belongs_to_two_topics():
+    words = [word.lower() for topic in docs.topics() for word in (topic.name, *topic.also)]
+    assert len(words) == len(set(words))
