@@ -39,10 +39,12 @@ math_eqref_format = "({number})"
 html_theme = "pydata_sphinx_theme"
 html_title = "mems_impact"
 html_static_path = ["static"]
-html_css_files = ["formulas.css"]
+html_css_files = ["site.css"]
+html_logo = html_favicon = "static/logo.svg"
 html_show_sourcelink = False
 html_theme_options = {
     "navigation_with_keys": False,
+    "logo": {"text": "mems_impact"},
     "show_toc_level": 2,
     "secondary_sidebar_items": ["page-toc"],
 }

@@ -2,19 +2,19 @@
 The automaton
 =============
 
-A machine with impacts and dry friction moves smoothly most of the time, each time by other
-equations: the body flies or rests, the frame sticks or slips. Such a system is a *hybrid
-automaton*. It has modes, and in each of them a flow
+A machine with impacts and dry friction moves smoothly between events, by the equations of its current
+mode: the body flies or rests, the frame sticks or slips. Such a system is a *hybrid automaton*. Each of its
+modes has a flow
 
 .. math:: \\dot y = f_m(t, y; p).
 
-A guard ends the flow where its margin :math:`h(t, y; p)`, positive until then, falls through zero.
-The transition of that guard gives the next mode and the state in which it begins:
+A guard ends the flow when its margin :math:`h(t, y; p)`, positive before, falls through zero.
+The transition of that guard gives the next mode and its initial state:
 
 .. math:: (m, y) \\mapsto (m', R(t, y; p)).
 
-Impact, slip and stick, rest and release, and switched sources are all written as guards with
-transitions. Below is a ball that bounces and comes to rest.
+Impact, slip and stick, rest and release, and switched sources are all guards with transitions. The
+example is a ball that bounces and comes to rest.
 """
 
 import mems_impact as mi
@@ -48,15 +48,14 @@ ball = mi.System(
 run = mi.simulate(ball, duration=3.0)
 
 # %%
-# A run is a list of arcs: each one smooth, in one mode, and ended by one event. Nothing is lost
-# between two steps of the integration, since every step that passes a zero of a margin is cut
-# there.
+# A run is a list of arcs: each is smooth, in one mode, and ended by one event. An integration step that
+# passes a zero of a margin is cut there, so that no event is lost between steps.
 
 print(run.events[["t", "event", "mode before", "mode after"]].iloc[[0, 1, -2, -1]])
 mi.plot_run(run).figure.savefig("automaton.png")
 assert run.final.mode == "resting"
 
 # %%
-# In the figure vertical lines are impacts, and a shaded stretch is a mode that lasts. :doc:`/hybrid`
+# Vertical lines in the figure are impacts, and shading marks a mode. :doc:`/hybrid`
 # explains how to write such a system, :doc:`/parts` lists ready-made parts, and :doc:`/equations`
 # describes the automaton of the actuator.

@@ -2,15 +2,15 @@
 Guards and rates
 ================
 
-A margin :math:`h` is watched along the motion. Looking only for a change of its sign from one step
-to the next loses events in pairs: a step may begin and end above zero, and dip below it in between.
-So the engine watches the *rate* as well,
+An event is a zero of a margin :math:`h` along the motion. A search for sign changes between steps loses
+events in pairs: the margin may be positive at both ends of a step and negative in between. The engine
+therefore evaluates the *rate* as well,
 
 .. math:: \\dot h = \\nabla h \\cdot f + \\partial_t h,
 
-whose zero is the lowest point of the margin. The step is cut there, too, and if the margin is
-negative at its lowest point, the crossing before it is located. What touches zero without crossing
-it is a *grazing*, and does not count.
+whose zero is the minimum of the margin. The engine cuts the step there, too; if the margin is negative at
+its minimum, it locates the crossing before. A margin that touches zero without crossing it *grazes*, which
+is no event.
 """
 
 import mems_impact as mi
@@ -25,9 +25,8 @@ def gap(mode, t, y, p):
 
 
 # %%
-# A point on a circle of radius one, and a level that it passes for a short while: the shallower,
-# the shorter. Every passage is seen, with steps that are much longer than it, down to where the arc
-# itself is no more accurate.
+# A point on a circle of radius one passes a level for a short time. The engine detects every passage,
+# with much longer steps, down to the accuracy of the arc.
 
 fine = mi.Options(method="dop853", rtol=1e-13, atol=1e-15)
 
@@ -45,11 +44,11 @@ for depth in (1e-1, 1e-3, 1e-6, 1e-9):
     assert len(run.events) == 3
 
 # %%
-# A level that the point misses by as little is not passed:
+# A level just beyond the circle gives no event:
 
 beyond = point.changed(level=1.0 + 1e-6)
 assert mi.simulate(beyond, duration=18.0, options=fine).events.empty
 
 # %%
-# The rate is taken by differences along the flow if the system gives none (``rate=``), and one that
-# is given is checked. :doc:`/peers` collects threads in which other solvers lost such events.
+# Without ``rate=`` the engine computes the rate by differences along the flow; a given rate is checked.
+# :doc:`/peers` collects published cases in which other solvers lost such events.

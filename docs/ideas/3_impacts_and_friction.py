@@ -2,17 +2,17 @@
 Impacts and friction
 ====================
 
-An impact takes no time: positions stay, and the speeds of the two bodies along the contact become
+An impact is instantaneous: positions are constant, and the relative speed along the contact becomes
 
 .. math:: v^+ = -e\\,v^-,
 
-with the coefficient of restitution :math:`e`; momentum decides the rest. Dry friction has two laws
-in one. While a body slips, the force is :math:`\\mu_d N` against its velocity. While it sticks, the
-force is whatever holds it, up to :math:`\\mu_s N`. So sticking and slipping are modes, and the
-change between them are events.
+with the coefficient of restitution :math:`e`; conservation of momentum gives both velocities. Dry friction
+has two laws. While a body slips, the force is :math:`\\mu_d N` against its velocity. While it sticks, the
+force balances the load, up to :math:`\\mu_s N`. Sticking and slipping are therefore modes, and the changes
+between them events.
 
-A block on a moving belt, held by a spring: it sticks until the spring overcomes static friction,
-slips against less, and sticks again.
+The example is a block on a moving belt, held by a spring: it sticks until the spring force exceeds static
+friction, slips against the lower sliding friction, and sticks again.
 """
 
 import math
@@ -36,8 +36,8 @@ print(run.events[["t", "event", "mode after"]].tail(4))
 mi.plot_run(run).figure.savefig("impacts_and_friction.png")
 
 # %%
-# The cycle is known in closed form (the drop of the friction over the speed of the belt), and comes
-# out to rounding: no regularization smears it, and no step size enters.
+# The period of the limit cycle has a closed form, and the computed one agrees to rounding, since no
+# regularization and no time step enters.
 
 cycle = mi.find_orbit(block, transient=50)
 drop, speed = 0.4, 0.3
@@ -46,6 +46,5 @@ print(cycle.period - closed)
 assert abs(cycle.period - closed) < 1e-9
 
 # %%
-# Where several contacts hold at once, they are solved together. More laws are described in
-# :doc:`/parts` (Stribeck friction) and, for the actuator, in :doc:`/terms` (tabulated restitution,
-# yielding stoppers).
+# Simultaneous contacts are solved together. :doc:`/parts` describes Stribeck friction, and :doc:`/terms`
+# further laws for the actuator (tabulated restitution, compliant stoppers).

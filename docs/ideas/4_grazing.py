@@ -2,14 +2,13 @@
 Grazing
 =======
 
-An orbit *grazes* where it touches a stopper without speed. An orbit a little beyond strikes it
-softly, and the softest impact already changes everything: the map from one period to the next has a
-square root there,
+An orbit *grazes* where it touches a stopper at zero velocity. A slightly larger orbit strikes the stopper,
+and even the weakest impact changes the dynamics: the map over one period has a square root there,
 
 .. math:: x_{n+1} - x^* \\approx -\\beta\\sqrt{x_n - x^*} + \\ldots
 
-so that its slope is unbounded (Nordmark, 1991). That is why a grazing may end an attractor abruptly, or
-lead to chaos at once.
+so that its slope is unbounded (Nordmark, 1991). A grazing may therefore end an attractor abruptly, or
+lead directly to chaos.
 """
 
 import math
@@ -41,9 +40,9 @@ oscillator = mi.System(
 quiet = mi.find_orbit(oscillator, transient=200)
 
 # %%
-# The orbit without impacts ends where its largest deflection is the gap. The branch goes on as an orbit with
-# one impact, unstable at first, since the largest multiplier is without bound at the grazing: that
-# is the square root. It becomes stable at a period doubling (PD), far away.
+# The orbit without impacts ends where its largest deflection equals the gap. The branch continues as an
+# orbit with one impact, unstable at first, since the square root makes the largest multiplier unbounded at the
+# grazing. It becomes stable at a period doubling (PD), far away.
 
 branch = mi.continue_orbit(quiet, "A", stop=0.6, back=0.3)
 grazing = branch.special_points[0]
@@ -51,7 +50,7 @@ print(grazing.label, grazing.value, mi.grazing_type(grazing))
 assert abs(grazing.value - math.hypot(1.0 - 0.8**2, 0.1 * 0.8)) < 1e-10
 
 # %%
-# A sweep shows what the motion settles to once the orbit without impacts is gone.
+# A sweep shows the attractors beyond the orbit without impacts.
 
 dots = mi.sweep(
     oscillator, "A", np.linspace(0.32, 0.44, 61), direction="both", transient=150, periods=20
@@ -59,6 +58,6 @@ dots = mi.sweep(
 mi.plot_branch(branch, sweep=dots).figure.savefig("grazing.png")
 
 # %%
-# The type of a grazing says how the motion leaves it: continuously, with a jump, or not at all, the
-# orbit having died in a fold before. At the points of codimension two between these types the
-# paper's types I, II and III meet: :doc:`/orbits`.
+# The type of a grazing states how the attractor changes: continuously, with a jump, or not at all, if the
+# stable orbit ends in a fold before. The points of codimension two between these types separate
+# the paper's types I, II and III: :doc:`/orbits`.

@@ -1,14 +1,14 @@
 """
-Chatter and rest
-================
+Chatter and rest contact
+========================
 
-A ball with :math:`e < 1` bounces infinitely often in a finite time: its flights shorten by the
-factor :math:`e`, and their sum is finite,
+A ball with :math:`e < 1` bounces infinitely often in finite time (Zeno behaviour): its flights shorten by
+the factor :math:`e`, and their sum is finite,
 
 .. math:: t_\\infty = \\sqrt{\\frac{2h}{g}}\\,\\frac{1 + e}{1 - e}.
 
-No event loop can follow all of them, and stopping at some last impact leaves an error. The body then
-lies on the stopper until the contact force vanishes, which is an event again.
+No event loop can compute all of them, and truncation after some impact leaves an error. The body then
+rests on the stopper until the contact force vanishes, which is an event as well.
 """
 
 import math
@@ -30,8 +30,8 @@ ball = mi.System(
 run = mi.simulate(ball, duration=2.0)
 
 # %%
-# Once the flights are short, the sequence is completed in closed form, with its sum: one event
-# "chatter ends", at the right time.
+# Once the flights are short, the event loop completes the chatter sequence in closed form: one event
+# "chatter ends", at the accumulation point.
 
 ends = run.events.query("event == 'chatter ends'")["t"].iloc[0]
 closed = math.sqrt(2.0 / 9.81) * 1.5 / 0.5
@@ -40,8 +40,8 @@ assert abs(ends - closed) < 1e-10
 mi.plot_run(run).figure.savefig("chatter_and_rest.png")
 
 # %%
-# In the actuator one *blow*, as a microscope sees it, is such a sequence: some twenty impacts, then
-# rest until the voltage lets go.
+# In the actuator one *blow*, as observed in a microscope, is such a sequence: about twenty impacts, then
+# rest contact until the voltage falls.
 
 mita = mi.load_actuator("mita2003")
 cycle = mi.simulate(mita, mi.Sine(amplitude=100, omega=2 * math.pi), periods=6, window=(2, 6))
@@ -49,5 +49,5 @@ print(cycle.statistics[["impacts per period", "blows per period", "displacement 
 assert cycle.statistics["blows per period"] == 1.0
 
 # %%
-# :doc:`/device` explains what that means for counting steps, and :doc:`/promises` how exact the end
-# of a sequence is.
+# :doc:`/device` explains the quantities per blow and per impact, :doc:`/promises` the accuracy of the
+# accumulation point.

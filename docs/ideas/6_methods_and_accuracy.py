@@ -2,10 +2,9 @@
 Methods and accuracy
 ====================
 
-Four methods of integration stand behind one loop of events: CVODE's Adams and BDF, an explicit
-one-step method of order 8 (``dop853``), and ``auto``, which takes ``dop853`` and changes to BDF in
-modes that turn out stiff. Events are located to rounding, whatever the method, so that the error of
-a run is that of its arcs.
+One event loop serves four integration methods: CVODE's Adams and BDF, an explicit one-step method of
+order 8 (``dop853``), and ``auto``, which uses ``dop853`` and changes to BDF in stiff modes. Events are located
+to rounding with every method, so the error of a run is the error of its arcs.
 """
 
 import numpy as np
@@ -35,9 +34,8 @@ with mi.style():
 axes.figure.savefig("methods_and_accuracy.png")
 
 # %%
-# The errors of Adams and BDF fall with the tolerance, and ``dop853`` stays far below it: nothing at
-# the events spoils them. The same can be asked of any run, by a method that shares no formula with
-# the first:
+# The errors of Adams and BDF decrease with the tolerance, and those of ``dop853`` stay far below it; the
+# events do not degrade them. ``verify`` repeats any run with an unrelated method:
 
 run = mi.simulate(actuator, drive, periods=300)
 verification = run.verify()
@@ -45,5 +43,4 @@ print(verification.verdict)
 assert verification.agrees
 
 # %%
-# :doc:`/guide` says when to use which method, and what each costs; :doc:`/promises` what accuracy
-# is promised.
+# :doc:`/guide` compares the methods and their cost, :doc:`/promises` states the accuracy.

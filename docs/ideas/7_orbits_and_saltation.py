@@ -2,17 +2,17 @@
 Orbits and saltation
 ====================
 
-A periodic orbit is found as a boundary value problem: the states at the beginning of each arc and
-the times of its events are unknown, and Newton's method makes arcs meet. Its stability is that of
-the map over a period. Through an arc a deviation follows the linearized flow; through an event it
-jumps by the *saltation matrix*
+A periodic orbit solves a boundary value problem: the unknowns are the states at the beginning of each arc
+and the times of the events, and Newton's method makes the arcs meet. The linearized map over a period gives the
+stability. Along an arc a perturbation follows the linearized flow; at an event it jumps by the *saltation
+matrix*
 
 .. math::
    S = R_y + \\frac{(f^+ - R_y f^- - R_t)\\, \\nabla h^{\\mathsf T}}
    {\\nabla h \\cdot f^- + h_t},
 
-since the neighbouring motion meets the guard a little sooner or later (Müller, 1995; Leine and
-Nijmeijer, 2004). The product over all arcs and events is the monodromy matrix, and its eigenvalues
+since the neighbouring motion meets the guard slightly earlier or later (Müller, 1995; Leine and
+Nijmeijer, 2004). The product over all arcs and events is the monodromy matrix. Its eigenvalues
 are the Floquet multipliers.
 """
 
@@ -47,8 +47,7 @@ mi.plot_orbit(orbit, x="x", y="v").figure.savefig("orbits_and_saltation.png")
 
 # %%
 # For this impact the determinant of :math:`S` is :math:`e^2`, and that of the flow over a period
-# :math:`\exp(-cT)`. So the product of the multipliers is known, whatever the orbit does in
-# between:
+# :math:`\exp(-cT)`. The product of the multipliers therefore has a closed form:
 
 product = np.prod(orbit.multipliers).real
 closed = 0.8 ** (2 * len(orbit.impacts)) * math.exp(-0.1 * orbit.period)
@@ -56,7 +55,7 @@ print(product, closed)
 assert abs(product - closed) < 1e-9
 
 # %%
-# The same numbers by brute force: two runs that begin close together.
+# Differences of neighbouring runs give the same multipliers:
 
 start, small = orbit.state, 1e-7
 options = mi.Options(method="dop853", rtol=1e-13, atol=1e-15)
@@ -70,5 +69,5 @@ print(np.sort_complex(brute), np.sort_complex(orbit.multipliers))
 assert np.allclose(np.sort_complex(brute), np.sort_complex(orbit.multipliers), atol=1e-4)
 
 # %%
-# :doc:`/orbits` has more on orbits and their errors. The same matrices enter Lyapunov exponents:
+# :doc:`/orbits` describes orbits and their errors. The same matrices enter Lyapunov exponents:
 # :doc:`/lyapunov`.

@@ -2,10 +2,10 @@
 Continuation
 ============
 
-One more unknown, the parameter, makes a curve of the orbits: it is followed by predicting along its
-tangent and correcting across it, so that folds are points like others. On the way *test functions*
-are watched whose zeros are the special points: a multiplier at 1 (fold, CF), at -1 (period
-doubling, PD), a pair on the unit circle (torus, NS), a margin that is touched (grazing, G).
+With the parameter as a further unknown, the orbits form a curve. Pseudo-arclength continuation predicts
+along its tangent and corrects across it, so that folds are regular points. Zeros of *test functions* are
+the special points: a multiplier at 1 (fold, CF), at -1 (period doubling, PD), a pair on the unit circle
+(torus, NS), a margin with a double zero (grazing, G).
 """
 
 import numpy as np
@@ -18,16 +18,16 @@ branch = mi.continue_orbit(orbit, "amplitude", stop=0.22)
 print(branch.special_table[["label", "amplitude", "impacts"]].to_string(index=False))
 
 # %%
-# Each special point is located by Newton's method with its condition, to ten digits, not read off
-# the nearest point of the branch. At the doubling a multiplier is -1:
+# Newton's method locates each special point to ten digits, with its condition as a further equation. At
+# the doubling a multiplier is -1:
 
 (doubling,) = [special for special in branch.special_points if special.label == "PD"]
 print(doubling.value, doubling.multipliers.real)
 assert np.abs(doubling.multipliers + 1.0).min() < 1e-7
 
 # %%
-# There another branch begins, of twice the period. And the voltage of the doubling itself can be
-# followed over the frequency: two parameters, one condition, again a curve.
+# A branch of twice the period begins there. The doubling itself can be continued in voltage and
+# frequency: two parameters and one condition give a curve.
 
 twice = branch.switch(doubling)
 mi.plot_branch([branch, twice]).figure.savefig("continuation.png")
@@ -36,10 +36,10 @@ curve = mi.continue_curve(doubling, "omega", stop=0.455, back=0.448)
 print(curve.table[["omega", "amplitude"]].iloc[[0, -1]])
 
 # %%
-# Whatever ends a branch is named in ``branch.ended``, and the orbits found so far are returned.
+# ``branch.ended`` states why a branch ends; the orbits up to there are returned.
 
 print(branch.ended)
 
 # %%
-# The signature of an orbit, its modes and events in their order, is read off a run, and read anew
+# The signature of an orbit, the sequence of its modes and events, comes from a run, and is determined again
 # where it changes on the branch: :doc:`/orbits`.

@@ -2,9 +2,9 @@
 Studies
 =======
 
-A *study* computes what many motions settle to, over parameters, initial states or tolerances: a list
-of independent points (or chains of them), with one row a point. All kinds are run, stored and resumed
-in the same way, so that a map of a million points on a cluster is the same call as a small one here.
+A *study* computes attractors over parameters, initial states or tolerances: a table with one row for each
+of many independent points. All studies run, store and resume in the same way, so that a map of a million
+points on a cluster is the same call as the small one here.
 """
 
 import tempfile
@@ -26,19 +26,17 @@ print(mi.map_summary(found.table)[["motion", "points", "share"]].to_string(index
 mi.plot_map(found).figure.savefig("studies.png")
 
 # %%
-# The store is a directory of Parquet files, which other programs can read. The same call resumes a
-# study where it was interrupted, and only reads one that is finished:
+# The store is a directory of Parquet files, which other programs can read. The same call resumes an
+# interrupted study, and reads a finished one:
 
 stored = mi.read_study(store)
 print(stored.done, "of", stored.total)
 assert stored.done == stored.total == 72
 
 # %%
-# A point that fails is a row with its reason in ``status``, and the study goes on. Kinds of studies:
+# A failed point has its reason in ``status``, and the study continues. Kinds of studies:
 #
-# - kinds of motions over two parameters: :doc:`/maps`
-# - attractors reached from many initial states: :doc:`/basins`
-# - tolerance analysis, of manufacture: :doc:`/tolerances`
-# - derivatives, optima and fronts of an orbit: :doc:`/sensitivity`
-#
-# :doc:`/studies` describes how they are run and stored, :doc:`/cluster` how on many machines.
+# - operating maps over two parameters, stores and clusters: :doc:`/studies`
+# - basins of attraction: :doc:`/basins`
+# - manufacturing tolerances: :doc:`/tolerances`
+# - sensitivities, optima and Pareto fronts of an orbit: :doc:`/sensitivity`

@@ -1,9 +1,9 @@
 """
-2. On and off: a sweep of the voltage
-=====================================
+2. Sweep the voltage: on and off
+================================
 
-The same voltage may leave the device at rest or let it walk; it depends on where the motion comes
-from. A sweep changes the voltage slowly, up and down, and shows both.
+At some voltages two attractors coexist: the device rests or walks, depending on the initial state. A
+sweep varies the voltage slowly, up and down, and shows this hysteresis.
 """
 
 import numpy as np
@@ -21,8 +21,8 @@ assert from_rest.statistics["impacts"] == 0
 assert walking.statistics["impacts per period"] == 1.0
 
 # %%
-# Each value of a sweep starts from the last state of the one before. Upwards it starts at rest,
-# downwards with a kick.
+# Each value of a sweep starts from the last state of the previous value. The sweep up starts at rest,
+# the sweep down with a kick.
 
 table = mi.sweep(
     actuator, drive, "amplitude", np.linspace(0.16, 0.24, 33),
@@ -31,15 +31,15 @@ table = mi.sweep(
 mi.plot_sweep(table).figure.savefig("on_and_off.png")
 
 # %%
-# The summary has one row a value. From it follows the lowest voltage with impacts, either way.
+# The summary has one row per value. It gives the lowest voltage with impacts in each direction.
 
 summary = mi.sweep_summary(table)
 on = summary[summary["impacting"]].groupby("direction")["amplitude"].min()
 print(on)
 
 # %%
-# Between 0.1765 and 0.2272 the device is *on* or *off* as it was before. A sweep knows these
-# voltages to its spacing, 0.0025 here. The next page knows them to ten digits, and why it is so.
+# Between 0.1765 and 0.2272 the device stays *on* or *off*. A sweep resolves these voltages to its
+# spacing, here 0.0025. The next tutorial computes them to ten digits, and explains the hysteresis.
 
 assert np.isclose(on["up"], 0.2275)
 assert np.isclose(on["down"], 0.1775)

@@ -1,9 +1,9 @@
 """
-3. The orbit behind it, and its branch
-======================================
+3. Find a periodic orbit and continue its branch
+================================================
 
-What the device does at a voltage is a periodic orbit. It can be found as such, stable or not, and
-followed over the voltage: that shows why the device switches where it does.
+The walking device has a periodic orbit. ``find_orbit`` computes it, stable or unstable, and
+``continue_orbit`` continues it over the voltage. The branch explains the switching voltages.
 """
 
 import numpy as np
@@ -16,21 +16,21 @@ print(orbit.stable, abs(orbit.multipliers))
 print(orbit.segments[["mode", "start", "end", "ends with"]])
 
 # %%
-# A small deviation changes by the factors of the *Floquet multipliers* in a period; if all are below
-# one in modulus, the orbit attracts. The phase plane of the block, with the impact as a dashed line:
+# Small perturbations grow by the *Floquet multipliers* in each period; if all are below one in
+# modulus, the orbit is stable. The phase plane of the block shows the impact as a dashed line:
 
 mi.plot_orbit(orbit, x="x2", y="v2").figure.savefig("orbit_and_branch_orbit.png")
 
 # %%
-# Followed to lower voltages the orbit turns round in a fold (CF), goes on as an unstable orbit, and
-# loses its impact where it only grazes the stopper (G).
+# Towards lower voltages the branch folds back (CF), continues as an unstable orbit, and loses its
+# impact where the orbit grazes the stopper (G).
 
 branch = mi.continue_orbit(orbit, "amplitude", stop=0.16)
 print(branch.special_table[["label", "amplitude"]].to_string(index=False))
 
 # %%
-# So the device switches off at the fold: below it there is no walking orbit. It switches on at the
-# grazing: there the orbit without impacts ends. Dots are a sweep both ways.
+# The device switches off at the fold, below which no walking orbit exists, and on at the grazing,
+# where the orbit without impacts ends. Dots are a sweep up and down.
 
 dots = mi.sweep(
     actuator, drive, "amplitude", np.linspace(0.16, 0.24, 33),

@@ -1,10 +1,10 @@
 """
-4. From the branch to a design chart
-====================================
+4. Compute the operating chart
+==============================
 
-The fold and the grazing of the page before, followed over the frequency, are the lines at which the
-device switches: its operating chart, Fig. 7 of the paper. Then what a designer reads off at one
-point of it.
+The fold and the grazing of the previous tutorial, continued over the frequency, bound the region in which the
+device walks: its operating chart, Fig. 7 of the paper. This tutorial computes the chart, and design
+quantities at one point of it.
 """
 
 import numpy as np
@@ -17,20 +17,20 @@ print(chart.types.to_string(index=False))
 mi.plot_chart(chart).figure.savefig("design_chart.png")
 
 # %%
-# Right of 0.488 the device switches on with a jump, and off at a lower voltage (type I): it holds
-# its state against a dip of the voltage. Between 0.480 and 0.488 it switches on and off at one
+# Right of 0.488 the device switches on with a jump, and off at a lower voltage (type I); it keeps its
+# state during a dip of the voltage. Between 0.480 and 0.488 it switches on and off at the same
 # voltage (type II).
 #
-# At omega = 0.5, how far may the voltage wander before the regular walk ends, and how?
+# At omega = 0.5, the window of stable period-one walking, and the bifurcation at each end:
 
 window = mi.period_one_window(actuator, drive, low=0.16, high=0.3)
 print(f"{window.low:.4f} ({window.low_kind}) to {window.high:.4f} ({window.high_kind})")
 
 # %%
-# "bound" is where the search was told to end; the walk goes on beyond it.
+# "bound" is the bound of the search; the orbit exists beyond it.
 
 # %%
-# The speed and the steps over that window follow, and the finest step, the resolution of the device.
+# Speed and steps over that window, and the finest step, the resolution of the device:
 
 speeds = mi.speed_over_voltage(
     actuator, drive, np.linspace(0.18, 0.25, 8), transient=300, periods=40,
@@ -40,7 +40,8 @@ print(speeds[["amplitude", "displacement per period", "mean speed"]].to_string(i
 print(f"finest step {mi.resolution(speeds):.2e}")
 
 # %%
-# The tornado chart shows which parameters move the speed: per cent of it for one per cent of each.
+# The tornado chart shows the elasticities of the speed: its change in per cent for one per cent of each
+# parameter.
 
 orbit = mi.find_orbit(actuator, drive, transient=300)
 mi.plot_sensitivity(mi.sensitivity(orbit), "mean speed").figure.savefig("design_chart_tornado.png")

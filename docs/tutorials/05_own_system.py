@@ -1,9 +1,9 @@
 """
-5. A system of your own
-=======================
+5. Write your own system
+========================
 
-Whatever switches between smooth modes is a ``System``: functions that read like its equations. Here
-a mass on a spring, forced, that strikes a rigid stop.
+A ``System`` switches between smooth modes; its functions read like its equations. The example is a forced
+mass on a spring that strikes a rigid stop.
 """
 
 import math
@@ -16,8 +16,8 @@ def flow(mode, t, y, p):
 
 
 # %%
-# A *guard* ends the smooth motion where its margin falls through zero: here the gap to the stop.
-# What happens then is the *transition*: the mode after it, and the state.
+# A *guard* ends the smooth motion when its margin, here the gap to the stop, falls through zero. Its
+# *transition* returns the next mode and state.
 
 
 def gap(mode, t, y, p):
@@ -37,22 +37,22 @@ oscillator = mi.System(
 )
 
 # %%
-# All verbs take it. The functions are plain Python, tried once when the system is made, and
-# compiled when it runs: the first run of a new system takes some seconds, all others milliseconds.
+# All functions of the package take it. The functions of a system are plain Python, checked by the
+# constructor and compiled at the first run, which takes some seconds; later runs take milliseconds.
 
 run = mi.simulate(oscillator, periods=300)
 print(run.impacts[["t", "event", "v before", "v after"]].tail(3))
 mi.plot_run(run, first=295).figure.savefig("own_system.png")
 
 # %%
-# Is it the same impact in each period? The orbit answers that, with its stability.
+# The periodic orbit has one impact per period, and is stable:
 
 orbit = mi.find_orbit(run)
 print(orbit.periods, len(orbit.impacts), orbit.stable)
 assert orbit.stable
 
 # %%
-# Mistakes are told in one sentence, with the line and the remedy, before anything runs:
+# A mistake raises an error before the run, with the line and the remedy:
 
 try:
     mi.System(states=("x", "v"), flow=lambda mode, t, y, p: (y.v,))
@@ -60,5 +60,5 @@ except mi.FunctionError as error:
     print(error)
 
 # %%
-# Friction, stops, relays and switching surfaces are ready-made :doc:`parts </parts>`. Next: the
-# bifurcation diagram of this oscillator.
+# Friction, stops, relays and switching surfaces are ready-made :doc:`parts </parts>`. The next tutorial
+# draws the bifurcation diagram of this oscillator.

@@ -1,9 +1,9 @@
 """
-6. Its bifurcation diagram
-==========================
+6. Draw its bifurcation diagram
+===============================
 
-The oscillator of the page before: what it does over the strength of its forcing, as a branch of
-orbits over brute force; then the line of a bifurcation in two parameters.
+This tutorial continues a periodic orbit of the previous oscillator over the amplitude of its forcing, compares
+the branch with a sweep, and continues a bifurcation in two parameters.
 """
 
 import math
@@ -37,9 +37,8 @@ branch = mi.continue_orbit(orbit, "A", stop=0.3, back=0.8)
 print(branch.special_table[["label", "A", "impacts"]].to_string(index=False))
 
 # %%
-# Downwards the orbit doubles its period (PD), and loses its impact in a grazing (G). Where an orbit
-# without impacts grazes is known in closed form, the amplitude of the linear oscillator being the
-# gap:
+# Downwards the orbit doubles its period (PD), and loses its impact in a grazing (G). The grazing has a
+# closed form: the amplitude of the linear oscillator equals the gap.
 
 grazing = branch.special_points[-1]
 closed = math.sqrt((1.0 - 0.8**2) ** 2 + (0.1 * 0.8) ** 2)
@@ -48,8 +47,8 @@ assert grazing.label == "G"
 assert abs(grazing.value - closed) < 1e-9
 
 # %%
-# From the doubling the orbit of twice the period is followed too. Solid lines are stable, dashed
-# ones are not; dots are a sweep.
+# ``switch_branch`` continues the orbit of twice the period. Solid lines are stable, dashed lines
+# unstable; dots are a sweep.
 
 doubling = branch.special_points[0]
 twice = mi.switch_branch(doubling, bounds=(0.3, 0.8))
@@ -59,8 +58,8 @@ dots = mi.sweep(
 mi.plot_branch([branch, twice], sweep=dots).figure.savefig("own_diagram_branch.png")
 
 # %%
-# Any special point is followed in a second parameter: here the doubling over the coefficient of
-# restitution.
+# ``continue_curve`` continues a special point in a second parameter, here the doubling over the
+# coefficient of restitution.
 
 curve = mi.continue_curve(doubling, "e", stop=0.6, back=0.95)
 mi.plot_curve(curve).figure.savefig("own_diagram_curve.png")
