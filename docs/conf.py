@@ -50,7 +50,7 @@ html_theme_options = {
 }
 
 myst_heading_anchors = 3  # links lead to headings, as on a forge
-myst_enable_extensions = ["dollarmath", "amsmath"]
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
 
 templates_path = ["templates"]
 autosummary_generate = True

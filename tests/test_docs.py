@@ -18,7 +18,7 @@ PAGES += [
     page for room in ("terms", "howto", "methods") for page in sorted((DOCS / room).glob("*.md"))
 ]
 
-FENCE = re.compile(r"^ *```(\w*|\{\w+\})\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(r"^ *```(\w*|\{\w+\}[^\n]*)\n(.*?)^ *```$", re.MULTILINE | re.DOTALL)
 ELSEWHERE = re.compile(r"\]\((https?:[^)\s]+)\)")
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 import mems_impact as mi
-
 from mems_impact.cli import docs
 
 
