@@ -68,6 +68,25 @@ def test_links_within_the_project_lead_somewhere(page):
     assert missing == []
 
 
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
+ANCHOR = re.compile(r"\]\(([\w./-]*\.md)?#([\w-]+)\)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_to_headings(page):
+    text = page.read_text(encoding="utf-8")
+    missing = []
+    for link, anchor in ANCHOR.findall(text):
+        target = (page.parent / link).read_text(encoding="utf-8") if link else text
+        slugs = {
+            re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+            for heading in HEADING.findall(target)
+        }
+        if anchor not in slugs:
+            missing.append(f"{link}#{anchor}")
+    assert missing == []
+
+
 def test_every_block_says_its_language():
     unnamed = [
         f"{page.name}:{page.read_text(encoding='utf-8')[: match.start()].count(chr(10)) + 1}"
