@@ -64,10 +64,11 @@ class SpecialPoint(Result):
     ----------
     kind : str
         "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
-        crosses, as in symmetric systems), the guard that is touched, such as "break-away", or
-        "unexplained" where the number of unstable multipliers changes and no such point is found.
+        crosses, as in symmetric systems), the guard that is touched, such as "break-away", "onset
+        of complete chatter" (beyond it impacts no longer accumulate into a rest), or "unexplained"
+        where the number of unstable multipliers changes and no such point is found.
     label : str
-        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
+        As in the paper: G, CF, PD; NS, BP, CC, ?; else the kind.
     parameter : str
     value : float
         Of the parameter.

@@ -29,6 +29,12 @@ from mems_impact.continuation.arclength import (
     reason_of,
     tangent,
 )
+from mems_impact.continuation.chatter_onset import (
+    ACROSS_START,
+    BEYOND_ONSET,
+    chatter_onset,
+    rests_after_chatter,
+)
 from mems_impact.continuation.grazing import (
     NO_ORBIT_BEYOND,
     change_signature,
@@ -62,6 +68,7 @@ from mems_impact.orbits.limit_cycle import check_not_degenerate, phase_is_clear,
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit, defects, make_orbit, reduced_monodromy
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
+from mems_impact.orbits.signature import BOUNDARY
 
 __all__ = ["BranchPoint", "OrbitBranch", "follow"]
 
@@ -337,6 +344,9 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if located.reason:
             self.record(lost.orbit.point, lost.direction)
             return located.reason
+        ended = self._end_of_rest(lost)
+        if ended:
+            return ended
         joined, reason = self._change_signature(lost)
         # An event that moves into the next period, or past another one, changes nothing.
         passing = False
@@ -378,6 +388,31 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     def stalled(self) -> None:
         """Note what the last cycle passes slowly, if periods grow beyond bounds."""
         self.branch.passage = slow_passage([point.orbit for point in self.branch.points])
+
+    def _end_of_rest(self, lost: BranchEvent) -> str:
+        """Return why the branch ends if a rest after chatter has no length there; else nothing.
+
+        The point is called what it is, and where it is; orbits beyond it are taken back.
+        """
+        i, segments = lost.monitor.segment, lost.orbit.segments
+        rests = rests_after_chatter(segments, i, lost.orbit.shooting.m)
+        if lost.monitor.role != "length" or not rests:
+            return ""
+        if segments[i].code == BOUNDARY:
+            # Nothing happens there: the orbit is only cut.
+            self.branch.special_points[:] = [s for s in self.branch.special_points if s is not lost]
+            return ACROSS_START
+        onset = chatter_onset(lost, self.branch.parameter)
+        if onset is None:
+            return ""
+        self.branch.special_points[-1] = onset
+        points, onward = self.branch.points, lost.direction[-1]
+        while len(points) > 1 and (points[-1].value - onset.value) * onward > 0.0:
+            points.pop()
+        self.branch.points.append(
+            BranchPoint(onset.orbit, onset.value, onset.direction, self.piece)
+        )
+        return f"{onset.kind}: {BEYOND_ONSET}"
 
     def _change_signature(
         self, lost: BranchEvent

@@ -46,10 +46,11 @@ class BranchEvent:
     Attributes
     ----------
     kind : str
-        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "unexplained" (a
-        change of stability), or the name of the guard whose margin is touched.
+        "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point", "onset of complete
+        chatter", "unexplained" (a change of stability), or the name of the guard whose margin is
+        touched.
     label : str
-        As in the paper: G, CF, PD; NS, BP, ?; else the kind.
+        As in the paper: G, CF, PD; NS, BP, CC, ?; else the kind.
     value : float
         Of the parameter.
     orbit : PeriodicOrbit

@@ -33,6 +33,7 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT, UNEXPLAINED = (
     "branch point",
     "unexplained",
 )
+CHATTER_ONSET = "onset of complete chatter"
 NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
 AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
@@ -43,6 +44,7 @@ LABELS = {
     NEIMARK_SACKER: "NS",
     BRANCH_POINT: "BP",
     UNEXPLAINED: "?",
+    CHATTER_ONSET: "CC",
 }
 
 
