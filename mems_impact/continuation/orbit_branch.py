@@ -395,8 +395,8 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         The point is called what it is, and where it is; orbits beyond it are taken back.
         """
         i, segments = lost.monitor.segment, lost.orbit.segments
-        rests = rests_after_chatter(segments, i, lost.orbit.shooting.m)
-        if lost.monitor.role != "length" or not rests:
+        m = lost.orbit.shooting.m
+        if lost.monitor.role != "length" or not rests_after_chatter(segments, i, m):
             return ""
         if segments[i].code == BOUNDARY:
             # Nothing happens there: the orbit is only cut.
