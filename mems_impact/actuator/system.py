@@ -534,7 +534,8 @@ class ActuatorSystem(ActuatorNumerics):
         """Return the mode of a state, by Equation (4) and the contact force."""
         automaton = problem.automaton
         code = automaton.switch_code
-        return int(automaton.transition(mode, code, time, y, problem.parameters))
+        mode, y[:] = automaton.state_after(mode, code, time, y, problem.parameters)
+        return mode
 
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow

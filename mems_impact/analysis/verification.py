@@ -195,14 +195,12 @@ def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
 
 def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
     """Return the speed at which the gap closes before each impact, NaN at other events."""
-    m = len(automaton.guards)
     impact = events.impacts(automaton)
     speeds = np.full(len(events), math.nan)
     for i in np.flatnonzero(impact):
-        g, r = [1.0] * m, [1.0] * m
         mode, time = int(events.mode_before[i]), float(events.time[i])
-        automaton.margins(mode, time, events.before[i].tolist(), parameters.tolist(), g, r)
-        speeds[i] = abs(r[int(events.guard[i])])
+        _, rates = automaton.margins_at(mode, time, events.before[i], parameters)
+        speeds[i] = abs(rates[int(events.guard[i])])
     return speeds
 
 

@@ -359,12 +359,10 @@ def swap_adjacent_events(orbit: PeriodicOrbit, i: int) -> tuple[OrbitGuess, int]
     end = np.array(point.arcs[first].end)
     # The event that comes later in the new order has not happened yet where the other one does.
     before = end - PASSING * np.array(point.arcs[first].slope_end)
-    early = np.array(before if other.code == switch else end)
-    mode = int(automaton.transition(one.mode, other.code, earlier, early, p))
-    after = np.array(end)
-    automaton.transition(one.mode, other.code, earlier, after, p)
-    final = np.array(after)
-    last = int(automaton.transition(mode, one.code, time, final, p))
+    early = before if other.code == switch else end
+    mode, _ = automaton.state_after(one.mode, other.code, earlier, early, p)
+    _, after = automaton.state_after(one.mode, other.code, earlier, end, p)
+    last, final = automaton.state_after(mode, one.code, time, after, p)
     states, _ = shooting.unpack(point.unknowns)
     following = (i + 1) % count
     free = shooting.free

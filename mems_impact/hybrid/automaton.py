@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cache, cached_property
 from typing import Any
 
+import numpy as np
+
+from mems_impact._util.arrays import Floats
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.event_loop.workspace import (
     CYCLIC,
@@ -18,6 +21,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     RECORDS,
 )
 from mems_impact.hybrid.pickling import portable
+from mems_impact.integrators.python_functions import carry_out
 
 # --- A hybrid automaton as a value: modes, flow, margins, transitions.
 
@@ -230,6 +234,30 @@ class Automaton:
         """The code of `transition` for "put the state onto what the mode holds"."""
         return 2 * len(self.guards) + 1
 
+    # Its functions called one by one, in Python and with numbers of Python, whatever is given.
+
+    def slope_at(self, mode: int, t: float, y: Floats, p: Floats) -> Floats:
+        """Return the flow at a state, shape (n,)."""
+        slope = [0.0] * len(self.states)
+        self.flow(int(mode), float(t), *numbers(y, p), slope)
+        return np.array(slope)
+
+    def margins_at(
+        self, mode: int, t: float, y: Floats, p: Floats, otherwise: float = 1.0
+    ) -> tuple[Floats, Floats]:
+        """Return margins and rates, shapes (m,); a margin that does not apply is `otherwise`."""
+        m = len(self.guards)
+        margins, rates = [otherwise] * m, [1.0] * m
+        self.margins(int(mode), float(t), *numbers(y, p), margins, rates)
+        return np.array(margins), np.array(rates)
+
+    def state_after(
+        self, mode: int, code: int, t: float, y: Floats, p: Floats
+    ) -> tuple[int, Floats]:
+        """Return mode and state after the transition `code`."""
+        into, after = carry_out(self.transition, mode, code, t, *numbers(y, p))
+        return into, np.array(after)
+
     @cached_property
     def rows(self) -> tuple[tuple[int, list[float]], ...]:
         """What it puts into the loop's table: rows of `workspace`, each with its numbers."""
@@ -241,6 +269,11 @@ class Automaton:
             (HIT_TIME, [-math.inf] * len(self.guards)),
             (HIT_BEGIN, [-math.inf] * len(self.guards)),
         )
+
+
+def numbers(*arrays: Any) -> Iterator[list[float]]:
+    """Yield the numbers of arrays as Python's own."""
+    return (np.asarray(array, dtype=float).tolist() for array in arrays)
 
 
 def _automaton(*values: Any) -> Automaton:

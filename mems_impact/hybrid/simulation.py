@@ -317,14 +317,10 @@ def _one_side(problem: Problem, events: Events) -> bool:
     automaton, p = problem.automaton, np.asarray(problem.parameters, dtype=float)
     one, other = events.mode_before[-2:].tolist()
     time, y, guard = float(events.time[-1]), events.before[-1], int(events.guard[-1])
-    slope = np.zeros(y.size)
-    automaton.flow(one, time, y, p, slope)
-    behind = y - OFFSET * problem.period * slope
+    behind = y - OFFSET * problem.period * automaton.slope_at(one, time, y, p)
 
     def is_above(mode: int) -> bool:
-        margins, rates = np.ones(len(automaton.guards)), np.ones(len(automaton.guards))
-        automaton.margins(mode, time, behind, p, margins, rates)
-        return bool(margins[guard] > 0.0)
+        return bool(automaton.margins_at(mode, time, behind, p)[0][guard] > 0.0)
 
     return is_above(one) == is_above(other)
 
@@ -623,13 +619,10 @@ class Simulation:
     def _margin_of(self, guard: int) -> Callable[[Sequence[float]], float]:
         """Return the margin of a guard, by the state, in the mode and at the time of now."""
         clock, problem = self.clock, self.problem
-        margins, rates = np.zeros((2, len(problem.automaton.guards)))
         p = np.array(problem.parameters, dtype=float)
 
         def margin(y: Sequence[float]) -> float:
-            problem.automaton.margins(
-                int(clock["mode"]), float(clock["t"]), np.array(y), p, margins, rates
-            )
+            margins, _ = problem.automaton.margins_at(clock["mode"], clock["t"], np.array(y), p)
             return float(margins[guard])
 
         return margin

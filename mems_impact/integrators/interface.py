@@ -107,7 +107,7 @@ def method_memory(engine: Any, mode: int) -> int:
 
 def bias(engine: Any, i: int) -> float:
     """Return what is added to margin `i` when its roots are looked for."""
-    return engine.bias[i]
+    return float(engine.bias[i])
 
 
 def set_bias(engine: Any, i: int, value: float) -> None:
@@ -122,7 +122,7 @@ def parameter(engine: Any, i: int) -> float:
 
 def set_parameter(engine: Any, i: int, value: float) -> None:
     """Set parameter `i`, from the next evaluation on."""
-    engine.parameters[i] = value
+    engine.parameters[i] = float(value)
 
 
 def flow(engine: Any, mode: int, t: float, y: Any, dy: Any) -> None:

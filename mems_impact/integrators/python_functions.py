@@ -8,6 +8,7 @@ driver then makes the same call interpreted, where Python says what it is.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,17 @@ from numpy.typing import NDArray
 
 from mems_impact.integrators.interface import Equations
 
-__all__ = ["FLOW", "HEAD", "JACOBIAN", "MARGINS", "NO_MODE", "TRANSITION", "Fault", "fault_in"]
+__all__ = [
+    "FLOW",
+    "HEAD",
+    "JACOBIAN",
+    "MARGINS",
+    "NO_MODE",
+    "TRANSITION",
+    "Fault",
+    "carry_out",
+    "fault_in",
+]
 
 # --- Where a function of an automaton failed: noted by an engine, told by its driver.
 
@@ -34,6 +45,8 @@ class Fault(NamedTuple):
     mode, code : int
     time : float
     y : float array, shape (n,)
+    error : Exception or None
+        What an interpreted call raised.
     """
 
     role: int
@@ -41,6 +54,7 @@ class Fault(NamedTuple):
     code: int
     time: float
     y: NDArray[np.float64]
+    error: Exception | None = None
 
 
 def fault_in(note: Any) -> Fault | None:
@@ -58,8 +72,8 @@ _DOMAIN = (ArithmeticError, ValueError)
 
 
 def scalars(y: Any, n: int) -> list[float]:
-    """Return the first `n` numbers of a list or array, for Python to read: out of a list."""
-    return y[:n] if isinstance(y, list) else y[:n].tolist()
+    """Return the first `n` numbers of a list or array as a list of Python's own."""
+    return list(map(float, y[:n])) if isinstance(y, list) else y[:n].tolist()
 
 
 def _real(values: list[Any]) -> list[float]:
@@ -67,8 +81,26 @@ def _real(values: list[Any]) -> list[float]:
     return [math.nan if isinstance(value, complex) else float(value) for value in values]
 
 
+def carry_out(
+    transition: Callable[..., Any], mode: int, code: int, t: float, y: list[float], p: list[float]
+) -> tuple[int, list[float]]:
+    """Return mode and state after a transition."""
+    arguments = int(mode), int(code), float(t)
+    after: Any = list(y)
+    try:
+        into = transition(*arguments, after, p)
+    except _DOMAIN:
+        # NumPy's numbers go on with infinity, as compiled code does: it may come to a number again.
+        after = np.array(y)
+        into = transition(*arguments, after, p)
+    return int(into), [float(value) for value in after]
+
+
 class Functions:
     """The part of the contract of `mems_impact.integrators.interface` that no method changes.
+
+    Functions get numbers of Python alone: those of NumPy are slow one by one, and not all that
+    Python takes does with them (booleans, say, are not subtracted).
 
     Parameters
     ----------
@@ -111,22 +143,23 @@ class Functions:
         fault, self._fault = self._fault, None
         return fault
 
-    def note(self, role: int, mode: int, code: int, t: float, y: Any) -> None:
+    def note(self, error: Exception, role: int, mode: int, code: int, t: float, y: Any) -> None:
         """Note a call that failed, if it is the first."""
         if self._fault is None:
-            self._fault = Fault(role, int(mode), code, float(t), np.array(y[: self.n], dtype=float))
+            state = np.array(y[: self.n], dtype=float)
+            self._fault = Fault(role, int(mode), int(code), float(t), state, error)
 
     def flow(self, mode: int, t: float, y: Any, dy: Any) -> None:
         """Write the derivative of the state in `mode` into `dy`."""
         n = self.n
         slope = [math.nan] * n  # what is never written is found out
         try:
-            self._flow(mode, t, scalars(y, n), self.parameters, slope)
+            self._flow(int(mode), float(t), scalars(y, n), self.parameters, slope)
             dy[:n] = _real(slope)
         except _DOMAIN:
             dy[:n] = [math.nan] * n
-        except Exception:
-            self.note(FLOW, mode, 0, t, y)
+        except Exception as error:
+            self.note(error, FLOW, mode, 0, t, y)
             dy[:n] = [math.nan] * n
 
     def margins(self, mode: int, t: float, y: Any, out: Any) -> None:
@@ -134,21 +167,21 @@ class Functions:
         m = self.m
         g, r = [1.0] * m, [1.0] * m
         try:
-            self._margins(mode, t, scalars(y, self.n), self.parameters, g, r)
+            self._margins(int(mode), float(t), scalars(y, self.n), self.parameters, g, r)
             out[: 2 * m] = _real(g) + _real(r)
         except _DOMAIN:
             out[: 2 * m] = [math.nan] * (2 * m)
-        except Exception:
-            self.note(MARGINS, mode, 0, t, y)
+        except Exception as error:
+            self.note(error, MARGINS, mode, 0, t, y)
             out[: 2 * m] = [math.nan] * (2 * m)
 
     def transition(self, mode: int, code: int, t: float, y: Any) -> int:
         """Apply the transition `code`, changing `y` in place; return the new mode."""
-        after = np.array(y[: self.n])  # what it may compute beyond the numbers does not raise
+        before = scalars(y, self.n)
         try:
-            mode = int(self._transition(mode, code, t, after, self.parameters))
-        except Exception:
-            self.note(TRANSITION, mode, code, t, y)
+            mode, after = carry_out(self._transition, mode, code, t, before, self.parameters)
+        except Exception as error:
+            self.note(error, TRANSITION, mode, code, t, y)
             return NO_MODE
-        y[: self.n] = after.tolist()
+        y[: self.n] = after
         return mode

@@ -106,11 +106,8 @@ class EquilibriumEquations:
 
     def margins(self, balance: EquilibriumEvaluation) -> Floats:
         """Return the margins of all guards, shape (m,); positive where the mode may last."""
-        automaton = self.family.automaton
-        m = len(automaton.guards)
-        margins, rates = np.full(m, np.inf), np.ones(m)
-        y = self.state(balance.unknowns)
-        automaton.margins(self.mode, 0.0, y, self._parameters(balance.values), margins, rates)
+        y, p = self.state(balance.unknowns), self._parameters(balance.values)
+        margins, _ = self.family.automaton.margins_at(self.mode, 0.0, y, p, np.inf)
         return margins
 
     def _parameters(self, values: Floats) -> Floats:
@@ -122,8 +119,7 @@ class EquilibriumEquations:
         return self._flow(held, parameters) + (held - unknowns)
 
     def _flow(self, unknowns: Floats, parameters: Floats) -> Floats:
-        y, slope = self.state(unknowns), np.zeros(len(self.family.automaton.states))
-        self.family.automaton.flow(self.mode, 0.0, y, parameters, slope)
+        slope = self.family.automaton.slope_at(self.mode, 0.0, self.state(unknowns), parameters)
         return slope[list(self.free)]
 
     def _held(self, unknowns: Floats, parameters: Floats) -> Floats:
@@ -131,8 +127,8 @@ class EquilibriumEquations:
         automaton = self.family.automaton
         if self.mode not in automaton.constrained:
             return unknowns
-        y = self.state(unknowns)
-        automaton.transition(self.mode, automaton.projection_code, 0.0, y, parameters)
+        y, code = self.state(unknowns), automaton.projection_code
+        _, y = automaton.state_after(self.mode, code, 0.0, y, parameters)
         return y[list(self.free)]
 
     def held(self, balance: EquilibriumEvaluation) -> EquilibriumEvaluation:

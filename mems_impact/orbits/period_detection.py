@@ -93,29 +93,23 @@ def _functions(problem: Problem, shift: Floats | None = None) -> Iterator[_Funct
     """Yield flow, margins and transitions; of a transition to a shifted state what it changes."""
     automaton = problem.automaton
     p = np.array(problem.parameters, dtype=float)
-    n, m = len(automaton.states), len(automaton.guards)
 
     def flow(mode: int, t: float, y: Floats) -> Any:
-        slope = np.zeros(n)
-        automaton.flow(mode, t, y.copy(), p, slope)
-        return slope
+        return automaton.slope_at(mode, t, y, p)
 
     def margins(mode: int, t: float, y: Floats) -> Any:
-        margins, rates = np.zeros(m), np.zeros(m)
-        automaton.margins(mode, t, y.copy(), p, margins, rates)
-        return margins
+        return automaton.margins_at(mode, t, y, p)[0]
 
     def transition(code: int) -> _Function:
         def after(mode: int, t: float, y: Floats) -> Any:
-            new = y.copy()
-            into = automaton.transition(mode, code, t, new, p)
+            into, new = automaton.state_after(mode, code, t, y, p)
             return [into, *(new if shift is None else np.where(shift == 0.0, new, new - y))]
 
         return after
 
     yield flow
     yield margins
-    yield from (transition(code) for code in range(2 * m))
+    yield from (transition(code) for code in range(2 * len(automaton.guards)))
 
 
 def _varies(function: _Function, mode: int, y: Floats, period: float) -> bool:
@@ -364,7 +358,5 @@ def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
 
 def flow_at(problem: Problem, instant: HybridState) -> Floats:
     """Return the flow at an instant, shape (n,)."""
-    slope = np.zeros(instant.y.size)
     p = np.array(problem.parameters, dtype=float)
-    problem.automaton.flow(instant.mode, instant.time, instant.y.copy(), p, slope)
-    return slope
+    return problem.automaton.slope_at(instant.mode, instant.time, instant.y, p)

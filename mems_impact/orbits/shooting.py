@@ -492,11 +492,10 @@ class Shooting:
 
     def _slope(self, point: ShootingEvaluation, mode: int, time: float, y: Floats) -> Floats:
         """Return the flow of the free components at a state, put onto what its mode holds."""
-        y, slope, p = y.copy(), np.zeros(self.n), point.setting.parameters
-        if mode in self.automaton.constrained:
-            self.automaton.transition(mode, self.automaton.projection_code, time, y, p)
-        self.automaton.flow(mode, time, y, p, slope)
-        return slope[self.free]
+        automaton, p = self.automaton, point.setting.parameters
+        if mode in automaton.constrained:
+            _, y = automaton.state_after(mode, automaton.projection_code, time, y, p)
+        return automaton.slope_at(mode, time, y, p)[self.free]
 
 
 def _kernel(matrix: Floats) -> Floats:

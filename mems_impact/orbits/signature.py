@@ -200,8 +200,8 @@ def completion(
             yield step
             mode = step.mode
             continue
-        code, time, y = len(automaton.guards) + guard, step.time, step.before.copy()
-        mode = int(automaton.transition(mode, code, time, y, problem.parameters))
+        code, time, p = len(automaton.guards) + guard, step.time, problem.parameters
+        mode, y = automaton.state_after(mode, code, time, step.before, p)
         yield TransitionRecord(code, time, mode, step.before, y)
         for later in _transitions(problem, replace(seen, time=time, mode=mode, y=y), length):
             if mode == rest:

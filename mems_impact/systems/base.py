@@ -204,7 +204,7 @@ class HybridSystem(Result, ABC):
         automaton = problem.automaton
         if mode in automaton.constrained:  # of a state that is there already
             p = np.asarray(problem.parameters, dtype=float)
-            return automaton.transition(mode, automaton.switch_code, 0.0, y.copy(), p) == mode
+            return automaton.state_after(mode, automaton.switch_code, 0.0, y, p)[0] == mode
         return self.mode_of(y, 0.0, problem, mode) == mode
 
     @property

@@ -256,7 +256,7 @@ def _size_of_margin(
         found = []
         for sign in (-0.5, 0.5):
             y = [value + sign * size * (i == j) for i, value in enumerate(start)]
-            state = np.array(y) if writes_into_arrays(definition.flow) else None
+            state = y if writes_into_arrays(definition.flow) else None
             try:
                 found.append(
                     guard.margin(

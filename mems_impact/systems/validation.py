@@ -1021,24 +1021,21 @@ def tell_of_side(system: HybridSystem, problem: Problem, start: HybridState) -> 
     if not plain:
         return
     p = np.array(problem.parameters, dtype=float)
-    m = len(automaton.guards)
-    margins, aside, rates = np.zeros((3, m))
-    room = np.zeros(m)
+    room = np.zeros(len(automaton.guards))
     sizes = options.rtol * np.abs(start.y) + options.atol
     try:
-        automaton.margins(start.mode, start.time, start.y.copy(), p, margins, rates)
+        margins, _ = automaton.margins_at(start.mode, start.time, start.y, p)
         if not (margins[plain] < 0.0).any():
             return
         for j, size in enumerate(sizes):
             y = start.y.copy()
             y[j] += size
-            automaton.margins(start.mode, start.time, y, p, aside, rates)
+            aside, _ = automaton.margins_at(start.mode, start.time, y, p)
             room += np.abs(aside - margins)
         for i in plain:
             if not margins[i] < -CLEARLY * room[i]:
                 continue
-            y = start.y.copy()
-            automaton.transition(start.mode, i, start.time, y, p)
+            _, y = automaton.state_after(start.mode, i, start.time, start.y, p)
             if not (np.abs(y - start.y) > CLEARLY * sizes).any():
                 continue
             moved = ", ".join(

@@ -90,15 +90,14 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Arc]:
 
 def _touching(problem: Problem, begin: HybridState, code: int) -> HybridState:
     """Return how the rest of a sequence of impacts begins: bodies go on as if in touch already."""
-    y = begin.y.copy()
-    mode = problem.automaton.transition(begin.mode, code, begin.time, y, problem.parameters)
-    return HybridState(begin.cycle, begin.time, int(mode), y)
+    automaton, p = problem.automaton, problem.parameters
+    mode, y = automaton.state_after(begin.mode, code, begin.time, begin.y, p)
+    return HybridState(begin.cycle, begin.time, mode, y)
 
 
 def _slip(problem: Problem, start: HybridState) -> float:
     """Return after which time a frame, the block on its stopper, comes to rest."""
-    dy = np.zeros(start.y.size)
-    problem.automaton.flow(start.mode, start.time, start.y, problem.parameters, dy)
+    dy = problem.automaton.slope_at(start.mode, start.time, start.y, problem.parameters)
     speed, slowing = float(start.y[V1]), float(-dy[V1])
     return speed / slowing if speed * slowing > 0.0 else math.inf
 

@@ -15,6 +15,7 @@ from mems_impact.hybrid.diagnostics.user_functions import (
     EvaluationPoint,
     GuardedMatrix,
     UserFunction,
+    is_own,
     place_of,
 )
 from mems_impact.integrators.python_functions import FLOW, JACOBIAN, MARGINS, TRANSITION, Fault
@@ -61,7 +62,7 @@ def definition_of(automaton: Automaton) -> Definition | None:
 
 
 def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Fault) -> FunctionError:
-    """Return the sentence about a call that failed, by making it once more, interpreted."""
+    """Return the sentence about a call that failed, by making it once more, watched closely."""
     definition = definition_of(automaton)
     if definition is None:
         found = _by_array(automaton, parameters, fault)
@@ -69,10 +70,12 @@ def explain_fault(automaton: Automaton, parameters: Sequence[float], fault: Faul
         found = _by_name(automaton, definition, parameters, fault)
     if found is not None:
         return found
+    function = _function(automaton, fault.role)
+    if fault.error is not None:
+        return _by_exception(automaton, fault.role, fault.error)
     time = fault.time * (definition.sizes[-1] if definition and definition.sizes else 1.0)
     problem = f"fails compiled at t = {time:.6g}, and does not where it is interpreted"
     remedy = 'let it run with Options(engine="interpreted")'
-    function = _function(automaton, fault.role)
     if definition is None:
         return function.error(problem, remedy)
     return FunctionError(f"a {function.kind} of the system", problem, remedy)
@@ -135,12 +138,21 @@ def _by_array(
         TRANSITION: (mode, code, t, y, p),
         JACOBIAN: (mode, t, y, p, GuardedMatrix("J", n)),
     }
-    function = _function(automaton, fault.role)
     try:
-        function.call(*arguments[fault.role])
+        _function(automaton, fault.role).call(*arguments[fault.role])
     except Exception as error:
-        return function.explain_exception(error)[0]
+        return _by_exception(automaton, fault.role, error)
     return None
+
+
+def _by_exception(automaton: Automaton, role: int, error: Exception) -> FunctionError:
+    function = _function(automaton, role)
+    found = function.explain_exception(error)[0]
+    if not is_own(function.call):
+        return found
+    # What the package has put around a function of the user has no name that the user knows.
+    role_of_it = f"a {function.kind} of the system"
+    return FunctionError(role_of_it, found.problem, found.remedy, found.file, found.line)
 
 
 def _function(automaton: Automaton, role: int) -> UserFunction:

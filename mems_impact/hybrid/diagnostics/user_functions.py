@@ -30,6 +30,7 @@ __all__ = [
     "UserFunction",
     "describe_value",
     "innermost_user_line",
+    "is_own",
     "place_of",
 ]
 
@@ -141,6 +142,12 @@ def place_of(function: Callable[..., Any]) -> tuple[str, int]:
 def is_user_file(file: str) -> bool:
     """Return whether a file is neither of the package nor of a library."""
     return file != GENERATED and not file.startswith((_PACKAGE, *_LIBRARIES))
+
+
+def is_own(function: Callable[..., Any]) -> bool:
+    """Return whether a function is the package's own."""
+    code = getattr(getattr(function, "py_func", function), "__code__", None)
+    return code is not None and code.co_filename.startswith((_PACKAGE, GENERATED))
 
 
 def innermost_user_line(

@@ -30,7 +30,7 @@ class Engine(Functions):
             one.parameters, one.bias = self.parameters, self.bias
         self.at_work: onestep.Engine | cvode.Engine = self.explicit
         self.rows = [[0.0] * max(equations.n, equations.modes) for _ in range(ROWS)]
-        self.rtol, self.atol = options.rtol, options.atol
+        self.rtol, self.atol = float(options.rtol), float(options.atol)
         self.modes = equations.modes
         self.mode = self.wanted = self.handed = self.trial = 0
         self.now = EXPLICIT

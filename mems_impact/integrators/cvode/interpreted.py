@@ -93,8 +93,8 @@ class Engine(Functions):
             now = min(t, self._last_instant)
             try:
                 jacobian(self._mode, now, scalars(y, self.n), self.parameters, entries)
-            except Exception:
-                self.note(JACOBIAN, self._mode, 0, now, y)
+            except Exception as error:
+                self.note(error, JACOBIAN, self._mode, 0, now, y)
                 raise _Failure(interface.NON_FINITE) from None
 
         roots.terminal = [False] * (2 * m + 1)  # type: ignore[attr-defined]
@@ -132,7 +132,7 @@ class Engine(Functions):
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        self._mode = mode
+        self._mode = int(mode)
         self._stop = stop if stop < math.inf else None
         self._last_instant = np.nextafter(stop, 0.0) if stop < math.inf else math.inf
         self._horizon = t + 1.0

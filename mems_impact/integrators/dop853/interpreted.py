@@ -27,7 +27,8 @@ class Engine(Functions):
         self.components = [[0.0] * KEPT for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
         self.section, self.level, self.direction = equations.crossing
-        self.rtol, self.atol, self.max_step = options.rtol, options.atol, max_step
+        self.rtol, self.atol = float(options.rtol), float(options.atol)
+        self.max_step = float(max_step)
         self.mode = 0
         self.t = self.t_start = self.t_end = 0.0
         self.stop = self.last_instant = math.inf
@@ -42,14 +43,14 @@ class Engine(Functions):
 
     def renew(self, max_step: float) -> None:
         """Forget all that was before; no step is longer than `max_step`."""
-        stepper.reset(self, max_step)
+        stepper.reset(self, float(max_step))
 
     def sharpen(self, share: float, lasts: float) -> None:
         """Do nothing: over a short flight an error of order 8 is far below the flight."""
 
     def restart(self, mode: int, t: float, y: Any, stop: float) -> None:
         """Begin an arc at (t, y) in `mode` that sees nothing from `stop` on."""
-        stepper.restart(self, mode, t, scalars(y, self.n), stop)
+        stepper.restart(self, int(mode), float(t), scalars(y, self.n), float(stop))
 
     def step(self) -> int:
         """Take one step; STEPPED, STOPPED, ROOT or a negative code."""

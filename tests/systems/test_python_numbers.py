@@ -1,0 +1,168 @@
+"""On the interpreted engine functions of the user get numbers of Python, whoever calls them."""
+
+import math
+
+import numpy as np
+import pytest
+
+import mems_impact as mi
+from mems_impact.errors import FunctionError, OrbitError, RunError
+
+METHODS = ("adams", "bdf", "dop853", "auto")
+FORTH, BACK = mi.modes("forth", "back")
+
+
+def plain(mode, t, y, p):
+    """Raise if a number is NumPy's: those compare to booleans that do not subtract."""
+    assert type(mode) is int
+    assert {type(value) for value in (t, *y, *p)} == {float}
+
+
+def sign(x):
+    return (x > 0.0) - (x < 0.0)
+
+
+def named(mode, t, y, p):
+    plain(mode, t, y, p)
+    return y.v, -p.k * y.x - 0.2 * y.v + math.cos(t) - p.mu * sign(y.v)
+
+
+def speed(mode, t, y, p):
+    plain(mode, t, y, p)
+    return y.v if mode == FORTH else -y.v
+
+
+def turn(mode, t, y, p):
+    plain(mode, t, y, p)
+    return 1 - mode, (y.x, y.v)
+
+
+def in_array(mode, t, y, p, dy):
+    plain(mode, t, y, p)
+    dy[0] = y[1]
+    dy[1] = -p.k * y[0] - 0.2 * y[1] + math.cos(t) - p.mu * sign(y[1])
+
+
+def speed_of_array(mode, t, y, p):
+    plain(mode, t, y, p)
+    return y[1] if mode == FORTH else -y[1]
+
+
+def turn_of_array(mode, t, y, p, new):
+    plain(mode, t, y, p)
+    return 1 - mode
+
+
+def slopes(mode, t, y, p, J):
+    plain(mode, t, y, p)
+    J[0, 1], J[1, 0], J[1, 1] = 1.0, -p.k, -0.2
+
+
+FORMS = {
+    "named": (named, speed, turn),
+    "arrays": (in_array, speed_of_array, turn_of_array),
+}
+
+
+def rubbing(form, **given):
+    flow, margin, transition = FORMS[form]
+    return mi.System(
+        states=("x", "v"),
+        flow=flow,
+        period=2.0 * math.pi,
+        parameters={"k": 1.0, "mu": 0.2},
+        guards=[mi.Guard("turn", margin, transition)],
+        modes=(FORTH, BACK),
+        initial={"x": -3.0, "v": 0.1},
+        jacobian=slopes,
+        **given,
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("given", [{}, {"typical": {"x": 3.0, "v": 2.0, "time": 0.5}}])
+def test_runs(form, method, given):
+    options = mi.Options(engine="interpreted", method=method, rtol=1e-6)
+    run = mi.simulate(rubbing(form, **given), periods=2, options=options)
+    assert list(run.events["event"]) == ["turn"] * 4
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_orbits_and_exponents(form):
+    options = mi.Options(engine="interpreted", method="dop853", rtol=1e-6)
+    assert mi.find_orbit(rubbing(form), transient=10, options=options).stable
+    assert mi.lyapunov(rubbing(form), transient=3, periods=6, options=options).exponents[0] < 0.0
+
+
+def damped(mode, t, y, p):
+    plain(mode, t, y, p)
+    return y.v, -p.k * y.x - y.v - 0.1 * sign(y.x - 9.0)
+
+
+def high(mode, t, y, p):
+    plain(mode, t, y, p)
+    return 9.0 - y.x
+
+
+def test_equilibria():
+    system = mi.System(
+        states=("x", "v"),
+        flow=damped,
+        parameters={"k": 1.0},
+        guards=[mi.Guard("high", high)],
+        initial={"x": 0.3, "v": 0.0},
+    )
+    (found,) = mi.find_equilibria(system)
+    assert found.state.x == pytest.approx(0.1, abs=1e-12)
+
+
+@pytest.mark.parametrize("verb", [mi.find_orbit, mi.lyapunov])
+@pytest.mark.parametrize("beyond", [0.5, 1e-6])
+def test_an_explanation_names_what_the_function_raised(verb, beyond):
+    """No engine is advised that is at work, and no function that is the package's own.
+
+    Beyond the amplitude by less than a difference the run passes, and its derivatives fail.
+    """
+
+    def failing(mode, t, y, p):
+        if y.v > p.limit:
+            raise TypeError("beyond the table")
+        return y.v, -y.x - y.v + math.cos(t)  # in the end sin t
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=failing,
+        period=2.0 * math.pi,
+        parameters={"limit": 1e9},  # of which the checks at the start tell nothing
+        initial={"x": 0.0, "v": 1.0},
+    ).changed(limit=1.0 + (beyond if beyond < 0.1 else -beyond))
+    options = mi.Options(engine="interpreted", method="dop853", rtol=1e-8)
+    with pytest.raises((RunError, FunctionError, OrbitError)) as caught:
+        verb(system, transient=3, options=options)
+    message = str(caught.value)
+    assert message.startswith(("flow 'failing'", "a flow of the system"))
+    assert f"line {failing.__code__.co_firstlineno + 2}) raises TypeError: beyond the" in message
+    assert "engine" not in message
+
+
+def test_a_transition_may_pass_through_infinity_as_compiled():
+    """The arctangent of infinity is a number again."""
+
+    def apex(mode, t, y, p):
+        return y.v
+
+    def turned(mode, t, y, p):
+        return mode, (math.atan(1.0 / (0.0 * y.x)), -1.0)
+
+    system = mi.System(
+        states=("x", "v"),
+        flow=lambda mode, t, y, p: (y.v, -1.0),
+        guards=[mi.Guard("apex", apex, turned)],
+        initial={"x": 0.0, "v": 1.0},
+    )
+    options = mi.Options(engine="interpreted", method="dop853")
+    with np.errstate(divide="ignore"):
+        run = mi.simulate(system, duration=1.5, options=options)
+    # From pi/2, with the speed -1, for another half.
+    assert run.final.x == pytest.approx(math.pi / 2.0 - 0.5 - 0.125, abs=1e-9)
