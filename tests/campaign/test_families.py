@@ -319,6 +319,25 @@ def test_of_frictions_that_reach_their_limits_together_one_may_stay(turned):
     assert contacts.run(pair, judge, 10.0, turned, "dop853") == ""
 
 
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_judge_of_contacts_leaves_sequences_of_impacts_without_restitution(turned):
+    """A slide brings the lower body back to its stop again and again, each time 0.4245 as long.
+
+    Gaps shrink with the square: the judge would take one for none long before the last impact.
+    """
+    drawn = contacts.Drawn(1, 2809)
+    judge = Judge(drawn.bodies)
+    judge.follow(drawn.start, contacts.END)
+    assert judge.why == "impacts of a sequence"
+    assert contacts.run(drawn, judge, judge.until - 1e-3, turned, "dop853") == ""
+    a, b, c = (t for t, stop in zip(judge.impacts[-5:], judge.stops[-5:], strict=True) if stop == 2)
+    limit = c - (c - b) ** 2 / ((c - b) - (b - a))
+    options = mi.Options(method="dop853", **contacts.OPTIONS)
+    last = mi.simulate(drawn.system(turned), duration=4.5, options=options).events.iloc[-1]
+    assert last["mode after"] in ("stuck-held-held", "held-held-stuck")
+    assert last["t"] == pytest.approx(limit, abs=1e-4)
+
+
 def test_the_judge_of_contacts_sticks_only_within_the_limit_at_that_instant():
     """A load of 0.50009 that falls is within 0.49985 a moment later; the body slides back."""
     bodies = Bodies(

@@ -100,6 +100,8 @@ class Judge:
     ----------
     arcs : list of Arc
     impacts : list of float
+    stops : list of int
+        Of which contact each impact was.
     until : float
         Up to where the motion is determined.
     why : str
@@ -109,6 +111,7 @@ class Judge:
     bodies: Bodies
     arcs: list[Arc] = field(default_factory=list)
     impacts: list[float] = field(default_factory=list)
+    stops: list[int] = field(default_factory=list)
     until: float = 0.0
     why: str = ""
 
@@ -259,8 +262,11 @@ class Judge:
             approach = self.row(contact, True) @ y
             y[self.n : 2 * self.n] -= (1.0 + contact.e) * approach / (push @ share) * share
             done.add(hit[0])
-            if self.impacts and t - self.impacts[-1] < SEQUENCE and contact.e > 0.0:
+            # Without restitution too, where slips bring a stop back to what has struck it.
+            late = [i for i, at in zip(self.stops, self.impacts, strict=True) if t - at < SEQUENCE]
+            if hit[0] in late or (late and contact.e > 0.0):
                 raise Unclear("impacts of a sequence")
+            self.stops.append(hit[0])
             self.impacts.append(t)
         raise Unclear("impacts of one instant")
 
