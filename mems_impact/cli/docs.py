@@ -119,17 +119,20 @@ def topics() -> list[Topic]:
     ]
 
 
-def topic_on(word: str) -> Topic | None:
-    """Return the topic that a word names, or a synonym of it, ignoring case; or None."""
-    wanted = _plain(word)
-    for topic in topics():
-        if wanted in {_plain(each) for each in (topic.name, *topic.also)}:
-            return topic
-    return None
+def topic_on(words: str) -> Topic | None:
+    """Return the topic with the longest name or synonym whose words all occur, or None."""
+    wanted = set(_plain(words).split())
+    found = [
+        (len(name), topic)
+        for topic in topics()
+        for name in (topic.name, *topic.also)
+        if wanted.issuperset(_plain(name).split())
+    ]
+    return max(found, key=lambda each: each[0])[1] if found else None
 
 
-def _plain(word: str) -> str:
-    return word.lower().replace("_", " ").replace("-", " ")
+def _plain(words: str) -> str:
+    return words.lower().replace("_", " ").replace("-", " ")
 
 
 def text_on(word: str | None) -> str:

@@ -111,6 +111,19 @@ def test_topics_lead_to_names_and_headings(topic):
     assert not heading or heading in slugs
 
 
+@pytest.mark.parametrize(
+    ("words", "topic"),
+    [
+        ("how do I set Q", "quality factor"),
+        ("my own equations", "own system"),
+        ("air damping", "air damping"),
+        ("set the electrode area", "electrode area"),
+    ],
+)
+def test_a_question_finds_its_topic(words, topic):
+    assert docs.topic_on(words).name == topic
+
+
 def test_no_synonym_belongs_to_two_topics():
     words = [word.lower() for topic in docs.topics() for word in (topic.name, *topic.also)]
     assert len(words) == len(set(words))
