@@ -78,7 +78,7 @@ END = "end of the run"
 SUFFIXES = (
     "before", "after", "min", "max", "mean", "std", "apart", "from", "to", "gain", "final",
 )  # fmt: skip
-TIMES = ("time", "t", "start", "end")
+TIME_COLUMNS = ("time", "t", "start", "end")
 
 
 class Labels(Protocol):
@@ -170,7 +170,7 @@ def unit_of(heading: str, units: Mapping[str, str]) -> str:
 
 def name_of(heading: str, names: Container[str]) -> str:
     """Return what a column is about: ``v2 before`` and ``v2 3`` about ``v2``; empty if nothing."""
-    if heading in TIMES:
+    if heading in TIME_COLUMNS:
         return "time"
     while heading not in names:
         first, _, last = heading.rpartition(" ")

@@ -10,7 +10,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 
 
 def test_every_name_is_there():
@@ -20,7 +20,7 @@ def test_every_name_is_there():
 
 
 def test_every_waveform_and_term_is_public():
-    assert {*WAVEFORMS.values(), *TERMS.values()} < set(mi.__all__)
+    assert {*WAVEFORMS.values(), *TERM_CLASSES.values()} < set(mi.__all__)
 
 
 def test_unknown_name():

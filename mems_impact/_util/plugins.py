@@ -21,12 +21,12 @@ from typing import Any
 from mems_impact._util.formatting import shown
 from mems_impact.errors import PluginWarning
 
-__all__ = ["COMMANDS", "DRIVES", "SYSTEMS", "TERMS", "names", "plugin"]
+__all__ = ["COMMAND_GROUP", "DRIVES", "SYSTEMS", "TERM_GROUP", "names", "plugin"]
 
 SYSTEMS = "mems_impact.systems"
 DRIVES = "mems_impact.drives"
-TERMS = "mems_impact.terms"
-COMMANDS = "mems_impact.commands"
+TERM_GROUP = "mems_impact.terms"
+COMMAND_GROUP = "mems_impact.commands"
 
 
 def names(group: str, own: Iterable[str] = ()) -> tuple[str, ...]:

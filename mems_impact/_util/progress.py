@@ -16,10 +16,10 @@ Watch = Callable[[float], None]
 
 _log = logging.getLogger("mems_impact")
 
-SHORT = 1.0  # s of work of which no bar is shown
+QUIET_SECONDS = 1.0  # s of work of which no bar is shown
 SOON = 3.0  # s after which the first line is due, and at least between two
 SELDOM = 30.0  # s after which a line is due
-SHARE = 0.1  # of all after which one is
+UPDATE_SHARE = 0.1  # of all after which one is
 
 
 @contextmanager
@@ -43,7 +43,7 @@ def progress_bar(
     elif is_interactive():
         from tqdm import tqdm
 
-        with tqdm(total=total and round(total, 3), delay=SHORT, unit=f" {unit}") as bar:
+        with tqdm(total=total and round(total, 3), delay=QUIET_SECONDS, unit=f" {unit}") as bar:
             yield lambda done: bar.update(done - bar.n) and None
     else:
         yield ProgressLog(unit, total)
@@ -73,7 +73,7 @@ def parameter_progress(
     elif is_interactive():
         from tqdm import tqdm
 
-        with tqdm(delay=SHORT, unit=f" {unit}") as bar:
+        with tqdm(delay=QUIET_SECONDS, unit=f" {unit}") as bar:
 
             def show(value: float) -> None:
                 bar.set_postfix_str(f"{name} = {out(value):.6g}", refresh=False)
@@ -128,7 +128,7 @@ class ProgressLog:
         since = now - self.told
         due = since >= SELDOM
         if self.total is not None:
-            due |= since >= SOON and done - self.share >= SHARE * self.total
+            due |= since >= SOON and done - self.share >= UPDATE_SHARE * self.total
             due |= done == self.total and self.told > -math.inf
         if now - self.begin < SOON or not due:
             return

@@ -52,7 +52,9 @@ __all__ = ["Model", "compose", "composed_automaton", "layout"]
 
 # --- The equations of an actuator with terms, put together from what each contributes.
 
-SCRATCH = 2  # arrays of the size of the state, between the numbers of the terms and of the drive
+SCRATCH_ARRAYS = (
+    2  # arrays of the size of the state, between the numbers of the terms and of the drive
+)
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,7 @@ def layout(kinds: Sequence[TermKind], electrodes: int) -> ArrayLayout:
         for prefix in ("", "left_")[:electrodes]
     )
     scratch = firsts[-1]
-    return ArrayLayout(tuple(states), terms, sides, scratch, scratch + SCRATCH * len(states))
+    return ArrayLayout(tuple(states), terms, sides, scratch, scratch + SCRATCH_ARRAYS * len(states))
 
 
 @dataclass(frozen=True)
@@ -358,8 +360,8 @@ def filling(rates: Sequence[tuple[int, Function]]) -> Function:
 
 # --- The hybrid automaton of an actuator with terms: the modes, guards and rules of `modes`.
 
-STEP = 1e-3  # of the differences that give the rate of a load, in units of sqrt(m2/k)
-SMALL = 1e-6  # of those that give derivatives, within the depth of a contact
+LOAD_RATE_STEP = 1e-3  # of the differences that give the rate of a load, in units of sqrt(m2/k)
+CONTACT_STEP_RATIO = 1e-6  # of those that give derivatives, within the depth of a contact
 
 
 def forces_of(model: Model) -> tuple[Function, Function, Function, Function]:
@@ -509,7 +511,7 @@ def composed_automaton(
         # Without the corner of a margin: where a charge follows fast, the points lie far apart.
         v, w = volts(t, p)
         dv, dw = volt_rates(t, p)
-        h = STEP * (p[eq.M2] / p[eq.K]) ** 0.5
+        h = LOAD_RATE_STEP * (p[eq.M2] / p[eq.K]) ** 0.5
         slope = p[scratch : scratch + n]
         x = p[scratch + n : scratch + 2 * n]
         flow(mode, t, y, p, slope)
@@ -591,7 +593,7 @@ def composed_automaton(
         transition=transition,
         cyclic=model.cyclic,
         stiff=any(kind.term.stiff for kind in kinds),
-        step=1e-3 if rigid else SMALL,
+        step=1e-3 if rigid else CONTACT_STEP_RATIO,
         bounds=bounds,
         recipe=(composed_automaton, (kinds, voltage, voltage_rate, left, left_rate, bounds)),
     )

@@ -339,7 +339,9 @@ def _sums(first: NDArray[np.int64], values: NDArray[Any]) -> Floats:
 
 # --- Rest on stoppers that yield, told by how long contacts last.
 
-LONGEST = 2.0  # a force that presses makes a bounce last up to so many times as long (exponent 1)
+MAX_BOUNCE_RATIO = (
+    2.0  # a force that presses makes a bounce last up to so many times as long (exponent 1)
+)
 
 
 class RestDetector:
@@ -373,7 +375,7 @@ class RestDetector:
         ends = np.flatnonzero(is_release(events) & (known > 0))
         begun = hits[known[ends] - 1]
         lasted = time[ends] - begun[:, 0]
-        rests = lasted > LONGEST * contact_time(self._actuator, begun[:, 1])
+        rests = lasted > MAX_BOUNCE_RATIO * contact_time(self._actuator, begun[:, 1])
         self._hits = hits[-1:]
         kind, guard = events.kind.copy(), events.guard.copy()
         kind[ends[rests]] = workspace.ACCUMULATION

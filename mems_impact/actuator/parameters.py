@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 __all__ = ["PARAMETER_NAMES", "PARAMETER_UNITS", "Actuator", "load_actuator", "preset_names"]
 
 _DEVICES = files("mems_impact.actuator") / "devices"
-_LARGEST_FILE = 1_000_000  # bytes; far above any device file, far below what fills the memory
+MAX_DEVICE_FILE_BYTES = (
+    1_000_000  # bytes; far above any device file, far below what fills the memory
+)
 _LIGHT = 1e-3  # masses below: kilograms of a device in SI; scaled ones are of the order of 1
 
 
@@ -397,4 +399,6 @@ def _read(source: str) -> bytes:
     remedy = f"give the name of a preset ({presets}) or the path of a TOML file"
     looks_like_path = Path(source).name != source or source.endswith(".toml")
     missing = "no such file" if looks_like_path else "no such preset or file"
-    return read_bytes(source, remedy, largest=_LARGEST_FILE, kind="device file", missing=missing)
+    return read_bytes(
+        source, remedy, largest=MAX_DEVICE_FILE_BYTES, kind="device file", missing=missing
+    )

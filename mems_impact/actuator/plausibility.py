@@ -34,7 +34,7 @@ class Range(NamedTuple):
 
 # More than an order beyond what is published of such devices, on either side.
 MASS, LENGTH = Range(1e-13, 1e-7, 1e-3), Range(1e-9, 5e-6, 1e-3)
-FACE = Range(1e-7, 1e-4, 1e-1)  # of electrodes
+ELECTRODE_AREA = Range(1e-7, 1e-4, 1e-1)  # of electrodes
 STIFFNESS, FORCE = Range(1e-4, 10.0, 1e6), Range(1e-13, 1e-6, 0.1)
 SPEED, PER_SPEED = Range(1e-10, 1e-2, 1e3), Range(1e-6, 1.0, 1e6)
 DEVICE = {
@@ -49,7 +49,7 @@ DEVICE = {
     "alpha": Range(1e-25, 1e-19, 1e-14),
     "g": Range(0.0, 10.0, 300.0),
 }
-TERMS = {
+TERM_RANGES = {
     "adhesion.force": FORCE,
     "compliant_stopper.stiffness": Range(1e-2, 1e5, 1e11),
     "compliant_stopper.damping": PER_SPEED,
@@ -58,14 +58,14 @@ TERMS = {
     "dielectric_charging.time": Range(1e-8, 1.0, 1e9),
     "frame_load.force": FORCE,
     "frame_spring.k1": STIFFNESS,
-    "fringing.width": FACE,
-    "fringing.length": FACE,
+    "fringing.width": ELECTRODE_AREA,
+    "fringing.length": ELECTRODE_AREA,
     "power_law_restitution.speed": SPEED,
     "regularized_friction.width": SPEED,
     "series_resistance.resistance": Range(1e-3, 1e6, 1e16),
     "series_resistance.parasitic": Range(1e-19, 1e-12, 1e-6),
-    "squeeze_film.length": FACE,
-    "squeeze_film.width": FACE,
+    "squeeze_film.length": ELECTRODE_AREA,
+    "squeeze_film.width": ELECTRODE_AREA,
     "squeeze_film.pressure": Range(1e-4, 1e5, 1e8),
     "squeeze_film.viscosity": Range(1e-7, 2e-5, 1e-2),
     "squeeze_film.free_path_pressure": Range(1e-4, 7e-3, 1.0),
@@ -84,7 +84,7 @@ TARGETS = {
     "V": Range(1e-3, 30.0, 1e4),
     "rad/s": Range(10.0, 1e4, 1e9),
 }
-PREFIXES = {"m": 1e-3, "u": 1e-6, "n": 1e-9, "k": 1e3}
+LIKELY_PREFIXES = {"m": 1e-3, "u": 1e-6, "n": 1e-9, "k": 1e3}
 OTHERS = {
     "kg": {"g": 1e-3, "mg": 1e-6, "ug": 1e-9, "ng": 1e-12},
     "m": {"mm": 1e-3, "um": 1e-6, "nm": 1e-9},
@@ -96,11 +96,13 @@ OTHERS = {
 }
 """What else a number may be in, by its unit, where that is not a prefix away."""
 
-SHORTER = {"mm": 1e3, "um": 1e6}  # by which a number per metre is told per another length
-SAMPLES = 256  # of a period, by which its largest voltage is seen
+LENGTH_UNITS = {"mm": 1e3, "um": 1e6}  # by which a number per metre is told per another length
+VOLTAGE_SAMPLES = 256  # of a period, by which its largest voltage is seen
 HALF_PERMITTIVITY = 4.427e-12  # of vacuum [F/m]
-SLOW = 300.0  # ratio of resonance and frequency from which a block follows as if at rest
-NEAR = 30.0  # ratio of both within which they are
+QUASI_STATIC_RATIO = (
+    300.0  # ratio of resonance and frequency from which a block follows as if at rest
+)
+RESONANCE_RATIO = 30.0  # ratio of both within which they are
 HERTZ = 1.3  # ratio of two resonances that are the same
 
 
@@ -140,8 +142,12 @@ def _look_at_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
     _look(f"{prefix}period", drive.period, "s", PERIOD._replace(usual=1.0 / resonance))
     omega = getattr(drive, "omega", None)
     frequency = omega / (2.0 * math.pi) if omega else math.inf
-    near = resonance / NEAR < 1e3 * frequency < resonance * NEAR
-    if near and frequency * SLOW < resonance and 0.0 < _peak(drive) < _striking(actuator):
+    near = resonance / RESONANCE_RATIO < 1e3 * frequency < resonance * RESONANCE_RATIO
+    if (
+        near
+        and frequency * QUASI_STATIC_RATIO < resonance
+        and 0.0 < _peak(drive) < _striking(actuator)
+    ):
         _tell(f"{prefix}frequency = {frequency:.4g} Hz lies far below the resonance, "
               f"{resonance:.4g} Hz, where the block needs {_striking(actuator):.4g} V to strike; "
               f"{frequency:.4g} kHz?")  # fmt: skip
@@ -152,7 +158,7 @@ def _look_at_times(actuator: Actuator, drive: Drive, prefix: str) -> None:
 
 def _peak(drive: Drive) -> float:
     """Return the largest voltage, as far as samples tell."""
-    times = np.linspace(0.0, drive.period, SAMPLES, endpoint=False)
+    times = np.linspace(0.0, drive.period, VOLTAGE_SAMPLES, endpoint=False)
     return float(max(np.abs(drive.value(times, left=left)).max() for left in (False, True)))
 
 
@@ -169,11 +175,11 @@ def _look_at_term(term: Term) -> None:
     """Warn of numbers of a term; those that stand at their default are none of the user's."""
     for field, given in type(term).model_fields.items():
         name, value = f"{term.name()}.{field}", getattr(term, field)
-        if name not in TERMS or value is None or value == given.default:
+        if name not in TERM_RANGES or value is None or value == given.default:
             continue
         if name == "compliant_stopper.stiffness" and not _is_stiffness(term):
             continue
-        within = TERMS[name]
+        within = TERM_RANGES[name]
         unit = "rad" if name == "tilt.angle" else term.units.get(field, "")
         size = max(value) if isinstance(value, tuple) else value
         if name == "squeeze_film.free_path_pressure" and 0.0 < size < within.low:
@@ -228,10 +234,10 @@ def _others(unit: str) -> Mapping[str, float]:
     """Return units that may have been meant, and what they are in `unit`."""
     if unit in OTHERS:
         return OTHERS[unit]
-    others = {f"{prefix}{unit}": factor for prefix, factor in PREFIXES.items()}
+    others = {f"{prefix}{unit}": factor for prefix, factor in LIKELY_PREFIXES.items()}
     per_length = re.fullmatch(r"(.*/)m(\^(\d))?", unit)
     if per_length is not None:
-        for length, factor in SHORTER.items():
+        for length, factor in LENGTH_UNITS.items():
             power = per_length[2] or ""
             others[f"{per_length[1]}{length}{power}"] = factor ** int(per_length[3] or 1)
     return others

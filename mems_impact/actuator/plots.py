@@ -37,10 +37,10 @@ from mems_impact.plotting.style import (
     thickness,
 )
 from mems_impact.plotting.trajectories import (
+    FIGURE_PERIODS,
     IMPACT,
     ORBIT_POINTS_PER_PERIOD,
     RUN_POINTS_PER_PERIOD,
-    SHOWN,
     jump,
 )
 
@@ -56,7 +56,7 @@ __all__ = ["plot_chart", "plot_drive", "plot_energy", "plot_load", "plot_respons
 # --- The chart of Fig. 7: on- and off-boundaries over the frequency, and the three types.
 
 SHADES = {"I": "0.95", "II": "0.87", "III": "1.0"}
-NEAR = 0.03  # of the height of the axes: boundaries that the eye does not part
+MIN_BOUNDARY_GAP = 0.03  # of the height of the axes: boundaries that the eye does not part
 INSET = (0.42, 0.28)  # width and height, of the axes
 TITLE = 0.07  # height of its title
 
@@ -188,7 +188,7 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
     # At the frequencies of the boundary with fewer points.
     own = on if len(on) < len(off) else off
     gap = np.interp(own[:, 0], *on.T) - np.interp(own[:, 0], *off.T)
-    near = np.abs(gap) < NEAR * np.ptp(ax.get_ylim())
+    near = np.abs(gap) < MIN_BOUNDARY_GAP * np.ptp(ax.get_ylim())
     place = free_corner(ax, INSET[0], INSET[1] + TITLE, top=0.88)
     if near.sum() < 3 or place is None:
         return
@@ -209,8 +209,8 @@ def _inset(ax: Any, boundaries: dict[str, pd.DataFrame]) -> None:
 # --- The device itself, moving: frame, block, stoppers, electrodes, and the path of the frame.
 
 # Sizes in gaps d: across, true to scale are delta, d and x2; the rest is as it looks well.
-BLOCK = 1.0  # half width of the block
-WALL = 0.3  # thickness of the frame
+BLOCK_HALF_WIDTH = 1.0  # half width of the block
+FRAME_THICKNESS = 0.3  # thickness of the frame
 TOP, FLOOR = 2.6, 0.35  # inner edges of the frame
 BODY = (0.6, 1.75)  # lower and upper edge of the block
 STOPPER = (0.72, 1.02)  # lower and upper edge of a stopper
@@ -320,47 +320,59 @@ def _draw_shapes(ax: Any, delta: float, electrodes: list[str]) -> Shapes:
     def box(left: float, low: float, width: float, height: float, **look: Any) -> Any:
         return ax.add_patch(Rectangle((left, low), width, height, **look))
 
-    half = BLOCK + 1.0 + 0.12  # of the inside of the frame: gap, and thickness of an electrode
+    half = (
+        BLOCK_HALF_WIDTH + 1.0 + 0.12
+    )  # of the inside of the frame: gap, and thickness of an electrode
     grey: dict[str, Any] = {"facecolor": "0.8", "edgecolor": "black", "linewidth": 0.6}
-    high = TOP - FLOOR + 2.0 * WALL
-    walls = [(-half - WALL, FLOOR - WALL, WALL, high), (half, FLOOR - WALL, WALL, high),
-             (-half, FLOOR - WALL, 2.0 * half, WALL), (-half, TOP, 2.0 * half, WALL)]  # fmt: skip
+    thick, bottom = FRAME_THICKNESS, FLOOR - FRAME_THICKNESS
+    high = TOP - FLOOR + 2.0 * thick
+    walls = [(-half - thick, bottom, thick, high), (half, bottom, thick, high),
+             (-half, bottom, 2.0 * half, thick), (-half, TOP, 2.0 * half, thick)]  # fmt: skip
     frame = [(box(*place, **grey), place[0]) for place in walls]
-    for left in (BLOCK + delta, -half):
-        width = half - BLOCK - delta
+    for left in (BLOCK_HALF_WIDTH + delta, -half):
+        width = half - BLOCK_HALF_WIDTH - delta
         stopper = box(
             left, STOPPER[0], width, STOPPER[1] - STOPPER[0], **{**grey, "facecolor": "0.45"}
         )
         frame.append((stopper, left))
     plates = {}
-    for side, left in (("right", BLOCK + 1.0), ("left", -half)):
+    for side, left in (("right", BLOCK_HALF_WIDTH + 1.0), ("left", -half)):
         if side in electrodes:
             look = {"facecolor": color("voltage"), "edgecolor": "none"}
             plates[side] = box(left, PLATE[0], 0.12, PLATE[1] - PLATE[0], **look)
             frame.append((plates[side], left))
-    block = box(-BLOCK, BODY[0], 2.0 * BLOCK, BODY[1] - BODY[0], facecolor=color("motion"),
-                edgecolor="black", linewidth=0.6)  # fmt: skip
+    block = box(-BLOCK_HALF_WIDTH, BODY[0], 2.0 * BLOCK_HALF_WIDTH, BODY[1] - BODY[0],
+                facecolor=color("motion"), edgecolor="black", linewidth=0.6)  # fmt: skip
     springs = [
         (ax.plot([], [], color="black", linewidth=thickness(0.8))[0], place)
-        for place in (-0.6 * BLOCK, 0.6 * BLOCK)
+        for place in (-0.6 * BLOCK_HALF_WIDTH, 0.6 * BLOCK_HALF_WIDTH)
     ]
     star = {"marker": "*", "markersize": 15, "linestyle": "none", "zorder": 6}
     star |= {"color": color("impact"), "markeredgecolor": "white"}
     flashes = {
         side: (ax.plot([at], [0.5 * sum(STOPPER)], **star)[0], at)
-        for side, at in (("right", BLOCK + delta), ("left", -BLOCK - delta))
+        for side, at in (("right", BLOCK_HALF_WIDTH + delta), ("left", -BLOCK_HALF_WIDTH - delta))
     }
-    ground = ax.axhline(FLOOR - WALL, linewidth=thickness(1.6), zorder=1)
+    ground = ax.axhline(FLOOR - FRAME_THICKNESS, linewidth=thickness(1.6), zorder=1)
     return Shapes(frame, block, springs, plates, flashes, ground)
 
 
 def _look(ax: Any, delta: float, reach: Any) -> None:
     """Set what is seen of the device: all places that it comes to, and marks on the ground."""
-    half = BLOCK + 1.12 + WALL
+    half = BLOCK_HALF_WIDTH + 1.12 + FRAME_THICKNESS
     low, high = -half + min(0.0, reach[0]) - 0.15, half + max(0.0, reach[1]) + 0.15
-    ax.set(xlim=(low, high), ylim=(FLOOR - WALL - 0.25, TOP + WALL + 0.1), aspect="equal")
+    ax.set(
+        xlim=(low, high),
+        ylim=(FLOOR - FRAME_THICKNESS - 0.25, TOP + FRAME_THICKNESS + 0.1),
+        aspect="equal",
+    )
     for mark in np.arange(math.ceil(low / 0.25), high / 0.25) * 0.25:
-        ax.plot([mark, mark - 0.1], [FLOOR - WALL, FLOOR - WALL - 0.16], color="0.5", linewidth=0.6)
+        ax.plot(
+            [mark, mark - 0.1],
+            [FLOOR - FRAME_THICKNESS, FLOOR - FRAME_THICKNESS - 0.16],
+            color="0.5",
+            linewidth=0.6,
+        )
     ax.set_axis_off()
 
 
@@ -381,7 +393,7 @@ def _move(shapes: Shapes, frame: float, block: float) -> None:
     """Put everything where it is at one instant, in gaps d."""
     for patch, place in shapes.frame:
         patch.set_x(place + frame)
-    shapes.block.set_x(-BLOCK + frame + block)
+    shapes.block.set_x(-BLOCK_HALF_WIDTH + frame + block)
     along = np.linspace(0.0, 1.0, 20)
     bent = along**2 * (3.0 - 2.0 * along)  # a beam between two clamps
     for line, place in shapes.springs:
@@ -392,8 +404,8 @@ def _move(shapes: Shapes, frame: float, block: float) -> None:
 
 # --- What the device sees of a drive: voltage and force over one forcing period.
 
-POINTS = 2000  # over a period
-FEWEST = 16  # between two switches
+SAMPLES_PER_WAVEFORM = 2000  # over a period
+MIN_SAMPLES_BETWEEN_SWITCHES = 16  # between two switches
 
 
 class Excerpt(NamedTuple):
@@ -415,7 +427,9 @@ def seen(drive: Drive, actuator: Actuator | None = None) -> list[Excerpt]:
     borders = sorted({0.0, *drive.switches, drive.period})
     stretches = []
     for begin, end in pairwise(borders):
-        count = max(FEWEST, round(POINTS * (end - begin) / drive.period))
+        count = max(
+            MIN_SAMPLES_BETWEEN_SWITCHES, round(SAMPLES_PER_WAVEFORM * (end - begin) / drive.period)
+        )
         time = np.linspace(begin, np.nextafter(end, 0.0), count)
         right, left = drive.value(time), drive.value(time, left=True)
         stretches.append(Excerpt(time, right, left, scale * (right**2 - left**2)))
@@ -485,9 +499,14 @@ def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
 
 # --- Where the energy goes, as bars.
 
-COLORS = {"in": "voltage", "load": "frame"}
-HATCHES = {"lost": "////", "load": "....", "stored": ""}
-WORDS = {"in": "given by the drive", "lost": "lost", "load": "work on loads", "stored": "stored"}
+ENERGY_COLORS = {"in": "voltage", "load": "frame"}
+ENERGY_HATCHES = {"lost": "////", "load": "....", "stored": ""}
+ENERGY_WORDS = {
+    "in": "given by the drive",
+    "lost": "lost",
+    "load": "work on loads",
+    "stored": "stored",
+}
 
 
 @styled
@@ -523,12 +542,17 @@ def plot_energy(energy: Energy, ax: Any = None) -> Any:
     places = range(len(table))
     shown = set()
     for place, row in zip(places, table.itertuples(), strict=True):
-        label = None if row.kind in shown else WORDS[row.kind]
+        label = None if row.kind in shown else ENERGY_WORDS[row.kind]
         shown.add(row.kind)
         value = table["energy per period"].iloc[place]
-        face = color(COLORS[row.kind]) if row.kind in COLORS else "0.8"
+        face = color(ENERGY_COLORS[row.kind]) if row.kind in ENERGY_COLORS else "0.8"
         bar = ax.barh(
-            place, value, color=face, label=label, hatch=HATCHES.get(row.kind), edgecolor="0.3"
+            place,
+            value,
+            color=face,
+            label=label,
+            hatch=ENERGY_HATCHES.get(row.kind),
+            edgecolor="0.3",
         )
         ax.bar_label(bar, labels=[f"{100.0 * row.share:.3g} %"], padding=3, fontsize="small")
     ax.set_yticks(list(places), [name.replace("_", " ") for name in table["account"]])
@@ -743,7 +767,7 @@ def plot_run(
     if first is None:
         begin, end = run.extent
         end = end if last is None else last
-        first = max(begin, end - SHOWN)
+        first = max(begin, end - FIGURE_PERIODS)
     samples = run.samples(RUN_POINTS_PER_PERIOD, first, last)
     time = samples["t"] / period
     left, right = time.iloc[0], time.iloc[-1]

@@ -310,7 +310,7 @@ class Accumulator:
 
 # --- When a device has come to stand still.
 
-PERIODS = 12  # of which motions that repeat in 1, 2, 3, 4, 6 or 12 periods are told
+MAX_PERIODICITY = 12  # of which motions that repeat in 1, 2, 3, 4, 6 or 12 periods are told
 NEAR = 1e-6
 
 
@@ -330,14 +330,18 @@ def standstill_period(trajectory: Trajectory, actuator: Actuator) -> float | Non
     grid = trajectory.samples(per_period=1)
     near = np.array([1.0, (actuator.k / actuator.m2) ** 0.5] * 2) * NEAR * actuator.delta
     own = NEAR * np.abs(grid.y[:, len(STATES) :]).max(axis=0, initial=0.0)  # of terms
-    apart = np.abs(grid.y[PERIODS:] - grid.y[:-PERIODS])
+    apart = np.abs(grid.y[MAX_PERIODICITY:] - grid.y[:-MAX_PERIODICITY])
     same = (apart <= np.concatenate([near, own])).all(axis=1)
-    running = np.convolve(same, np.ones(PERIODS), mode="valid") if same.size >= PERIODS else same
-    found = np.flatnonzero(running >= PERIODS)
+    running = (
+        np.convolve(same, np.ones(MAX_PERIODICITY), mode="valid")
+        if same.size >= MAX_PERIODICITY
+        else same
+    )
+    found = np.flatnonzero(running >= MAX_PERIODICITY)
     if found.size == 0:
         return None
     start = trajectory.start
-    cycle = int(grid.cycle[found[0] + 2 * PERIODS - 1])
+    cycle = int(grid.cycle[found[0] + 2 * MAX_PERIODICITY - 1])
     return cycle - start.cycle - start.time / trajectory.period
 
 

@@ -27,7 +27,7 @@ from mems_impact.actuator.automaton import (
     direction_of,
     side_of,
 )
-from mems_impact.actuator.automaton_with_terms import SCRATCH, compose, composed_automaton
+from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, compose, composed_automaton
 from mems_impact.actuator.drives import WAVEFORMS
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.files import drive_of_kind
@@ -269,7 +269,7 @@ class ActuatorNumerics(HybridSystem):
     @property
     def _scratch(self) -> int:
         """How many numbers of scratch there are."""
-        return SCRATCH * len(self.states)
+        return SCRATCH_ARRAYS * len(self.states)
 
     @cached_property
     def _term_places(self) -> dict[str, int]:
@@ -289,8 +289,8 @@ class ActuatorNumerics(HybridSystem):
 
 # --- An actuator under a drive, as a system among others.
 
-TOUCHING = 1e-9  # of delta: scaling may round a block on its stopper
-IMPACTS = tuple(guard.name for guard in GUARDS if guard.impact)
+CONTACT_TOLERANCE_RATIO = 1e-9  # of delta: scaling may round a block on its stopper
+IMPACT_GUARDS = tuple(guard.name for guard in GUARDS if guard.impact)
 
 
 def _frame_position(y: Any, p: Any) -> float:
@@ -305,8 +305,8 @@ def _contact_loss(y: Any, p: Any) -> float:
     return float(y.contact_loss)
 
 
-STEP = Observable("step", _frame_position, unit="m")
-IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACTS, reduce="sum", unit="J")
+STEP_OBSERVABLE = Observable("step", _frame_position, unit="m")
+IMPACT_LOSS = Observable("energy lost", _energy_lost, at=IMPACT_GUARDS, reduce="sum", unit="J")
 CONTACT_LOSS = Observable("energy lost", _contact_loss, unit="J")  # where stoppers yield
 
 
@@ -315,7 +315,7 @@ def _impact_speed(mode: int, t: float, before: Any, after: Any, p: Any) -> float
 
 
 IMPACT_SPEEDS = tuple(
-    Observable(f"impact speed {reduce}", _impact_speed, at=IMPACTS, reduce=reduce, unit="m/s")
+    Observable(f"impact speed {reduce}", _impact_speed, at=IMPACT_GUARDS, reduce=reduce, unit="m/s")
     for reduce in REDUCED
 )
 
@@ -353,7 +353,7 @@ class ActuatorSystem(ActuatorNumerics):
 
     def _put(self, actuator: Actuator, drive: Drive, scales: Scales) -> None:
         super()._put(actuator, drive, scales)
-        self.observables = (STEP, CONTACT_LOSS if self._yields else IMPACT_LOSS)
+        self.observables = (STEP_OBSERVABLE, CONTACT_LOSS if self._yields else IMPACT_LOSS)
 
     def _key(self) -> tuple[Any, ...]:
         return dict(self.actuator), self.drive, self._scales
@@ -505,7 +505,7 @@ class ActuatorSystem(ActuatorNumerics):
         direction, side, delta = direction_of(mode), side_of(mode), self.actuator.delta
         v1, resting = values["v1"], values["v2"] == 0.0
         beyond = abs(values["x2"]) - delta if side == 0 else side * values["x2"] - delta
-        touching = TOUCHING * delta
+        touching = CONTACT_TOLERANCE_RATIO * delta
         fits = v1 == 0.0 if direction == 0 else direction * v1 >= 0.0
         if self._yields:
             fits = fits and (beyond <= touching if side == 0 else beyond >= -touching)
@@ -650,7 +650,7 @@ class EnergyAccountingSystem(ActuatorSystem):
 
     @property
     def _scratch(self) -> int:
-        return SCRATCH * self._plain
+        return SCRATCH_ARRAYS * self._plain
 
     @cached_property
     def _plain(self) -> int:

@@ -144,15 +144,15 @@ def _imported(name: str) -> Any:
 # --- Study files: one TOML file that names a system, a study of it and where that is kept.
 
 KICKED = "kicked"  # of `initial`: the state of that name
-TABLES = ("name", "description", "device", "system", "set", "drive", "study")
-REMEDY = 'give a TOML file with a table [study] of lines like kind = "map"'
+FILE_TABLES = ("name", "description", "device", "system", "set", "drive", "study")
+STUDY_FILE_REMEDY = 'give a TOML file with a table [study] of lines like kind = "map"'
 STUDY_REQUEST = CodeRequest(
     field="system",
     what='Python file and a name in it: "FILE.py:NAME", a System or a function that makes one',
     kind="study file",
     reader="load_study",
 )
-_LARGEST_FILE = 10_000_000  # bytes
+MAX_SYSTEM_FILE_BYTES = 10_000_000  # bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,10 +242,10 @@ def load_study(path: str | PathLike[str], *, allow_code: bool = False) -> StudyF
     content = _content(source)
     try:
         for name in content:
-            if name not in TABLES:
-                raise unknown(name, content[name], TABLES)
+            if name not in FILE_TABLES:
+                raise unknown(name, content[name], FILE_TABLES)
         if not isinstance(content.get("study"), dict):
-            raise InvalidFile(source, "holds no table [study]", REMEDY)
+            raise InvalidFile(source, "holds no table [study]", STUDY_FILE_REMEDY)
         return _Reader(content, Path(source), allow_code).study()
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
@@ -262,7 +262,7 @@ def holds_study(name_or_path: str) -> bool:
 
 
 def _content(source: str) -> dict[str, Any]:
-    raw = read_bytes(source, REMEDY, largest=_LARGEST_FILE, kind="study file")
+    raw = read_bytes(source, STUDY_FILE_REMEDY, largest=MAX_SYSTEM_FILE_BYTES, kind="study file")
     return parse_toml(raw, source, 'a table [study] of lines like kind = "map"')
 
 

@@ -16,9 +16,9 @@ from typing import Any, Self
 
 from mems_impact._util.units import Scales
 
-__all__ = ["UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
+__all__ = ["KNOWN_UNITS", "DeviceScales", "scaled_fields", "unscaled_fields"]
 
-UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
+KNOWN_UNITS = ("kg", "N/m", "N s/m", "m", "F m", "m/s^2", "s", "V", "rad/s", "Hz", "m/s", "J", "N")
 """The SI units that fields and columns may declare, beside what is made of these and of `MADE`,
 such as "N/m^3"; whatever declares none is a pure number."""
 
@@ -120,9 +120,9 @@ class DeviceScales(Scales):
         return _device_scales, tuple(getattr(self, name) for name in names)
 
     def unit(self, name: str) -> float:
-        """Return the inner unit of what has the SI unit `name`, one of `UNITS` or made of them."""
+        """Return the inner unit of the SI unit `name`: one of `KNOWN_UNITS`, or made of them."""
         if name not in self.factors:
-            raise ValueError(f"{name!r} is not made of {', '.join((*UNITS, *MADE))}")
+            raise ValueError(f"{name!r} is not made of {', '.join((*KNOWN_UNITS, *MADE))}")
         return self.factors[name]
 
     @classmethod

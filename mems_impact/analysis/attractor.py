@@ -11,7 +11,7 @@ import numpy as np
 
 from mems_impact._util.arrays import Floats
 from mems_impact._util.warning_scopes import at_study_point, collected_warnings
-from mems_impact.analysis.lyapunov import LEAST, SURE, classify
+from mems_impact.analysis.lyapunov import SURE, ZERO_EXPONENT, classify
 from mems_impact.analysis.simulate import simulate
 from mems_impact.errors import FunctionError, InvalidParameter, RunError
 from mems_impact.hybrid.attractors import recurrence as detection
@@ -394,7 +394,12 @@ def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float
     """
     try:
         return largest(
-            problem, start, tolerance=LEAST, sure=SURE, periods=periods, chunk=EXPONENT_CHUNK
+            problem,
+            start,
+            tolerance=ZERO_EXPONENT,
+            sure=SURE,
+            periods=periods,
+            chunk=EXPONENT_CHUNK,
         )
     except (RunError, FunctionError):
         return math.nan, math.nan, 0

@@ -21,7 +21,7 @@ from mems_impact.continuation.codim1_curve import OrbitCurve, follow_curve
 from mems_impact.continuation.equilibrium_branch import Equilibria, follow_equilibrium
 from mems_impact.continuation.homoclinic import SlowPassage
 from mems_impact.continuation.orbit_branch import OrbitBranch, follow
-from mems_impact.continuation.test_functions import BRANCH_POINT, LABELS, UNEXPLAINED
+from mems_impact.continuation.test_functions import BRANCH_POINT, ORBIT_LABELS, UNEXPLAINED
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.equilibrium import EquilibriumState
 from mems_impact.systems.base import HybridSystem
@@ -631,7 +631,7 @@ def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
     return Curve(
         system=system,
         kind=found.kind,
-        label=LABELS.get(found.kind, found.kind),
+        label=ORBIT_LABELS.get(found.kind, found.kind),
         parameters=found.parameters,
         special_points=special,
         ended=found.ended,

@@ -21,7 +21,7 @@ from mems_impact.systems.state import State, is_number, whole
 
 __all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
 
-SAME = 1e-6  # relative difference between the states of one equilibrium, found twice
+SAME_STATE_RTOL = 1e-6  # relative difference between the states of one equilibrium, found twice
 SEED = 1  # of the places from which equilibria are looked for between bounds
 
 
@@ -276,7 +276,7 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
     if state.neutral and state.neutral == other.neutral:
         return True
     size = 1.0 + float(np.abs(state.state).max(initial=0.0))
-    return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME * size
+    return float(np.abs(state.state - other.state).max(initial=0.0)) < SAME_STATE_RTOL * size
 
 
 def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:

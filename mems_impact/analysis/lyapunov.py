@@ -17,7 +17,7 @@ from mems_impact.errors import InvalidParameter, RunError, RunInterrupted
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import free_components
-from mems_impact.hybrid.variational.lyapunov import CHUNK, FEWEST, LyapunovIntegrator
+from mems_impact.hybrid.variational.lyapunov import CHUNK, MIN_CHUNKS, LyapunovIntegrator
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.period_detection import returns
 from mems_impact.systems.base import HybridSystem
@@ -30,15 +30,17 @@ from mems_impact.systems.validation import tell_of_side
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
 TRANSIENT = 300.0  # periods, where nothing is said
-PERIODS = 20_000.0
-OPTIONS = Options(method=ORBIT_OPTIONS.method)
+DEFAULT_PERIODS = 20_000.0
+LYAPUNOV_OPTIONS = Options(method=ORBIT_OPTIONS.method)
 # Of an exponent near zero the error counts beside this, a growth by a tenth in a period.
-SMALL = 0.1
+SMALL_EXPONENT_RATIO = 0.1
 
 SURE = 4.0  # standard errors by which an exponent must differ from zero to have a sign
-LEAST = 1e-3  # in a period; what differs from zero by less has no sign, however small its error
+ZERO_EXPONENT = (
+    1e-3  # in a period; what differs from zero by less has no sign, however small its error
+)
 VAGUE = 0.01  # in a period; an exponent that is zero to no better than this tells nothing
-STILL = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
+REST_SPEED = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
 
 
 def classify(exponent: float, error: float, *, returns: bool | None = None) -> str:
@@ -72,7 +74,7 @@ def classify(exponent: float, error: float, *, returns: bool | None = None) -> s
     >>> mi.classify(0.31, 0.01), mi.classify(-0.8, 0.01), mi.classify(2e-4, 5e-4)
     ('chaotic', 'periodic', 'quasi-periodic')
     """
-    border = max(SURE * error, LEAST)
+    border = max(SURE * error, ZERO_EXPONENT)
     if exponent > border:
         return CHAOTIC
     if exponent < -border or (returns and abs(exponent) <= border):
@@ -211,7 +213,7 @@ def lyapunov(
     periods: float | None = None,
     duration: float | None = None,
     tolerance: float = 0.02,
-    options: Options = OPTIONS,
+    options: Options = LYAPUNOV_OPTIONS,
     progress: bool | Callable[[float], None] = False,
 ) -> LyapunovSpectrum:
     """Return the Lyapunov exponents of a system's run, from its variational equations.
@@ -285,7 +287,7 @@ def lyapunov(
         raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
     if transient is not None and not (is_number(transient) and transient >= 0.0):
         raise InvalidParameter("transient", transient, "a finite number >= 0")
-    most = PERIODS
+    most = DEFAULT_PERIODS
     for name, value in (("periods", periods), ("duration", duration)):
         if value is not None and not (is_number(value) and value > 0.0):
             raise InvalidParameter(name, value, "a finite number > 0")
@@ -332,7 +334,7 @@ def _run_to_tolerance(
     report: Callable[[float], None] | None,
 ) -> LyapunovSpectrum:
     """Go on until the errors are small enough, or the budget is spent."""
-    chunk = max(1, min(CHUNK, int(most) // (FEWEST + 1)))
+    chunk = max(1, min(CHUNK, int(most) // (MIN_CHUNKS + 1)))
     stretching = LyapunovIntegrator(problem, start, count, chunk=chunk, uneven=not system.forced)
     done = 0.0
 
@@ -350,7 +352,7 @@ def _run_to_tolerance(
             found = stretching.result
             done = found.periods
             alive = np.isfinite(found.per_period)
-            allowed = tolerance * np.maximum(np.abs(found.per_period[alive]), SMALL)
+            allowed = tolerance * np.maximum(np.abs(found.per_period[alive]), SMALL_EXPONENT_RATIO)
             converged = bool((found.errors[alive] <= allowed).all())
             if converged or done + 2 * chunk > most:
                 return told(converged)
@@ -376,7 +378,7 @@ def _spectrum(
         periods=found.periods,
         period=period,
         converged=converged,
-        moving=stretching.speed > STILL,
+        moving=stretching.speed > REST_SPEED,
         final=system.state_of(stretching.final),
     )
     # An exponent is zero of a motion that repeats, where one state among others is as good: the

@@ -24,8 +24,8 @@ from mems_impact.integrators.options import Options
 from mems_impact.orbits import orbit_search
 from mems_impact.orbits.orbit_search import drift_of
 from mems_impact.orbits.period_detection import (
-    BOUNDED,
     DIVERGED,
+    UNBOUNDED_REMEDY,
     diverged_component,
     is_time_dependent,
 )
@@ -448,7 +448,7 @@ def orbit_of(system: HybridSystem, found: PeriodicOrbit) -> Orbit:
 ORBIT_OPTIONS = Options(method="auto", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits."""
 DEFECTS = 3  # of a solution that is no orbit, that a message tells
-UNFORCED = (
+UNFORCED_PROBLEM = (
     "nothing in the system depends on t, and its motion does not repeat with this period: leave "
     "period= out of the System, and its own cycle is found"
 )
@@ -604,7 +604,7 @@ def _diverged(
     elapsed = at.cycle * problem.period + at.time
     where = f"{name} = {system.amount(name, at.y[place])}"
     when = f" at t = {system.amount('time', elapsed)}" if elapsed > 0.0 else " in the guess"
-    return OrbitError(f"{DIVERGED}: {where}{when}", BOUNDED, state)
+    return OrbitError(f"{DIVERGED}: {where}{when}", UNBOUNDED_REMEDY, state)
 
 
 def _drifting(
@@ -653,7 +653,7 @@ def _drifting(
 
 
 def _unforced(system: HybridSystem) -> InvalidParameter:
-    return InvalidParameter("period", system.forcing_period, "", problem=UNFORCED)
+    return InvalidParameter("period", system.forcing_period, "", problem=UNFORCED_PROBLEM)
 
 
 def _reached(point: ShootingEvaluation, system: HybridSystem) -> State | None:

@@ -25,7 +25,7 @@ __all__ = ["simulate"]
 
 # --- Runs that end when nothing goes on any more.
 
-STILL = "still"
+UNTIL_STILL = "still"
 FIRST, MORE = 64, 4  # periods of the first attempt, and how many times as long the next one is
 
 
@@ -53,7 +53,7 @@ def run_until_standstill(
     while True:
         after = still(attempt(length).trajectory)
         if after is not None:
-            return replace(run(after), ended=STILL)
+            return replace(run(after), ended=UNTIL_STILL)
         if length >= most:
             return run(most)
         length = min(MORE * length, most)
@@ -61,7 +61,7 @@ def run_until_standstill(
 
 # --- One run of a system from an initial state.
 
-PERIODS = 300  # of a system with forcing, where nothing is said
+DEFAULT_PERIODS_FORCED = 300  # of a system with forcing, where nothing is said
 
 
 @takes_system(start="initial")
@@ -145,7 +145,7 @@ def simulate(
     """
     problem = system.problem(options)
     if isinstance(until, str):
-        if until != STILL:
+        if until != UNTIL_STILL:
             raise InvalidParameter("until", until, "a function (mode, t, y, p), or 'still'")
         still = system.standstill_test()
         most = _length(system, periods, duration, None, problem.period)
@@ -235,7 +235,7 @@ def _length(
             raise InvalidParameter("duration", duration, "given, or periods, not both")
         return float(system.into("time", duration)) / period
     if system.forced:
-        return float(PERIODS if periods is None else periods)
+        return float(DEFAULT_PERIODS_FORCED if periods is None else periods)
     if periods is not None:
         problem = "the system has no forcing period: give duration="
         raise InvalidParameter("periods", periods, "", problem=problem)

@@ -23,7 +23,9 @@ from mems_impact.systems.result import Result
 
 __all__ = ["CodimensionTwo", "GrazingType", "SpecialPoint", "check_kind", "grazing_type"]
 
-NEAR = 1e-3  # within this part of its parameter, the other side of a grazing is looked for
+GRAZING_SEARCH_RATIO = (
+    1e-3  # within this part of its parameter, the other side of a grazing is looked for
+)
 
 
 class GrazingType(StrEnum):
@@ -135,7 +137,7 @@ class SpecialPoint(Result):
         if found.monitor.role != "rate" or self.beyond is None:
             return found
         away = found.value - self.beyond.family.values[self.parameter]
-        width = NEAR * abs(found.value)
+        width = GRAZING_SEARCH_RATIO * abs(found.value)
         other = follow(
             self.beyond,
             self.parameter,

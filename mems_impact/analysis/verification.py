@@ -38,7 +38,7 @@ SENSITIVE, FIRST_PERIODS = 1e3, 3.0
 GROWTH, SLOW = 100.0, 0.1
 # A block that misses a stopper by a distance y would have struck at sqrt(2 a y), where its
 # acceleration a is of order 1, had it come so much further: such an event may be in one run alone.
-WEAK = 3.0
+WEAK_ORDER = 3.0
 MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end in rest
 
 
@@ -278,7 +278,7 @@ class EventMatcher:
 
     def _weak(self, log: EventLog, first: int, end: int) -> bool:
         """Return whether the events from `first` up to `end` may be in one run alone."""
-        limit = WEAK * math.sqrt(self._grown(log, first))
+        limit = WEAK_ORDER * math.sqrt(self._grown(log, first))
         return bool((log.strength[first:end] <= limit).all())
 
     def _grown(self, log: EventLog, i: int) -> float:

@@ -31,7 +31,7 @@ from mems_impact.cli.runtime import (
 
 __all__ = ["main"]
 
-COMMANDS = (
+COMMAND_NAMES = (
     "basins",
     "chart",
     "completion",
@@ -61,10 +61,10 @@ class _Commands(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         from mems_impact._util import plugins
 
-        return list(plugins.names(plugins.COMMANDS, COMMANDS))
+        return list(plugins.names(plugins.COMMAND_GROUP, COMMAND_NAMES))
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in COMMANDS:
+        if name not in COMMAND_NAMES:
             return _added(name)
         module = f"{name}_" if iskeyword(name) else name.replace("-", "_")
         command: click.Command = import_module(f"mems_impact.cli.{module}").command
@@ -92,7 +92,7 @@ def _added(name: str) -> click.Command | None:
     def is_command(found: Any) -> bool:
         return isinstance(found, click.Command)
 
-    found = plugins.plugin(plugins.COMMANDS, name, is_command, "a command of click")
+    found = plugins.plugin(plugins.COMMAND_GROUP, name, is_command, "a command of click")
     return None if found is None else with_options(found)
 
 

@@ -10,7 +10,7 @@ import click
 
 from mems_impact.cli.inputs import run_saving_partial, study_of
 from mems_impact.cli.options import (
-    AXIS,
+    AXIS_TYPE,
     axis_options,
     device_options,
     drive_options,
@@ -40,7 +40,7 @@ HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a 
 )
 @click.option(
     "--follow",
-    type=AXIS,
+    type=AXIS_TYPE,
     metavar="NAME START STOP POINTS",
     help="Follow the attractors over a parameter then, to where they begin and end.",
 )

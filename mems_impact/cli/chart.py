@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     import mems_impact as mi
 
-SHOWN = 9  # frequencies at which voltages are shown
+MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 
 
 @click.command(short_help="Chart where a device switches on and off.")
@@ -121,7 +121,7 @@ def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
     import pandas as pd
 
     system = chart.system
-    omega = np.linspace(*chart.omega, SHOWN)
+    omega = np.linspace(*chart.omega, MAX_FREQUENCY_ROWS)
     columns = {"omega": omega}
     sides = ("slip", "on", "off", "steady from", "steady to")
     shown = [side for side in sides if any(side == piece[0] for piece in chart.pieces)]
@@ -130,7 +130,7 @@ def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
         columns["frequency"] = omega / (2.0 * math.pi)
         units["frequency"] = "Hz"
     for boundary in shown:
-        columns[boundary] = np.full(SHOWN, math.nan)
+        columns[boundary] = np.full(MAX_FREQUENCY_ROWS, math.nan)
         for of, _, _, points in chart.pieces:
             if of == boundary and points:
                 where, voltage = np.array(points).T

@@ -12,7 +12,7 @@ from mems_impact.cli.output import OutputValue, show, show_text, tell_values
 from mems_impact.cli.runtime import quiet, say
 
 BUILD = "python -m sphinx docs docs/_build/html"
-CLOSE = 5  # suggestions for an unknown word
+MAX_SUGGESTIONS = 5  # suggestions for an unknown word
 
 
 class Topic(NamedTuple):
@@ -140,7 +140,7 @@ def text_on(word: str | None) -> str:
     import inspect
 
     import mems_impact as mi
-    from mems_impact.cli import COMMANDS
+    from mems_impact.cli import COMMAND_NAMES
 
     names = sorted(mi.__all__, key=str.lower)
     docstrings = {name: inspect.getdoc(getattr(mi, name)) or "" for name in names}
@@ -152,7 +152,7 @@ def text_on(word: str | None) -> str:
     if name is not None:
         thing = getattr(mi, name)
         parts.append(f"mems_impact.{name}{signature(thing)}\n\n{docstrings[name]}")
-    if word in COMMANDS:
+    if word in COMMAND_NAMES:
         parts.append(help_of(word))
     if not parts:
         topic = topic_on(word)
@@ -166,7 +166,7 @@ def text_on(word: str | None) -> str:
         from difflib import get_close_matches
 
         close = get_close_matches(
-            word, [*names, *COMMANDS, *(topic.name for topic in topics())], CLOSE, cutoff=0.5
+            word, [*names, *COMMAND_NAMES, *(topic.name for topic in topics())], MAX_SUGGESTIONS, cutoff=0.5
         )
         hint = f"; similar names: {', '.join(close)}" if close else ""
         raise click.UsageError(f"the documentation does not mention {word!r}{hint}")

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # --- What the commands that run studies share: study files, recurrence options, what computes.
 
 # What may stand beside a study file; all other options say what the study is.
-BESIDE = (
+EXCLUSIVE_OPTIONS = (
     *("device", "drive_allow_code", "store", "executor", "workers"),
     *("progress", "output", "figure", "no_figure"),
 )
@@ -36,7 +36,7 @@ def from_file(
     """Return system and arguments of a study file of a kind; `beside` may be said besides."""
     import mems_impact as mi
 
-    allowed = {*BESIDE, *beside}
+    allowed = {*EXCLUSIVE_OPTIONS, *beside}
     for parameter in ctx.command.params:
         source = ctx.get_parameter_source(parameter.name or "")
         if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:

@@ -28,7 +28,7 @@ Decorator = Callable[[Any], Any]
 # Of modules that are slow to import: `mems_impact.studies.engine.config`,
 # `mems_impact.analysis.attractor`.
 EXECUTORS = ("threads", "processes")
-SAMPLINGS = ("sobol", "lhs", "random")
+SAMPLING_NAMES = ("sobol", "lhs", "random")
 EXPONENTS = ("unsettled", "all", "none")
 
 
@@ -207,14 +207,14 @@ def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
     )
 
 
-AXIS = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
+AXIS_TYPE = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
 
 
 def axis_options(first: str, second: str) -> Decorator:
     """Return the options of what a study is over, with these help texts."""
     return apply_decorators(
         *(
-            click.option(option, type=AXIS, metavar="NAME START STOP POINTS", help=text)
+            click.option(option, type=AXIS_TYPE, metavar="NAME START STOP POINTS", help=text)
             for option, text in (("--x", first), ("--y", second))
         )
     )
@@ -228,7 +228,7 @@ def sample_options(samples: int, sampling: str) -> Decorator:
         ),
         click.option(
             "--sampling",
-            type=click.Choice(SAMPLINGS),
+            type=click.Choice(SAMPLING_NAMES),
             default=sampling,
             show_default=True,
             help="How: Sobol's sequence, a Latin hypercube, or independent of each other.",
@@ -385,7 +385,7 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
 # --- The options that describe a voltage, and the drive that is made of them.
 
 KEY = "mems_impact.drive"
-PREFIX = "drive_"  # lest an option of the command has the same name
+DRIVE_PREFIX = "drive_"  # lest an option of the command has the same name
 
 # A waveform whose parameters are all among these can be described by options; others need a
 # file.
@@ -405,29 +405,29 @@ NUMBERS: dict[str, tuple[str, str | None]] = {
 }
 """What each number is, and its default in words."""
 
-FIELDS = {"frequency": "omega"}
+FIELD_NAMES = {"frequency": "omega"}
 """The field that a number sets, where it is not the field itself."""
 
-OPTIONS = {"period": "--drive-period"}
+OPTION_NAMES = {"period": "--drive-period"}
 """The option of a number, where it is not the name: --periods counts, and is a letter away."""
 
 
 def option_of(name: str) -> str:
     """Return the option that sets a field of a drive."""
-    return OPTIONS.get(name, f"--{name}")
+    return OPTION_NAMES.get(name, f"--{name}")
 
 
 def _collect(ctx: click.Context, parameter: click.Parameter, value: Any) -> None:
     if value is not None:
         assert parameter.name is not None
-        ctx.meta.setdefault(KEY, {})[parameter.name.removeprefix(PREFIX)] = value
+        ctx.meta.setdefault(KEY, {})[parameter.name.removeprefix(DRIVE_PREFIX)] = value
 
 
 def _number(name: str) -> Decorator:
     text, default = NUMBERS[name]
     return click.option(
         option_of(name),
-        f"{PREFIX}{name}",
+        f"{DRIVE_PREFIX}{name}",
         type=float,
         callback=_collect,
         expose_value=False,
@@ -439,7 +439,7 @@ def _number(name: str) -> Decorator:
 drive_options = apply_decorators(
     click.option(
         "--drive",
-        f"{PREFIX}choice",
+        f"{DRIVE_PREFIX}choice",
         metavar="KIND|FILE",
         callback=_collect,
         expose_value=False,
@@ -450,7 +450,7 @@ drive_options = apply_decorators(
     ),
     click.option(
         "--allow-code",
-        f"{PREFIX}allow_code",
+        f"{DRIVE_PREFIX}allow_code",
         is_flag=True,
         callback=_collect,
         expose_value=False,
@@ -500,12 +500,12 @@ def drive_choice() -> str:
 
 def drive_source() -> str:
     """Return the Python that loads the file of `drive_from`; empty where options describe it."""
-    from mems_impact.actuator.drives.files import TABLES
+    from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES
 
     path = drive_choice()
     if described_by_options(path):
         return ""
-    if path.lower().endswith(TABLES):
+    if path.lower().endswith(SAMPLE_SUFFIXES):
         return f"mi.Sampled.from_csv({path!r})"
     return f"mi.load_drive({path!r}{', allow_code=True' if code_is_allowed() else ''})"
 
@@ -519,7 +519,7 @@ def in_fields(given: Mapping[str, float]) -> dict[str, float]:
     """Return options as fields of a drive: a frequency as the angular frequency."""
     from mems_impact.errors import InvalidParameter
 
-    values = {name: value for name, value in given.items() if name not in FIELDS}
+    values = {name: value for name, value in given.items() if name not in FIELD_NAMES}
     if "frequency" in given:
         if "omega" in given:
             raise click.UsageError("--frequency and --omega exclude each other; leave one out")
@@ -544,7 +544,7 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
 
     known = described_by_options(kind)
     for name in given:
-        if FIELDS.get(name, name) not in known:
+        if FIELD_NAMES.get(name, name) not in known:
             takes = ", ".join(map(option_of, known))
             raise click.UsageError(
                 f"{option_of(name)} does not belong to a {kind}, which takes {takes}"
@@ -564,7 +564,7 @@ def _of_file(
 ) -> Drive:
     from pathlib import Path
 
-    from mems_impact.actuator.drives.files import TABLES, drive_kinds, load_drive
+    from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES, drive_kinds, load_drive
     from mems_impact.actuator.drives.sampled import Sampled
 
     if path in drive_kinds() and not Path(path).exists():
@@ -572,13 +572,13 @@ def _of_file(
     if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
         kinds = ", ".join(filter(described_by_options, drive_kinds()))
         raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
-    if path.lower().endswith(TABLES):
+    if path.lower().endswith(SAMPLE_SUFFIXES):
         measured = {name: given.pop(name) for name in ("period", "phase") if name in given}
         drive: Drive = Sampled.from_csv(path, **measured)
     else:
         drive = load_drive(path, allow_code=allow_code)
     for name in given:
-        if FIELDS.get(name, name) not in drive.names:
+        if FIELD_NAMES.get(name, name) not in drive.names:
             known = ", ".join(drive.names)
             problem = f"is no parameter of the drive in {path}: {known}"
             raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND takes another one")

@@ -29,7 +29,9 @@ from mems_impact.cli.output import (
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
 
-MOST_ROWS = 20  # of each table that are shown: a sequence that ends in rest has dozens of impacts
+MAX_TABLE_ROWS = (
+    20  # of each table that are shown: a sequence that ends in rest has dozens of impacts
+)
 
 
 @click.command(short_help="Find a periodic orbit and its stability.")
@@ -106,6 +108,6 @@ def _show(orbit: ActuatorOrbit) -> None:
         ("segments", orbit.segments, 9),
         ("impacts", orbit.impacts.drop(columns=["phase"]), 6),
     ):
-        if len(table) > MOST_ROWS:
+        if len(table) > MAX_TABLE_ROWS:
             show(f"The first of {len(table)} {name}:")
-        show_table(name, table.head(MOST_ROWS), digits, empty=f"No {name[:-1]}.")
+        show_table(name, table.head(MAX_TABLE_ROWS), digits, empty=f"No {name[:-1]}.")

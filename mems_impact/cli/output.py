@@ -195,8 +195,8 @@ def _plain(value: Any) -> Any:
 
 # --- Where results go: a directory of tables and a figure, checked before the work begins.
 
-FIGURES = (".png", ".pdf", ".svg")
-REMEDY = "give another place with --output or --figure"
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+OUTPUT_REMEDY = "give another place with --output or --figure"
 
 
 class Output:
@@ -232,8 +232,8 @@ class Output:
         self.figure: Path | None = None
         if not no_figure:
             self.figure = Path(figure) if figure else self.directory / f"{name}.png"
-            if self.figure.suffix.lower() not in FIGURES:
-                allowed = f"{', '.join(FIGURES[:-1])} or {FIGURES[-1]}"
+            if self.figure.suffix.lower() not in FIGURE_SUFFIXES:
+                allowed = f"{', '.join(FIGURE_SUFFIXES[:-1])} or {FIGURE_SUFFIXES[-1]}"
                 raise click.UsageError(f"--figure {self.figure}: the name must end in {allowed}")
         self.written: list[Path] = []
         self._made: list[Path] = []
@@ -308,14 +308,16 @@ class Output:
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
-            raise click.ClickException(f"{directory}: is not a directory; {REMEDY}") from None
+            raise click.ClickException(
+                f"{directory}: is not a directory; {OUTPUT_REMEDY}"
+            ) from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise click.ClickException(
-                f"{directory}: cannot be made ({reason}); {REMEDY}"
+                f"{directory}: cannot be made ({reason}); {OUTPUT_REMEDY}"
             ) from None
         if not os.access(directory, os.W_OK | os.X_OK):
-            raise click.ClickException(f"{directory}: cannot be written to; {REMEDY}")
+            raise click.ClickException(f"{directory}: cannot be written to; {OUTPUT_REMEDY}")
         self._made += missing
 
     def _remove_made(self) -> None:

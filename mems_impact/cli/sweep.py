@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DIRECTIONS = ("up", "down", "both")
-WORDS = {"up": "increased", "down": "decreased"}
+DIRECTION_WORDS = {"up": "increased", "down": "decreased"}
 SHOWN_FAILURES = 3
 
 
@@ -148,7 +148,8 @@ def _show(table: pd.DataFrame) -> None:
     turns = {direction: (value, begins) for direction, value, begins in found}
     for direction, chain in summary.groupby("direction", sort=False):
         failed = chain[chain["status"] != "ok"]
-        line = f"{parameter.partition(' [')[0]} {WORDS[str(direction)]}, {len(chain)} values: "
+        changed = DIRECTION_WORDS[str(direction)]
+        line = f"{parameter.partition(' [')[0]} {changed}, {len(chain)} values: "
         line += f"{int(chain['impacting'].sum())} with impacts"
         if direction in turns:
             value, begins = turns[direction]

@@ -15,16 +15,16 @@ from mems_impact._util.arrays import Floats
 from mems_impact.errors import FunctionError, InvalidParameter, OrbitError, RunError
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import Linearised, P, Solution, Solvable, newton
-from mems_impact.orbits.shooting import ACCEPTED, NOTHING, Shooting, ShootingEvaluation
+from mems_impact.orbits.shooting import ACCEPTED, ZERO_COMPONENT, Shooting, ShootingEvaluation
 
 # --- Pseudo-arclength steps: tangent, prediction, correction.
 
-ITERATIONS = 8
+MAX_CORRECTOR_ITERATIONS = 8
 STRAIGHT = 0.9  # cosine of the angle by which a branch may turn in one step
 EASY, HARD = 2, 5  # Newton steps below which a step may grow, above which it shrinks
 NODES = 3  # corrections from which another one is guessed
 TINY = np.finfo(float).tiny
-APART = 0.01  # least distance between them, as a part of the longest
+MIN_SEPARATION_RATIO = 0.01  # least distance between them, as a part of the longest
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +113,7 @@ def correct(
         plane if guess is None else guess,
         reason="the correction of a step did not converge",
         remedy="take a shorter step",
-        iterations=ITERATIONS,
+        iterations=MAX_CORRECTOR_ITERATIONS,
     )
 
 
@@ -193,7 +193,7 @@ class PredictorStep(Generic[P]):
         aside = unknowns - self.start - s * self.along
         # Rounding is no curvature. In a component that the orbit can't determine, which no
         # correction puts right, it would grow from step to step.
-        aside[np.abs(aside) < NOTHING] = 0.0
+        aside[np.abs(aside) < ZERO_COMPONENT] = 0.0
         self._bends[s] = aside / (s * s)
 
     def _bend_at(self, s: float) -> Floats:
@@ -201,7 +201,7 @@ class PredictorStep(Generic[P]):
         bend = np.zeros_like(self.along)
         if not self._bends:
             return bend
-        least = APART * max(map(abs, self._bends))
+        least = MIN_SEPARATION_RATIO * max(map(abs, self._bends))
         nodes: list[float] = []
         for node in sorted(self._bends, key=lambda node: abs(node - s)):
             if all(abs(node - other) >= least for other in nodes) and len(nodes) < NODES:
@@ -217,8 +217,8 @@ class PredictorStep(Generic[P]):
 
 # --- Whether a branch, or a curve, has come back to the orbit where it began.
 
-SAME = 1e-5  # difference between the states of one orbit, met twice
-PARTS = 64  # into which a segment of a cycle is cut to find where a state is nearest
+SAME_ORBIT_DISTANCE = 1e-5  # difference between the states of one orbit, met twice
+SAMPLES_PER_SEGMENT = 64  # into which a segment of a cycle is cut to find where a state is nearest
 REFINEMENTS = 6  # of that place, by Newton's method
 
 
@@ -262,7 +262,7 @@ class ClosureDetector:
         return place if self._lies_on(shooting, step.at(place).point) else None
 
     def _lies_on(self, shooting: Shooting, point: ShootingEvaluation) -> bool:
-        if np.abs(point.values - self.values).max() > SAME:
+        if np.abs(point.values - self.values).max() > SAME_ORBIT_DISTANCE:
             return False
         states, _ = shooting.unpack(point.unknowns)
         for i, segment in enumerate(shooting.segments):
@@ -274,7 +274,7 @@ class ClosureDetector:
                 apart = self._apart(shooting, states[i])
             else:
                 continue
-            if apart < SAME:
+            if apart < SAME_ORBIT_DISTANCE:
                 return True
         return False
 
@@ -285,7 +285,7 @@ class ClosureDetector:
         """Return the least distance of a segment of a cycle from the first state."""
         mode, free = shooting.segments[i].mode, shooting.free
         variational = shooting.variational(point.setting)
-        times = np.linspace(point.starts[i], point.ends[i], PARTS + 1)
+        times = np.linspace(point.starts[i], point.ends[i], SAMPLES_PER_SEGMENT + 1)
         passed = [y]
         for begin, end in pairwise(times.tolist()):
             passed.append(variational.arc(mode, passed[-1], begin, end).end)
@@ -316,20 +316,22 @@ CONTINUATION_ERRORS = (
 Beside the package's own errors those that a function of the system raises out of its range.
 """
 
-SHORT = 0.1  # part of the largest step below which a branch says what holds it back
-NEUTRAL = 1e-7  # distance from +1 of a multiplier that is there all along
+SHORT_STEP_RATIO = 0.1  # part of the largest step below which a branch says what holds it back
+NEUTRAL_DISTANCE = 1e-7  # distance from +1 of a multiplier that is there all along
 SIDE_BY_SIDE = (
     "a multiplier is 1, as where something may be shifted, or is conserved: then orbits lie side "
     "by side at one value, and none of them can be followed; a weak spring or damper holds it"
 )
-SHORTER = "take a shorter step"  # what a corrector says to a branch; to its user it is no help
+SHORTER_STEP_REMEDY = (
+    "take a shorter step"  # what a corrector says to a branch; to its user it is no help
+)
 
 
 def reason_of(error: Exception, family: Family) -> str:
     """Return what an error says in the units of the user, without advice to a step."""
     if isinstance(error, RunError):
         family.convert(error)
-    if isinstance(error, OrbitError) and error.remedy == SHORTER:
+    if isinstance(error, OrbitError) and error.remedy == SHORTER_STEP_REMEDY:
         return str(error.reason)
     return str(error)
 
@@ -339,7 +341,7 @@ def no_orbit_message(error: Exception, family: Family) -> str:
     point = error.partial if isinstance(error, OrbitError) else None
     if isinstance(point, ShootingEvaluation):
         sizes = np.linalg.svd(point.jacobian, compute_uv=False)
-        if not sizes[-1] > NEUTRAL * sizes[0]:
+        if not sizes[-1] > NEUTRAL_DISTANCE * sizes[0]:
             return f"{reason_of(error, family)}; {SIDE_BY_SIDE}"
     return reason_of(error, family)
 
@@ -349,7 +351,7 @@ def budget_message(
 ) -> str:
     """Return that the points are used up, and what has held the last steps back."""
     told = f"the budget of {steps.most} points is used up"
-    if held and length < SHORT * steps.largest:
+    if held and length < SHORT_STEP_RATIO * steps.largest:
         return f"{told}; steps are down to a length of {length:.2g}: {held}"
     return f"{told}; a step of length {length:.2g} moves {parameter} by a part of {part:.1g}"
 
@@ -554,7 +556,7 @@ class Continuation(Generic[P, R, E]):
             located = problem.locate(step, self._length, self._before, after)
             ahead = problem.tangent(following, along)
             if ahead @ along < STRAIGHT and not located.corner:
-                raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER)
+                raise OrbitError(f"the {problem.noun} turns too sharply", SHORTER_STEP_REMEDY)
             if located.loss is None and not self.low <= following.values[-1] <= self.high:
                 last = self._at_bound(step, following)
         except CONTINUATION_ERRORS as error:

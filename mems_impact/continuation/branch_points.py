@@ -13,7 +13,7 @@ from mems_impact.errors import OrbitError
 from mems_impact.orbits.newton import Linearised, P, Solvable, newton
 from mems_impact.orbits.shooting import ACCEPTED
 
-ALONG = 1e-4  # step of the differences of the equations' derivatives along their null vectors
+KERNEL_STEP = 1e-4  # step of the differences of the equations' derivatives along their null vectors
 AT_ONE = 1e-5  # least distance on a branch of a fold from a branch point
 TORN = 5.0  # distance by which an error of one tears two branches apart
 NOT_LOCATED = "a branch point could not be located"
@@ -114,9 +114,9 @@ class BranchPoints(Generic[P]):
         matrix = np.zeros((size + 2, size + 2))
         matrix[:size] = bordered[:size]
         for j, v in enumerate(np.linalg.solve(bordered, units[:, size:])[:-1].T):
-            ends = [x + ALONG * v, x - ALONG * v]
+            ends = [x + KERNEL_STEP * v, x - KERNEL_STEP * v]
             up, down = (_derivatives(self._equations.evaluate(e[:-1], e[-1:])) for e in ends)
-            matrix[size + j, :-1] = -w @ (up - down) / (2.0 * ALONG)
+            matrix[size + j, :-1] = -w @ (up - down) / (2.0 * KERNEL_STEP)
         return point, np.concatenate([point.residual + beta * border, g]), matrix
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import correct
 from mems_impact.continuation.equilibrium_branch import frequency
-from mems_impact.continuation.test_functions import NEAR
+from mems_impact.continuation.test_functions import MULTIPLIER_TOLERANCE
 from mems_impact.errors import OrbitError, RunError
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -24,8 +24,10 @@ from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment
 
 # --- Onto the branch of doubled period.
 
-DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
-CLEAR = 1e-7  # relative change of the parameter by which the side is no matter of rounding
+SWITCH_DISTANCES = (1e-3, 3e-3, 1e-2, 3e-2)  # from the orbit that doubles, in the space of unknowns
+MIN_PARAMETER_CHANGE = (
+    1e-7  # relative change of the parameter by which the side is no matter of rounding
+)
 
 
 def double_cover(orbit: PeriodicOrbit) -> OrbitGuess:
@@ -69,11 +71,11 @@ def switch_at_period_doubling(orbit: PeriodicOrbit, parameter: str) -> tuple[Per
     value = np.array([orbit.family.values[parameter]])
     point = shooting.evaluate(unknowns, value)
     vectors = np.linalg.svd(point.jacobian)[2]
-    if np.abs(orbit.multipliers + 1.0).min() > NEAR:
+    if np.abs(orbit.multipliers + 1.0).min() > MULTIPLIER_TOLERANCE:
         raise OrbitError("the orbit has no multiplier -1", "locate a period doubling first", orbit)
     # The null vector of the doubled equations: one way in the first pass, the other in the second.
     away = np.append(vectors[-1], 0.0)
-    return first_orbit_on_branch(shooting, np.append(unknowns, value), away, DISTANCES)
+    return first_orbit_on_branch(shooting, np.append(unknowns, value), away, SWITCH_DISTANCES)
 
 
 def first_orbit_on_branch(
@@ -108,7 +110,7 @@ def first_orbit_on_branch(
         if found is not None and found.admissible and not farther.admissible:
             break
         found, change = farther, float(first.values[0] - value)
-        if abs(change) > CLEAR * abs(value):
+        if abs(change) > MIN_PARAMETER_CHANGE * abs(value):
             break
     assert found is not None
     return found, math.copysign(1.0, change)

@@ -14,7 +14,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import CHATTER_ONSET, LABELS, TestFunction
+from mems_impact.continuation.test_functions import CHATTER_ONSET, ORBIT_LABELS, TestFunction
 from mems_impact.hybrid.event_loop.workspace import ACCUMULATION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -24,8 +24,14 @@ from mems_impact.orbits.signature import BOUNDARY, Segment, read_guess
 
 __all__ = ["ACROSS_START", "BEYOND_ONSET", "chatter_onset", "rests_after_chatter"]
 
-DISTANCES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3)  # of the parameter, in which the onset is looked for
-BISECTIONS = 60
+ONSET_DISTANCES = (
+    1e-7,
+    1e-6,
+    1e-5,
+    1e-4,
+    1e-3,
+)  # of the parameter, in which the onset is looked for
+ONSET_BISECTIONS = 60
 BEYOND_ONSET = (
     "beyond it the impacts do not come to rest before the contact is released, and orbits of ever "
     "more impacts accumulate here; find an orbit beyond and follow that"
@@ -69,11 +75,11 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
         return int(ends.sum()) >= sequences
 
     try:
-        before = next((-d for d in DISTANCES if rests(-d)), None)
-        beyond = next((d for d in DISTANCES if not rests(d)), None)
+        before = next((-d for d in ONSET_DISTANCES if rests(-d)), None)
+        beyond = next((d for d in ONSET_DISTANCES if not rests(d)), None)
         if before is None or beyond is None:
             return None
-        for _ in range(BISECTIONS):
+        for _ in range(ONSET_BISECTIONS):
             middle = 0.5 * (before + beyond)
             if met.value + middle in (met.value + before, met.value + beyond):
                 break
@@ -82,7 +88,10 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
     except CONTINUATION_ERRORS:
         return None
     onset = replace(
-        met, kind=CHATTER_ONSET, label=LABELS[CHATTER_ONSET], value=met.value + onward * before
+        met,
+        kind=CHATTER_ONSET,
+        label=ORBIT_LABELS[CHATTER_ONSET],
+        value=met.value + onward * before,
     )
     try:
         return _with_orbit(onset, there, start, parameter)

@@ -11,7 +11,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
-    SHORTER,
+    SHORTER_STEP_REMEDY,
     Continuation,
     Corrector,
     LocatedEvents,
@@ -25,11 +25,11 @@ from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
     CONTACT,
     CUSP,
-    FIRST,
     FOLD,
+    FOLLOWED_NAMES,
     GRAZING,
     NEIMARK_SACKER,
-    NEUTRAL,
+    NEUTRAL_RESONANCES,
     DefiningSystem,
     FoldCondition,
     TestFunction,
@@ -49,7 +49,7 @@ from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 __all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
 
-ITERATIONS = 10
+MAX_CURVE_ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses are one
 Tests = dict[str | TestFunction, float]  # test functions by their name, or by the margin
 CONTINUOUS = 1e-3  # part of its values beside it of a test function at a zero that is no jump
@@ -293,7 +293,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
             # the grazing orbit has a multiplier +1.
             what = "degenerate grazing" if test.role == "rate" else "grazing-fold"
             return what if test.guard == self.guard else f"{what} ({name})"
-        what, own = test.kind, FIRST.get(self.monitor.kind, self.monitor.kind)
+        what, own = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
         if what == GRAZING and test.guard not in (self.guard, self.monitor.guard):
             what = f"{GRAZING} ({name})"
         if not self.monitor.role:
@@ -342,7 +342,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         """Return why the curve ends where `test` is zero; empty if it goes on."""
         if isinstance(test, TestFunction):
             return "the automaton has no such orbit" if after[test] < 0.0 else ""
-        if self.monitor.kind == NEIMARK_SACKER and test in NEUTRAL:
+        if self.monitor.kind == NEIMARK_SACKER and test in NEUTRAL_RESONANCES:
             return "the two multipliers of product 1 are real, those of neutral saddles"
         return ""
 
@@ -421,6 +421,6 @@ def correct_condition(
         equations,
         guess,
         reason="the correction of a step did not converge",
-        remedy=SHORTER,
-        iterations=ITERATIONS,
+        remedy=SHORTER_STEP_REMEDY,
+        iterations=MAX_CURVE_ITERATIONS,
     )

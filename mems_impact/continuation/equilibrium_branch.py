@@ -12,7 +12,7 @@ from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
     NODES,
-    SHORTER,
+    SHORTER_STEP_REMEDY,
     Continuation,
     ContinuationProblem,
     Corrector,
@@ -24,8 +24,18 @@ from mems_impact.continuation.arclength import (
     tangent,
 )
 from mems_impact.continuation.branch_points import regularity
-from mems_impact.continuation.stability import AXIS, CROSSING, SHORT, Bifurcations
-from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, NEAR, UNEXPLAINED
+from mems_impact.continuation.stability import (
+    CROSSING,
+    IMAGINARY_AXIS,
+    UNEXPLAINED_STEP_RATIO,
+    Bifurcations,
+)
+from mems_impact.continuation.test_functions import (
+    BRANCH_POINT,
+    FOLD,
+    MULTIPLIER_TOLERANCE,
+    UNEXPLAINED,
+)
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import (
     EquilibriumEquations,
@@ -36,9 +46,9 @@ from mems_impact.orbits.equilibrium import (
 from mems_impact.orbits.newton import solve_at
 
 HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
-LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE", UNEXPLAINED: "?"}
+EQUILIBRIUM_LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE", UNEXPLAINED: "?"}
 ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
-SAME = 1e-5  # difference between the unknowns of one equilibrium, met twice
+SAME_EQUILIBRIUM_DISTANCE = 1e-5  # difference between the unknowns of one equilibrium, met twice
 
 Test = tuple[str, int]  # what happens where a test function is zero, and to which guard, or -1
 BRANCHING = (BRANCH_POINT, -1)
@@ -69,7 +79,7 @@ class EquilibriumEvent:
     @property
     def label(self) -> str:
         """LP, H, BP, BE or ?."""
-        return LABELS[self.kind]
+        return EQUILIBRIUM_LABELS[self.kind]
 
 
 @dataclass
@@ -157,7 +167,10 @@ class _EquilibriumProblem(
         self.parameters, self.low, self.high = (branch.parameter,), low, high
         self.first, self.at_first = np.concatenate([first.unknowns, first.values]), along
         self.bifurcations = Bifurcations(
-            equations, AXIS, lambda balance: balance.jacobian, SHORT * steps.largest
+            equations,
+            IMAGINARY_AXIS,
+            lambda balance: balance.jacobian,
+            UNEXPLAINED_STEP_RATIO * steps.largest,
         )
 
     def corrector(self, point: EquilibriumEvaluation) -> Corrector[EquilibriumEvaluation]:
@@ -178,7 +191,7 @@ class _EquilibriumProblem(
         place = float((self.first - step.start) @ step.along)
         if len(self.branch.points) <= NODES or not 0.0 < place <= length:
             return None
-        near = np.abs(step.at(place).unknowns - self.first).max() < SAME
+        near = np.abs(step.at(place).unknowns - self.first).max() < SAME_EQUILIBRIUM_DISTANCE
         return place if near and step.along @ self.at_first > 0.5 else None
 
     def accept(self, located: LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]) -> None:
@@ -226,7 +239,7 @@ class _EquilibriumProblem(
         try:
             return step.zero(value, length)
         except ValueError as error:
-            raise OrbitError(f"a {test[0]} could not be located", SHORTER) from error
+            raise OrbitError(f"a {test[0]} could not be located", SHORTER_STEP_REMEDY) from error
 
     def _event(
         self, balance: EquilibriumEvaluation, kind: str, guard: int = -1
@@ -241,6 +254,6 @@ def frequency(equilibrium: EquilibriumState) -> float | None:
     values = equilibrium.eigenvalues
     rotating = values[np.abs(values.imag) > ROTATING * np.abs(values)]
     beside = np.abs(rotating.real) / np.abs(rotating)
-    if not beside.min(initial=1.0) < NEAR:
+    if not beside.min(initial=1.0) < MULTIPLIER_TOLERANCE:
         return None
     return float(abs(rotating[np.argmin(beside)].imag))

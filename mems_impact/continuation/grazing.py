@@ -43,8 +43,8 @@ __all__ = ["CONTINUOUS", "DEAD", "JUMP", "contact_coefficients", "grazing_type"]
 # --- What a grazing does to the attractor: the normal form of the first impact.
 
 TRIAL_SPEED = 1e-3  # of the trial impacts that show the kick
-ALONG = 1e-6  # part of a kick that is none across the flow
-SEQUENCE = 200  # periods over which the signs are looked at
+NULL_KICK_RATIO = 1e-6  # part of a kick that is none across the flow
+SIGN_PERIODS = 200  # periods over which the signs are looked at
 
 CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
 
@@ -97,7 +97,7 @@ def contact_coefficients(
     if shooting.phase is not None:
         along = to_touch.slope_end[free][keep]
         aside = image - along * float(along @ image) / float(along @ along)
-        if np.linalg.norm(aside) < ALONG * np.linalg.norm(image):
+        if np.linalg.norm(aside) < NULL_KICK_RATIO * np.linalg.norm(image):
             return None
     values = []
     for _ in range(count):
@@ -181,7 +181,7 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
         )
     if not orbit.stable:
         return DEAD
-    sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SEQUENCE)
+    sequence = contact_coefficients(orbit.shooting, orbit.point, monitor, SIGN_PERIODS)
     if sequence is None:
         problem = "the type is that of an orbit without events, and of a cycle only outside a plane"
         raise InvalidParameter(field="orbit", value=None, allowed="", problem=problem)
@@ -196,11 +196,13 @@ PASSING = 1e-6  # time before two events meet at which the modes between them ar
 DEPTH = 1e-6  # margin that the orbit keeps when an event is left out
 # Time after two events have met at which the other order is entered. The branch has a corner where
 # they meet: a tangent and differences (of 1e-6) must be taken on the side that they are meant for.
-APART = 1e-5
-DISTANCES = (1e-4, 1e-5, 1e-3, 1e-6)  # on the branch beyond a loss, from where a run starts
-LEAST = 0.01  # part of that distance by which the parameter moves at least, as in a fold
+MIN_GRAZING_SEPARATION = 1e-5
+RESTART_DISTANCES = (1e-4, 1e-5, 1e-3, 1e-6)  # on the branch beyond a loss, from where a run starts
+MIN_PARAMETER_SHARE = (
+    0.01  # part of that distance by which the parameter moves at least, as in a fold
+)
 SEQUENCES = 4  # that are tried at each distance, each read off a run along the one before
-NEARER = 0.1  # part of the distance at which the other branch must have come closer ...
+CONVERGENCE_RATIO = 0.1  # part of the distance at which the other branch must have come closer ...
 CLOSER = 0.5  # ... to the orbit where the two meet, by this factor
 NO_ORBIT_BEYOND = (
     "no orbit was found near this one beyond: there the motion jumps, or impacts accumulate"
@@ -259,7 +261,7 @@ def guess_beyond(
         guess, grows = move_event_across_period(orbit, monitor.segment) or swap_adjacent_events(
             orbit, monitor.segment
         )
-        return guess, TestFunction(monitor.kind, "length", grows), APART
+        return guess, TestFunction(monitor.kind, "length", grows), MIN_GRAZING_SEPARATION
     if monitor.role == "rate":
         # Where it happened: what is left may touch the guard elsewhere at the same value.
         there = TestFunction(monitor.kind, "approach", monitor.segment, monitor.guard)
@@ -477,7 +479,7 @@ def neighbour(lost: BranchEvent, parameter: str) -> tuple[Shooting, ShootingEval
     """
     # Where a segment vanishes, a branch of segments without length crosses, and its tangent is as
     # good as its opposite.
-    for distance in (side * each for side in (1.0, -1.0) for each in DISTANCES):
+    for distance in (side * each for side in (1.0, -1.0) for each in RESTART_DISTANCES):
         for shooting, point in _admissible_near(lost, parameter, distance):
             if not _joins(lost, shooting, point):
                 continue
@@ -495,7 +497,7 @@ def _admissible_near(
     """Yield orbits of the automaton whose sequences runs from the virtual orbit beyond have."""
     orbit, along = lost.orbit, lost.direction
     moved = distance * along[-1]
-    step = float(np.copysign(max(abs(moved), LEAST * abs(distance)), moved))
+    step = float(np.copysign(max(abs(moved), MIN_PARAMETER_SHARE * abs(distance)), moved))
     unknowns = orbit.point.unknowns + distance * along[:-1]
     start, known = orbit.shooting.unpack(unknowns)[0][0], [orbit.segments]
     for _ in range(SEQUENCES):
@@ -548,7 +550,7 @@ def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
         return float(np.abs(gap).max(initial=0.0))
 
     # Along the tangent, lest a short segment vanish on the way.
-    along, back = tangent(point), (NEARER - 1.0) * _gain(lost, point)
+    along, back = tangent(point), (CONVERGENCE_RATIO - 1.0) * _gain(lost, point)
     if along[-1] == 0.0:
         return False
     guess = point.unknowns + back / along[-1] * along[:-1]
@@ -556,7 +558,10 @@ def _joins(lost: BranchEvent, shooting: Shooting, point: ShootingEvaluation) -> 
         near = solve(shooting, guess, point.values + back)
     except CONTINUATION_ERRORS:
         return False
-    return not defects(shooting, near) and apart(near) <= CLOSER * apart(point) + DEPTH * NEARER
+    return (
+        not defects(shooting, near)
+        and apart(near) <= CLOSER * apart(point) + DEPTH * CONVERGENCE_RATIO
+    )
 
 
 def _at_level(

@@ -15,10 +15,12 @@ from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.orbits.shooting import ShootingEvaluation
 
 GROWN = 2.0  # factor from the shortest period of a branch
-SLOW = 0.05  # speed, in sizes of the cycle a period; its mean is above one
-SLOWER = 0.7  # factor between the slowest speeds of two cycles of which one takes half as long
-BESIDE = 0.1  # distance of an equilibrium, in sizes of the cycle
-PARTS = 64  # into which a segment is cut
+SLOW_SPEED_RATIO = 0.05  # speed, in sizes of the cycle a period; its mean is above one
+SLOWING_RATIO = (
+    0.7  # factor between the slowest speeds of two cycles of which one takes half as long
+)
+EQUILIBRIUM_DISTANCE = 0.1  # distance of an equilibrium, in sizes of the cycle
+SEGMENT_SAMPLES = 64  # into which a segment is cut
 AMPLIFIED = 1e6  # factor of an error within a segment: its square times rounding is in multipliers
 
 
@@ -59,7 +61,7 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     shorter = orbits[int(np.argmin(np.abs(periods - 0.5 * periods[-1])))]
     try:
         (speed, mode, state, sizes), (before, *_) = _slowest(last), _slowest(shorter)
-        if not (speed < SLOW and speed < SLOWER * before):
+        if not (speed < SLOW_SPEED_RATIO and speed < SLOWING_RATIO * before):
             return None
     except CONTINUATION_ERRORS:
         return None
@@ -69,7 +71,7 @@ def slow_passage(orbits: Sequence[PeriodicOrbit]) -> SlowPassage | None:
     except CONTINUATION_ERRORS:
         return SlowPassage(mode, state, False, both)
     free = last.shooting.free
-    if np.abs((found - state)[free] / sizes).max() > BESIDE:
+    if np.abs((found - state)[free] / sizes).max() > EQUILIBRIUM_DISTANCE:
         return SlowPassage(mode, state, False, both)
     return SlowPassage(mode, found, True, both)
 
@@ -85,7 +87,7 @@ def _slowest(orbit: PeriodicOrbit) -> tuple[float, int, Floats, Floats]:
     variational, free = shooting.variational(point.setting), shooting.free
     modes, states, slopes = [], [], []
     for i, y in enumerate(shooting.unpack(point.unknowns)[0]):
-        times = np.linspace(point.starts[i], point.ends[i], PARTS + 1)
+        times = np.linspace(point.starts[i], point.ends[i], SEGMENT_SAMPLES + 1)
         here = y
         for begin, end in pairwise(times.tolist()):
             arc = variational.arc(shooting.segments[i].mode, here, begin, end)

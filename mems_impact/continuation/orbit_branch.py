@@ -12,7 +12,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import (
     CONTINUATION_ERRORS,
-    NEUTRAL,
+    NEUTRAL_DISTANCE,
     SIDE_BY_SIDE,
     ClosureDetector,
     Continuation,
@@ -50,13 +50,18 @@ from mems_impact.continuation.special_points import (
     locate_zero,
     priority,
 )
-from mems_impact.continuation.stability import CIRCLE, CROSSING, SHORT, Bifurcations
+from mems_impact.continuation.stability import (
+    CIRCLE,
+    CROSSING,
+    UNEXPLAINED_STEP_RATIO,
+    Bifurcations,
+)
 from mems_impact.continuation.test_functions import (
     BRANCH_POINT,
     FOLD,
     GRAZING,
-    LABELS,
     NEIMARK_SACKER,
+    ORBIT_LABELS,
     PERIOD_DOUBLING,
     TestFunction,
     kind_of,
@@ -151,7 +156,11 @@ class OrbitProblem(ContinuationProblem[ShootingEvaluation, R, E]):
         """Return why there is no step beyond an orbit, however short."""
         told = super().no_step(point, error)
         multipliers = make_orbit(self.shooting, point).multipliers
-        return f"{told}; {SIDE_BY_SIDE}" if np.abs(multipliers - 1.0).min() < NEUTRAL else told
+        return (
+            f"{told}; {SIDE_BY_SIDE}"
+            if np.abs(multipliers - 1.0).min() < NEUTRAL_DISTANCE
+            else told
+        )
 
 
 # --- A branch of periodic orbits in one parameter, by pseudo-arclength continuation.
@@ -439,7 +448,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if guard == NONE:
             return met
         kind = kind_of(met.orbit.shooting.automaton.guards[guard])
-        named = replace(met, kind=kind, label=LABELS.get(kind, kind))
+        named = replace(met, kind=kind, label=ORBIT_LABELS.get(kind, kind))
         self.branch.special_points[-1] = named
         return named
 
@@ -568,7 +577,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
     ) -> list[BranchEvent]:
         """Return where the branch turns, another crosses, or stability changes."""
         if self.bifurcations is None or self.bifurcations.equations is not shooting:
-            short = SHORT * self.steps.largest
+            short = UNEXPLAINED_STEP_RATIO * self.steps.largest
             self.bifurcations = Bifurcations(
                 shooting, CIRCLE, partial(reduced_monodromy, shooting), short
             )

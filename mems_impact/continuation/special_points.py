@@ -12,9 +12,9 @@ from mems_impact.continuation.test_functions import (
     AT_ZERO,
     BRANCH_POINT,
     FOLD,
-    LABELS,
-    NEAR,
+    MULTIPLIER_TOLERANCE,
     NEIMARK_SACKER,
+    ORBIT_LABELS,
     PERIOD_DOUBLING,
     TestFunction,
     choice_margins,
@@ -33,7 +33,7 @@ from mems_impact.orbits.periodic_orbit import (
 )
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
 
-SHORTEST = 1e-13  # part of a step within which an orbit ceases to be admissible
+MIN_BRACKET_RATIO = 1e-13  # part of a step within which an orbit ceases to be admissible
 ASTRIDE = 1e-6  # distance on the branch at which margins on both sides of a loss are compared
 IN_NO_TIME = 1e-3  # length of a segment that vanishes, at a grazing that is located
 SAME_HALVES = 2e-3  # relative difference between the halves of an orbit of half the period
@@ -107,7 +107,7 @@ def locate_defect(
         If a point within the step cannot be corrected.
     """
     kept, lost = 0.0, length
-    while lost - kept > max(SHORTEST, 4.0 * np.spacing(lost)):
+    while lost - kept > max(MIN_BRACKET_RATIO, 4.0 * np.spacing(lost)):
         middle = 0.5 * (kept + lost)
         if defects(shooting, step.at(middle).point):
             lost = middle
@@ -179,7 +179,7 @@ def _event_at(
 ) -> tuple[float, BranchEvent]:
     here = step.at(position).point
     orbit, direction = make_orbit(shooting, here), tangent(here, step.along)
-    label, value = LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
+    label, value = ORBIT_LABELS.get(monitor.kind, monitor.kind), float(here.values[0])
     return position, BranchEvent(monitor.kind, label, value, orbit, direction, monitor)
 
 
@@ -192,18 +192,26 @@ def classify(
     of two real multipliers may pass one.
     """
     orbit = make_orbit(shooting, here)
-    if monitor.kind == PERIOD_DOUBLING and np.abs(orbit.multipliers + 1.0).min() > NEAR:
+    if (
+        monitor.kind == PERIOD_DOUBLING
+        and np.abs(orbit.multipliers + 1.0).min() > MULTIPLIER_TOLERANCE
+    ):
         return None
-    if monitor.kind == BRANCH_POINT and np.abs(orbit.multipliers - 1.0).min() > NEAR:
+    if (
+        monitor.kind == BRANCH_POINT
+        and np.abs(orbit.multipliers - 1.0).min() > MULTIPLIER_TOLERANCE
+    ):
         return None
     off_axis = orbit.multipliers[np.abs(orbit.multipliers.imag) > 1e-9]
-    if monitor.kind == NEIMARK_SACKER and not np.any(np.abs(np.abs(off_axis) - 1.0) < NEAR):
+    if monitor.kind == NEIMARK_SACKER and not np.any(
+        np.abs(np.abs(off_axis) - 1.0) < MULTIPLIER_TOLERANCE
+    ):
         return None
     kind = monitor.kind
     # The branch of a doubled orbit turns round where that of half the period crosses it.
     if kind in (FOLD, BRANCH_POINT) and is_double_cover(orbit):
         kind, monitor = PERIOD_DOUBLING, TestFunction(FOLD)
-    label, value = LABELS.get(kind, kind), float(here.values[0])
+    label, value = ORBIT_LABELS.get(kind, kind), float(here.values[0])
     return BranchEvent(kind, label, value, orbit, direction, monitor)
 
 

@@ -16,7 +16,7 @@ from scipy.linalg import eig
 from scipy.optimize import brentq, linear_sum_assignment
 
 from mems_impact._util.arrays import Complexes, Floats
-from mems_impact.continuation.arclength import SHORTER, PredictorStep, tangent
+from mems_impact.continuation.arclength import SHORTER_STEP_REMEDY, PredictorStep, tangent
 from mems_impact.continuation.branch_points import BranchPoints
 from mems_impact.continuation.test_functions import BRANCH_POINT, FOLD, UNEXPLAINED
 from mems_impact.errors import OrbitError
@@ -24,9 +24,11 @@ from mems_impact.orbits.newton import P, Solvable
 
 # --- Where stability changes along a branch: eigenvalues, or multipliers, that cross its border.
 
-FINEST = 1e-9  # part of a step within which crossings are one
+MIN_CROSSING_SPACING = 1e-9  # part of a step within which crossings are one
 EXACT = 1e-14  # of the place of a crossing
-TOUCHING = 1e-2  # part of a step within which no value is looked for that crosses and comes back
+TANGENCY_STEP_RATIO = (
+    1e-2  # part of a step within which no value is looked for that crosses and comes back
+)
 SAFE = 2.0  # for how much a growth may bend beyond what parabolas say
 ON_BORDER = 1e-6  # of the growth of a value on the border, by its size
 
@@ -133,7 +135,7 @@ def _log_size(values: Complexes) -> Floats:
         return np.asarray(np.log(np.abs(values)))
 
 
-AXIS = Border(
+IMAGINARY_AXIS = Border(
     growth=lambda values: np.asarray(values.real),
     size=lambda values: np.asarray(np.abs(values)),
     apart=lambda one, other: np.asarray(np.abs(one - other)),
@@ -200,7 +202,11 @@ class Crossings:
         if only is not None:
             return [only]
         part = (end - begin) / length
-        if part > FINEST if passing else part > TOUCHING and self._bends((begin, end), third):
+        if (
+            part > MIN_CROSSING_SPACING
+            if passing
+            else part > TANGENCY_STEP_RATIO and self._bends((begin, end), third)
+        ):
             middle = 0.5 * (begin + end)
             found = self._between(begin, middle, length, (end, after))
             found += self._between(middle, end, length, (begin, before))
@@ -283,7 +289,7 @@ def unexplained(found: list[Crossing], places: list[float]) -> list[Crossing]:
 # --- Folds, branch points and changes of stability along a branch, of orbits or of equilibria.
 
 CROSSING = "crossing"  # of an eigenvalue that rotates, or of a multiplier -1
-SHORT = 0.01  # part of the largest step, in which what is not found is told
+UNEXPLAINED_STEP_RATIO = 0.01  # part of the largest step, in which what is not found is told
 
 
 class Event(Protocol):
@@ -383,7 +389,7 @@ class Bifurcations(Generic[P]):
         self._last = step.start, search.spectrum(0.0)
         for each in unexplained(crossings, [place for place, *_ in found]):
             if not short:
-                raise OrbitError("stability changes at no point that is found", SHORTER)
+                raise OrbitError("stability changes at no point that is found", SHORTER_STEP_REMEDY)
             place = 0.5 * (each.begin + each.end)
             found.append(Bifurcation(place, UNEXPLAINED, step.at(place).point, each.value))
         found += [
@@ -420,4 +426,4 @@ class Bifurcations(Generic[P]):
                 try:
                     yield step.zero(onward, end, begin)
                 except ValueError as error:
-                    raise OrbitError("a fold could not be located", SHORTER) from error
+                    raise OrbitError("a fold could not be located", SHORTER_STEP_REMEDY) from error

@@ -34,10 +34,12 @@ GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT, UNEXPLAINED = (
     "unexplained",
 )
 CHATTER_ONSET = "onset of complete chatter"
-NEAR = 1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
+MULTIPLIER_TOLERANCE = (
+    1e-3  # distance from -1, or from the unit circle, of a multiplier that is taken to be there
+)
 AT_ZERO = 1e-9  # a margin, or its rate, that is zero but for rounding
 VANISHING = 1e-6  # length of a segment below which its margins are those of its end
-LABELS = {
+ORBIT_LABELS = {
     GRAZING: "G",
     FOLD: "CF",
     PERIOD_DOUBLING: "PD",
@@ -181,12 +183,12 @@ CUSP, CONTACT = "cusp", "contact"
 COSINES = {"1:1": 1.0, "1:2": -1.0, "1:3": -0.5, "1:4": 0.0}
 """Of the angle of a pair on the unit circle, by its resonance."""
 
-NEUTRAL = ("1:1", "1:2")
+NEUTRAL_RESONANCES = ("1:1", "1:2")
 """Resonances beyond which a pair of product one is real."""
 
-FIRST = {FOLD: "fold", PERIOD_DOUBLING: "flip", NEIMARK_SACKER: "Neimark-Sacker"}
-SECOND = {PLUS: "fold", MINUS: "flip", PAIR: "Neimark-Sacker"}
-NAMES = {
+FOLLOWED_NAMES = {FOLD: "fold", PERIOD_DOUBLING: "flip", NEIMARK_SACKER: "Neimark-Sacker"}
+MULTIPLIER_NAMES = {PLUS: "fold", MINUS: "flip", PAIR: "Neimark-Sacker"}
+CODIMENSION_TWO_NAMES = {
     (FOLD, PLUS): "1:1 resonance",
     (PERIOD_DOUBLING, PLUS): "fold-flip",
     (PERIOD_DOUBLING, MINUS): "1:2 resonance",
@@ -210,7 +212,9 @@ def name_of(kind: str, test: str) -> str:
         return CUSP
     if test == CONTACT:
         return f"degenerate {kind}"
-    return NAMES.get((kind, test), f"{FIRST.get(kind, kind)}-{SECOND[test]}")
+    return CODIMENSION_TWO_NAMES.get(
+        (kind, test), f"{FOLLOWED_NAMES.get(kind, kind)}-{MULTIPLIER_NAMES[test]}"
+    )
 
 
 def value_of(kind: str, test: str, multipliers: Complexes) -> float:
@@ -247,10 +251,14 @@ def is_zero(kind: str, test: str, multipliers: Complexes) -> bool:
     if test == PAIR:
         if kind == NEIMARK_SACKER:
             multipliers = np.delete(multipliers, neutral_pair(multipliers)[:2])
-        rotating = multipliers[np.abs(multipliers.imag) > NEAR]  # no double one at 1 or -1
-        return bool(np.any(np.abs(np.abs(rotating) - 1.0) < NEAR))
+        rotating = multipliers[
+            np.abs(multipliers.imag) > MULTIPLIER_TOLERANCE
+        ]  # no double one at 1 or -1
+        return bool(np.any(np.abs(np.abs(rotating) - 1.0) < MULTIPLIER_TOLERANCE))
     targets = {PLUS: 1.0, MINUS: -1.0}
-    return test not in targets or bool(np.abs(multipliers - targets[test]).min() < NEAR)
+    return test not in targets or bool(
+        np.abs(multipliers - targets[test]).min() < MULTIPLIER_TOLERANCE
+    )
 
 
 def neutral_pair(multipliers: Any) -> tuple[int, int, float]:
@@ -266,8 +274,8 @@ def neutral_pair(multipliers: Any) -> tuple[int, int, float]:
 
 # --- Test functions as equations: what is zero along a curve, and its derivatives.
 
-DIFFERENCE = 1e-6  # step of the differences that give the gradient of a test function
-ALONG = 1e-4  # of those of the equations' derivatives along their null vector
+GRADIENT_STEP = 1e-6  # step of the differences that give the gradient of a test function
+NULL_VECTOR_STEP = 1e-4  # of those of the equations' derivatives along their null vector
 
 
 def condition_of(shooting: Shooting, monitor: TestFunction) -> DefiningSystem:
@@ -309,8 +317,8 @@ class DefiningSystem:
         u, here = np.concatenate([point.unknowns, point.values]), self.value(point)
         return np.array(
             [
-                (self.value(self._at(u + shift)) - here) / DIFFERENCE
-                for shift in DIFFERENCE * np.eye(u.size)
+                (self.value(self._at(u + shift)) - here) / GRADIENT_STEP
+                for shift in GRADIENT_STEP * np.eye(u.size)
             ]
         )
 
@@ -431,11 +439,11 @@ class FoldCondition(DefiningSystem):
         if self._second is None or self._second[0] is not point:
             vectors, _, rows = np.linalg.svd(point.jacobian)
             left, null = vectors[:, -1], rows[-1]
-            shift = ALONG * null
+            shift = NULL_VECTOR_STEP * null
             up = self.shooting.evaluate(point.unknowns + shift, point.values)
             down = self.shooting.evaluate(point.unknowns - shift, point.values)
-            by_unknown = (up.jacobian - down.jacobian) / (2.0 * ALONG)
-            by_parameter = (up.by_parameter - down.by_parameter) / (2.0 * ALONG)
+            by_unknown = (up.jacobian - down.jacobian) / (2.0 * NULL_VECTOR_STEP)
+            by_parameter = (up.by_parameter - down.by_parameter) / (2.0 * NULL_VECTOR_STEP)
             self._second = point, left, null, np.hstack([by_unknown, by_parameter])
         return self._second[1:]
 

@@ -14,13 +14,19 @@ import mems_impact as mi
 from mems_impact.actuator.serialization import actuator_parts, table_of
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.analysis.run import Run
-from mems_impact.explorer.session import OPTIONS, PageSetting, SliderSpec, Subject, unit_of_time
+from mems_impact.explorer.session import (
+    EXPLORER_OPTIONS,
+    PageSetting,
+    SliderSpec,
+    Subject,
+    unit_of_time,
+)
 from mems_impact.explorer.snapshot import FINE, run_length, sweep_arguments
 from mems_impact.systems.base import HybridSystem
 
 __all__ = ["device_file", "python_of", "run_picture"]
 
-DPI = 200
+PICTURE_DPI = 200
 LINE = 96
 
 
@@ -65,7 +71,7 @@ def python_of(subject: Subject, setting: PageSetting, dial: SliderSpec | None) -
 def run_picture(run: Run) -> bytes:
     """Return the picture that `mems_impact.plot_run` makes of a run, as a PNG."""
     buffer = io.BytesIO()
-    mi.plot_run(run).figure.savefig(buffer, format="png", dpi=DPI)
+    mi.plot_run(run).figure.savefig(buffer, format="png", dpi=PICTURE_DPI)
     return buffer.getvalue()
 
 
@@ -85,7 +91,7 @@ def device_file(subject: Subject, system: ActuatorSystem) -> str:
 
 def _options(subject: Subject) -> list[str]:
     options = subject.options
-    if options == OPTIONS:
+    if options == EXPLORER_OPTIONS:
         return [f"options=mi.Options(method={options.method!r})"]
     return [f"options=mi.{options!r}"]
 

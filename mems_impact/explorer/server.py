@@ -23,7 +23,7 @@ from mems_impact.explorer.view.page import Page
 __all__ = ["serve"]
 
 LOOPBACK = "127.0.0.1"
-NAMES = (LOOPBACK, "localhost")
+HOST_NAMES = (LOOPBACK, "localhost")
 
 
 def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
@@ -70,9 +70,9 @@ def serve(subject: Subject, port: int, ready: Callable[[str], None]) -> None:
     loop = IOLoop.current()
     pages_here = BokehTornado(
         {"/": Application(FunctionHandler(show))},
-        extra_websocket_origins=[f"{name}:{number}" for name in NAMES],
+        extra_websocket_origins=[f"{name}:{number}" for name in HOST_NAMES],
     )
-    here = "|".join(name.replace(".", r"\.") for name in NAMES)
+    here = "|".join(name.replace(".", r"\.") for name in HOST_NAMES)
     http = HTTPServer(RuleRouter([Rule(HostMatches(f"^({here})$"), pages_here)]))
     http.add_sockets(sockets)
     server = BaseServer(loop, pages_here, http)

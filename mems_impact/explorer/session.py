@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from mems_impact._util.formatting import label
-from mems_impact._util.units import PREFIXED, PREFIXES
+from mems_impact._util.units import PREFIXED, SI_PREFIXES
 from mems_impact.actuator.drives.base import Drive
 from mems_impact.actuator.drives.sine import Sine
 from mems_impact.actuator.parameters import Actuator, load_actuator
@@ -74,14 +74,14 @@ def best_si_prefix(unit: str, size: float) -> tuple[float, str]:
     if not gram and -1.0 <= power < 4.0:  # 0.24 V and 1500 Hz are read as they stand
         return 1.0, unit
     thousands = 3 * math.floor((power + (3 if gram else 0)) / 3.0 + 1e-9)
-    thousands = min(max(thousands, min(PREFIXES)), max(PREFIXES))
+    thousands = min(max(thousands, min(SI_PREFIXES)), max(SI_PREFIXES))
     factor = 10.0 ** (thousands - (3 if gram else 0))
-    return factor, f"{PREFIXES[thousands]}{'g' if gram else first}{rest}"
+    return factor, f"{SI_PREFIXES[thousands]}{'g' if gram else first}{rest}"
 
 
 # --- What is explored: a system at the numbers it starts with, and how Python makes it.
 
-OPTIONS = Options(method="auto")
+EXPLORER_OPTIONS = Options(method="auto")
 TRIED = 60  # forcing periods
 
 
@@ -114,7 +114,7 @@ class Subject:
     starts: Mapping[str, Callable[[HybridSystem], State | None]] = field(repr=False)
     groups: Mapping[str, tuple[str, ...]]
     sizes: Mapping[str, float] = field(default_factory=dict)
-    options: Options = OPTIONS
+    options: Options = EXPLORER_OPTIONS
 
 
 def usual_sine(actuator: Actuator) -> dict[str, float]:
@@ -130,7 +130,7 @@ def usual_sine(actuator: Actuator) -> dict[str, float]:
         found = {"amplitude": float(f"{scales.out(amplitude, 'V'):.2g}"), "omega": omega}
         system = actuator.under(Sine(**found))
         try:
-            run = simulate(system, TRIED, initial=kicked_state(actuator), options=OPTIONS)
+            run = simulate(system, TRIED, initial=kicked_state(actuator), options=EXPLORER_OPTIONS)
         except RunError:
             continue
         if run.statistics["impacts"] > 0:
@@ -144,7 +144,7 @@ def of_device(
     drive: Drive,
     *,
     drive_source: str = "",
-    options: Options = OPTIONS,
+    options: Options = EXPLORER_OPTIONS,
 ) -> Subject:
     """Return an actuator under a drive, to be explored.
 
@@ -200,7 +200,7 @@ def of_device(
 
 
 def of_code(
-    name: str, changes: Mapping[str, float] | None = None, options: Options = OPTIONS
+    name: str, changes: Mapping[str, float] | None = None, options: Options = EXPLORER_OPTIONS
 ) -> Subject:
     """Return a system that Python code defines, to be explored.
 
@@ -269,8 +269,10 @@ def _differing(here: Mapping[str, float], there: Mapping[str, float]) -> dict[st
 
 # --- The sliders of a system: how far each goes, in which steps, in which unit it is told.
 
-PARTS = 100  # of the way from a value to an end; where the end is not allowed, one of them is
-STEPS = 500  # of a slider, at least
+SLIDER_PARTS = (
+    100  # of the way from a value to an end; where the end is not allowed, one of them is
+)
+MIN_SLIDER_STEPS = 500  # of a slider, at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,11 +335,11 @@ def _farthest(system: HybridSystem, name: str, value: float, end: float) -> floa
     """Return how far a parameter may go from its value towards an end."""
 
     def place(part: int) -> float:
-        return value + (end - value) * part / PARTS if part < PARTS else end
+        return value + (end - value) * part / SLIDER_PARTS if part < SLIDER_PARTS else end
 
     if _allows(system, name, end):
         return end
-    inside, outside = 0, PARTS
+    inside, outside = 0, SLIDER_PARTS
     while outside - inside > 1:
         middle = (inside + outside) // 2
         if _allows(system, name, place(middle)):
@@ -359,7 +361,7 @@ def _round_step(length: float) -> float:
     """Return a step of 1, 2 or 5 times a power of ten."""
     if not length > 0.0:
         return 1.0
-    rough = length / STEPS
+    rough = length / MIN_SLIDER_STEPS
     power = 10.0 ** math.floor(math.log10(rough))
     return power * max(each for each in (1.0, 2.0, 5.0) if each * power <= rough * (1.0 + 1e-9))
 
@@ -368,7 +370,7 @@ def _round_step(length: float) -> float:
 
 SHORTEST, LONGEST = 1.0, 1000.0  # of a run, in forcing periods or units of time
 USUAL = 100.0
-PREFIX = "show."  # of the page's own words, lest a parameter has the same name
+SETTING_PREFIX = "show."  # of the page's own words, lest a parameter has the same name
 TIME = "t"
 
 
@@ -434,7 +436,7 @@ def first_setting(subject: Subject) -> PageSetting:
 
 def address_of(subject: Subject, setting: PageSetting) -> str:
     """Return the query of a page's address: every number to the last digit."""
-    words = {f"{PREFIX}{name}": text for name, text in _words(subject, setting).items()}
+    words = {f"{SETTING_PREFIX}{name}": text for name, text in _words(subject, setting).items()}
     return urlencode({**{name: repr(value) for name, value in setting.values.items()}, **words})
 
 
@@ -452,14 +454,14 @@ def setting_at(subject: Subject, query: Mapping[str, Iterable[str]]) -> PageSett
     choices = _choices(subject)
     for name, given in query.items():
         text = _one(name, tuple(given))
-        word = name.removeprefix(PREFIX)
+        word = name.removeprefix(SETTING_PREFIX)
         if name in values:
             values[name] = _number(name, text)
-        elif name.startswith(PREFIX) and word in choices:
+        elif name.startswith(SETTING_PREFIX) and word in choices:
             field, known = choices[word]
             changes[field] = _chosen(name, text, known) if known else _length(name, text)
         else:
-            known = (*values, *(f"{PREFIX}{each}" for each in choices))
+            known = (*values, *(f"{SETTING_PREFIX}{each}" for each in choices))
             raise InvalidParameter(label(name), None, "", problem=f"none of {', '.join(known)}")
     found = replace(first, values=values, **changes)
     found.system(subject)

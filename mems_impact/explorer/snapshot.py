@@ -31,7 +31,7 @@ from mems_impact.explorer.session import (
     unit_of_time,
 )
 from mems_impact.hybrid.simulation import Events
-from mems_impact.plotting.trajectories import SMALL, interleaved
+from mems_impact.plotting.trajectories import MIN_DRAWN_JUMP, interleaved
 from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import is_shown
 
@@ -52,7 +52,7 @@ __all__ = [
 
 COARSE, FINE = 41, 161  # values of the parameter
 TRANSIENT, PERIODS = 60, 16  # forcing periods at each, or units of time
-MOST_ROWS = 40_000  # that are drawn
+MAX_DRAWN_ROWS = 40_000  # that are drawn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +78,7 @@ class BifurcationDiagram:
     def dots(self, direction: str) -> tuple[Any, Any]:
         """Return parameter and state of the crossings of one chain."""
         rows = self.table[self.table["direction"] == direction]
-        rows = rows.iloc[:: max(1, len(rows) // MOST_ROWS)]
+        rows = rows.iloc[:: max(1, len(rows) // MAX_DRAWN_ROWS)]
         return rows[self.asked.setting.parameter].to_numpy(), rows[self.state].to_numpy()
 
 
@@ -196,7 +196,7 @@ def motion_of(run: Run, names: Sequence[str], per_period: int, first: float) -> 
     inside = (instants >= time[0]) & (instants <= time[-1])
     log, instants = log[inside], instants[inside]
     before, after = log.before[:, places] * units, log.after[:, places] * units
-    jumps = (np.abs(after - before) > SMALL * np.abs(y).max(axis=0)).any(axis=1)
+    jumps = (np.abs(after - before) > MIN_DRAWN_JUMP * np.abs(y).max(axis=0)).any(axis=1)
     hits = log.impacts(system.automaton)
     curve_t, curve = _joined(time, y, instants, before, after, jumps)
     sides = {"before": before, "after": after}
@@ -262,11 +262,11 @@ def _stretches(
 
 # --- What a page shows of one run: arrays, ready to be drawn.
 
-SHOWN = 6.0  # forcing periods of the motion over time
-PER_PERIOD = 200
-UNFORCED = 5.0  # units of time that are shown like a forcing period, where nothing forces
-PER_UNIT = round(PER_PERIOD / UNFORCED)
-SETTLED = 0.5  # part of a run after which its crossings of the section are shown
+DISPLAYED_PERIODS = 6.0  # forcing periods of the motion over time
+SAMPLES_PER_PERIOD = 200
+UNFORCED_DURATION = 5.0  # units of time that are shown like a forcing period, where nothing forces
+PER_UNIT = round(SAMPLES_PER_PERIOD / UNFORCED_DURATION)
+TRANSIENT_SHARE = 0.5  # part of a run after which its crossings of the section are shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,7 +379,11 @@ def take_snapshot(
             progress=watch or False,
         )
     begin_of, end_of = run.extent
-    shown, samples = (SHOWN, PER_PERIOD) if system.forced else (SHOWN * UNFORCED, PER_UNIT)
+    shown, samples = (
+        (DISPLAYED_PERIODS, SAMPLES_PER_PERIOD)
+        if system.forced
+        else (DISPLAYED_PERIODS * UNFORCED_DURATION, PER_UNIT)
+    )
     motion = motion_of(run, states_shown(system, setting), samples, max(begin_of, end_of - shown))
     return RunSnapshot(
         setting=setting,
@@ -418,14 +422,14 @@ def _section(run: Run) -> dict[str, Floats]:
     system, log = run.system, run.trajectory.events
     begin, end = run.extent
     if system.section is None and system.forced:
-        rows = run.trajectory.samples(1, begin + SETTLED * (end - begin))
+        rows = run.trajectory.samples(1, begin + TRANSIENT_SHARE * (end - begin))
         cycle, time, y = rows.cycle, rows.time, rows.y
     else:
         crossings = log.crossings(1)
         cycle, time, y = crossings.cycle, crossings.time, crossings.after
     found = {"t": times_of(run, cycle, time)}
     found |= {name: system.out(name, y[:, place]) for place, name in enumerate(system.states)}
-    settled = cycle + time / run.trajectory.period >= begin + SETTLED * (end - begin)
+    settled = cycle + time / run.trajectory.period >= begin + TRANSIENT_SHARE * (end - begin)
     return {name: values[settled] for name, values in found.items()}
 
 

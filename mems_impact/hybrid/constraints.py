@@ -7,10 +7,10 @@ from typing import Any
 
 from mems_impact.hybrid.variational.flow import weight_of
 
-__all__ = ["STEPS", "elimination", "projection_source"]
+__all__ = ["PROJECTION_STEPS", "elimination", "projection_source"]
 
-STEPS = 3  # of Newton's method onto a surface that is not flat
-APART = 1e-3  # of differences that give the slopes of a constraint
+PROJECTION_STEPS = 3  # of Newton's method onto a surface that is not flat
+CONSTRAINT_STEP = 1e-3  # of differences that give the slopes of a constraint
 SUPERFLUOUS = "1e-11"  # of its size, what is left of an equation that others imply
 
 
@@ -36,7 +36,11 @@ def projection_source(constraints: Sequence[tuple[int, Callable[..., Any]]], n: 
         for j in range(n)
     )
     lines.append(f"s = State({', '.join(moved)})")
-    return [f"for _ in range({STEPS}):", *(f"    {line}" for line in lines), "return mode, s"]
+    return [
+        f"for _ in range({PROJECTION_STEPS}):",
+        *(f"    {line}" for line in lines),
+        "return mode, s",
+    ]
 
 
 def slope(i: int, j: int, n: int) -> str:
@@ -47,7 +51,8 @@ def slope(i: int, j: int, n: int) -> str:
         return f"holds_{i}(mode, t, State({y}), q)"
 
     terms = (
-        f"{weight_of(place) / APART!r} * ({at(place * APART)} - {at(-place * APART)})"
+        f"{weight_of(place) / CONSTRAINT_STEP!r}"
+        f" * ({at(place * CONSTRAINT_STEP)} - {at(-place * CONSTRAINT_STEP)})"
         for place in (1, 2, 3)
     )
     return f"({' + '.join(terms)})"

@@ -67,7 +67,7 @@ __all__ = [
 
 GENERATED = "<automaton>"  # the file of all text that is written here, lest it be blamed
 RATE_STEP = 1e-3  # of the differences that give a rate, in periods
-NO_GUARD = "never"  # the guard of a system that has none
+PLACEHOLDER_GUARD = "never"  # the guard of a system that has none
 NAMED_FORM, ARRAY_FORM = 4, 5  # arguments of a flow that returns, and of one that writes
 
 
@@ -132,7 +132,7 @@ def automaton_of(definition: Definition) -> Automaton:
     return Automaton(
         states=definition.states,
         modes=definition.modes,
-        guards=guards or (Guard(NO_GUARD, order=0),),
+        guards=guards or (Guard(PLACEHOLDER_GUARD, order=0),),
         cyclic=definition.cyclic,
         constrained=tuple(
             sorted({*definition.constrained, *(mode for mode, _ in definition.constraints)})

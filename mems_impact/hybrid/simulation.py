@@ -276,7 +276,7 @@ class Trajectory:
 
 LOOKED_AT = 4  # events at the end of a run
 OFFSET = 1e-3  # of a period, by which a state is moved back to see on which side modes lie
-AT_ONCE = 1e-6  # of a period, within which they follow each other
+SIMULTANEITY_PERIODS = 1e-6  # of a period, within which they follow each other
 
 SLIDING_REMEDY = (
     "say how the state slides between them, in a mode of its own "
@@ -297,7 +297,7 @@ def missing_sliding_mode(events: Events, problem: Problem) -> str:
         return ""
     when = events.cycle[last] * period + events.time[last]
     alternate = (modes[1:] == leads[:-1]).all() and (modes[2:] == modes[:-2]).all()
-    if not alternate or modes[0] == modes[1] or np.ptp(when) > AT_ONCE * period:
+    if not alternate or modes[0] == modes[1] or np.ptp(when) > SIMULTANEITY_PERIODS * period:
         return ""
     guards = [automaton.guards[i] for i in sorted(set(events.guard[last].tolist()))]
     if any(guard.impact for guard in guards):
@@ -610,7 +610,10 @@ class Simulation:
             latest = Events.from_rows(self.latest)
             opposite = missing_sliding_mode(latest, self.problem)
             reason, remedy = (opposite, SLIDING_REMEDY) if opposite else (reason, remedy)
-        if failure in (interface.NON_FINITE, interface.NO_GUARD) and status == workspace.FAILED:
+        if (
+            failure in (interface.NON_FINITE, interface.ROOT_FUNCTION_FAILED)
+            and status == workspace.FAILED
+        ):
             found = self._searched()
             if found is not None:
                 reason, remedy = f"{reason}: {found.reason}", found.remedy

@@ -34,14 +34,14 @@ NON_FINITE = -8  # CV_RHSFUNC_FAIL: the only way in which our right-hand side fa
 # CV_ILL_INPUT, which within an arc means that a root function is zero for longer than roots are
 # told apart: one that changes slowly is, to rounding. An arc that begins there goes on.
 CLOSE_ROOTS = -22
-NO_GUARD = -12  # CV_RTFUNC_FAIL: the only way in which our root functions fail
+ROOT_FUNCTION_FAILED = -12  # CV_RTFUNC_FAIL: the only way in which our root functions fail
 FAILURES = {
     -1: "too many internal steps",
     -2: "the tolerances are too tight for the arithmetic",
     -3: "the local error test failed repeatedly or with the smallest step",
     -4: "the nonlinear solver did not converge",
     NON_FINITE: "the right-hand side is not finite",
-    NO_GUARD: "the margin of a guard is not a number",
+    ROOT_FUNCTION_FAILED: "the margin of a guard is not a number",
 }
 
 

@@ -19,9 +19,11 @@ from mems_impact.hybrid.variational.flow import weight_of
 from mems_impact.orbits.family import Family
 from mems_impact.orbits.newton import solve_at
 
-STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
+DIFFERENCE_STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # of differences, as parts of a value or of one
 CANCELLED = 1e-11  # part of a row's largest entry below which another one is rounding
-SLACK = 1e-9  # by which a margin may be violated before an equilibrium is called virtual
+EQUILIBRIUM_MARGIN_TOLERANCE = (
+    1e-9  # by which a margin may be violated before an equilibrium is called virtual
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +155,9 @@ class EquilibriumEquations:
             matrix, zero = self._along(u, parameters, vectors, places)
             # What forces of contacts cancel is rounding. What is zero here by accident, as at a
             # fold, is not so beside it.
-            away = u + STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(np.arange(u.size))
+            away = u + DIFFERENCE_STEPS[0] * max(1.0, float(np.abs(u).max())) * np.cos(
+                np.arange(u.size)
+            )
             vectors = self._tangent(away, parameters)
             zero &= self._along(away, parameters, vectors, places)[1]
         rank = int(structural_rank(csr_array(np.where(zero, 0.0, matrix)))) if matrix.size else 0
@@ -230,7 +234,7 @@ class EquilibriumState:
         return tuple(
             guard.name
             for guard, margin in zip(guards, self.margins.tolist(), strict=True)
-            if margin < -SLACK and not guard.records
+            if margin < -EQUILIBRIUM_MARGIN_TOLERANCE and not guard.records
         )
 
 
@@ -287,7 +291,7 @@ def differentiate(function: Callable[[Floats], Floats], x: Floats) -> Floats:
     columns = []
     for j in range(x.size):
         unit = max(1.0, abs(float(x[j])))
-        estimates = [_central(function, x, j, step * unit) for step in STEPS]
+        estimates = [_central(function, x, j, step * unit) for step in DIFFERENCE_STEPS]
         apart = [np.abs(b - a) for a, b in itertools.pairwise(estimates)]
         best = np.argmin(apart, axis=0)
         columns.append(np.choose(best, estimates[: len(apart)]))

@@ -129,7 +129,9 @@ class Family(ABC):
 
 NEAREST = 1e-9  # room that is left to differences in time beside a switch
 FACTOR = 4.0 / 3.0  # a period that jumps changes by more: a sine without bias has half the period
-HALVINGS = 40  # of the way between two values, after which a period that differs has jumped
+PERIOD_BISECTIONS = (
+    40  # of the way between two values, after which a period that differs has jumped
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +195,7 @@ class ParameterPoint:
         if _alike(near.period, self.period):
             return
         (begin, first), (end, last) = (near.values, near.period), (self.values, self.period)
-        for _ in range(HALVINGS):
+        for _ in range(PERIOD_BISECTIONS):
             middle = 0.5 * (begin + end)
             between = dict(zip(active, middle.tolist(), strict=True))
             period = family.numbers(**between).period

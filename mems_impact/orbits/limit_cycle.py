@@ -18,14 +18,18 @@ from mems_impact.orbits.period_detection import check_bounded, detect_period, fl
 from mems_impact.orbits.shooting import Phase, Shooting, ShootingEvaluation
 from mems_impact.orbits.signature import BOUNDARY, OrbitGuess, Segment, read_guess
 
-ALIKE = 0.99  # part of the longest stretch from which on another one is as long
+EQUAL_STRETCH_RATIO = 0.99  # part of the longest stretch from which on another one is as long
 SKEW = 0.5  # cosine between flow and phase condition below which a cycle is begun anew
 LONGER = 1.5  # ratio of a period and the unit of its times from which on it is measured anew
 SOME = 0.382  # of a period, after which a cycle without marks begins
-BESIDE = 0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
+STRETCH_MARGIN = (
+    0.25  # part of the stretch in which a cycle begins, within which of its ends it may not
+)
 POINT = 1e-4  # length of a cycle, of states of order one, that has shrunk to a point
-SLOWER = 0.1  # speed at the start of a cycle, as a part of that of the one before, that is none
-SHORT = 0.5  # part of the longest stretch below which it begins in another one
+MIN_START_SPEED_RATIO = (
+    0.1  # speed at the start of a cycle, as a part of that of the one before, that is none
+)
+SHORT_STRETCH_RATIO = 0.5  # part of the longest stretch below which it begins in another one
 
 
 def limit_cycle_guess(
@@ -89,7 +93,7 @@ def _middle(marks: Floats, period: float) -> float:
     Of two that are as long, rounding shall not decide.
     """
     lengths = np.diff(np.append(marks, marks[0] + period))
-    i = np.flatnonzero(lengths >= ALIKE * lengths.max())[0]
+    i = np.flatnonzero(lengths >= EQUAL_STRETCH_RATIO * lengths.max())[0]
     return float((marks[i] + 0.5 * lengths[i]) % period)
 
 
@@ -117,7 +121,7 @@ def phase_is_clear(shooting: Shooting, point: ShootingEvaluation) -> bool:
     after, before = float(marks[0]), float(point.period - marks[-1])
     longest = max(after + before, float(np.diff(marks).max(initial=0.0)))
     own = after + before
-    return own >= SHORT * longest and min(after, before) >= BESIDE * own
+    return own >= SHORT_STRETCH_RATIO * longest and min(after, before) >= STRETCH_MARGIN * own
 
 
 def check_not_degenerate(
@@ -138,7 +142,7 @@ def check_not_degenerate(
             reason="the cycle shrinks to an equilibrium: this is a Hopf point",
             remedy="go on with the equilibrium",
         )
-    if slow < SLOWER * fast:
+    if slow < MIN_START_SPEED_RATIO * fast:
         raise OrbitError(
             reason="the cycle all but stops on its way, its period of "
             f"{shooting.family.amount('period', after.period)} growing",

@@ -12,9 +12,11 @@ from mems_impact.errors import OrbitError
 from mems_impact.orbits.shooting import ACCEPTED, Shooting, ShootingEvaluation
 
 TOLERANCE = 1e-11  # of a Newton step
-ROUNDING = 4.0 * np.finfo(float).eps  # of a residual, as a part of the terms that it is a sum of
-LARGEST = 1e6  # a longer step leads nowhere
-ITERATIONS = 20
+RESIDUAL_ROUNDING = (
+    4.0 * np.finfo(float).eps
+)  # of a residual, as a part of the terms that it is a sum of
+MAX_STEP_NORM = 1e6  # a longer step leads nowhere
+MAX_NEWTON_ITERATIONS = 20
 NEARER = (
     "take a guess nearer to an orbit: let transients die out (transient=300), or change periods"
 )
@@ -82,7 +84,7 @@ def newton(
     *,
     reason: str,
     remedy: str,
-    iterations: int = ITERATIONS,
+    iterations: int = MAX_NEWTON_ITERATIONS,
 ) -> Solution[P]:
     """Correct `guess` until the equations hold.
 
@@ -105,7 +107,7 @@ def newton(
     for iteration in range(iterations):
         if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
             break
-        rounding = ROUNDING * (np.abs(matrix) @ np.abs(unknowns))
+        rounding = RESIDUAL_ROUNDING * (np.abs(matrix) @ np.abs(unknowns))
         if np.all(np.abs(residual) <= np.minimum(rounding, ACCEPTED)):
             return Solution(unknowns, point, min(needed, iteration))
         try:
@@ -120,7 +122,7 @@ def newton(
         stalled = size >= previous and float(np.abs(residual).max()) < ACCEPTED
         if size < TOLERANCE or stalled:
             return Solution(unknowns, point, min(needed, iteration))
-        if not size <= LARGEST:
+        if not size <= MAX_STEP_NORM:
             break
         previous = size
         try:

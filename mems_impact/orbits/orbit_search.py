@@ -20,7 +20,7 @@ from mems_impact.orbits.limit_cycle import limit_cycle_guess, phase_is_clear, re
 from mems_impact.orbits.newton import solve
 from mems_impact.orbits.period_detection import (
     FAR,
-    MOST,
+    MAX_FORCING_PERIODS,
     check_bounded,
     detect_forcing_periods,
     flow_at,
@@ -32,10 +32,10 @@ from mems_impact.orbits.signature import OrbitGuess, at_period_start, read_guess
 
 # --- Whether a motion has no orbit because some of its states grow for ever.
 
-PERIODS = 96  # of the forcing that a motion is followed for
+SEARCH_PERIODS = 96  # of the forcing that a motion is followed for
 SHORTEST, STEPS = 1e-6, 4000  # where nothing forces it: first piece, in units of time; steps
-STEADY = 0.1  # change of a rate, relative to it, below which a state grows as before
-LOOKED = 8  # instants of the run at which the functions are looked at
+GROWTH_RTOL = 0.1  # change of a rate, relative to it, below which a state grows as before
+COMPARED_INSTANTS = 8  # instants of the run at which the functions are looked at
 
 _Kind = Literal["unread", "angle", "together"]
 
@@ -74,7 +74,7 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
     except RunError:
         return None
     length = longer.final.cycle + longer.final.time / problem.period
-    each = max(1, math.ceil(PERIODS / length))
+    each = max(1, math.ceil(SEARCH_PERIODS / length))
     grid = longer.samples(each)
     rates = _rates(grid.y, each)
     grows = [i for i in free_components(problem.automaton) if rates[i] != 0.0]
@@ -99,11 +99,11 @@ def drift_of(problem: Problem, start: HybridState, units: Floats, *, forced: boo
 def _followed(problem: Problem, start: HybridState, forced: bool) -> Trajectory:
     """Return a run over which what grows for ever can be told from what swings."""
     if forced:
-        return run(problem, start, PERIODS)
+        return run(problem, start, SEARCH_PERIODS)
     length = SHORTEST
     while True:
         piece = run(problem, start, length)
-        if piece.steps > STEPS or length > PERIODS:
+        if piece.steps > STEPS or length > SEARCH_PERIODS:
             return piece
         length *= 4.0
 
@@ -116,12 +116,12 @@ def _rates(y: Floats, each: int) -> Floats:
     gained, before = last - middle, middle - first
     straight = np.outer(np.arange(window) / window, gained)
     swing = np.ptp(pieces[0] - straight, axis=0)
-    steady = np.abs(gained - before) <= STEADY * np.abs(gained)
+    steady = np.abs(gained - before) <= GROWTH_RTOL * np.abs(gained)
     return np.where(steady & (swing < np.abs(gained)), gained * each / window, 0.0)
 
 
 def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool:
-    rows = np.linspace(1, len(grid.y) - 1, LOOKED).astype(int)
+    rows = np.linspace(1, len(grid.y) - 1, COMPARED_INSTANTS).astype(int)
     return any(
         state_enters(problem, HybridState(0, grid.time[i], int(grid.mode[i]), grid.y[i]), shift,
                      exactly=exactly)
@@ -131,9 +131,11 @@ def _felt(problem: Problem, grid: Samples, shift: Floats, exactly: bool) -> bool
 
 # --- Finding periodic orbits near a state, of systems with forcing and without.
 
-SAME = 1e-6  # part of the size of an orbit by which two of its states differ that are one
+SAME_STATE_RATIO = (
+    1e-6  # part of the size of an orbit by which two of its states differ that are one
+)
 COLLAPSED = 1e-6  # part of its first speed at which a cycle has come to rest
-PARTS = range(2, 9)  # into which an orbit may fall that was taken for several passes
+PERIOD_DIVISORS = range(2, 9)  # into which an orbit may fall that was taken for several passes
 
 
 def find_periodic_orbit(
@@ -189,10 +191,11 @@ def find_periodic_orbit(
         except OrbitError as error:
             if recognised.near:
                 raise
-            check_bounded(problem, replace(recognised.later, cycle=3 * MOST))
+            check_bounded(problem, replace(recognised.later, cycle=3 * MAX_FORCING_PERIODS))
             if not recognised.settled:
                 raise OrbitError(
-                    f"{error.reason}, and none on which the motion settles in {3 * MOST} periods",
+                    f"{error.reason}, and none on which the motion settles in "
+                    f"{3 * MAX_FORCING_PERIODS} periods",
                     "let transients die out (transient=300), or say periods=; a chaotic motion "
                     "does not settle at all",
                     error.partial,
@@ -284,12 +287,12 @@ def _passes(orbit: PeriodicOrbit) -> int:
         begins = states[[cycles.index(c) for c in range(orbit.periods)]]
         parts = [k for k in range(1, orbit.periods) if orbit.periods % k == 0]
         for k in parts:
-            if np.abs(begins - np.roll(begins, k, axis=0))[:, free].max() < SAME * size:
+            if np.abs(begins - np.roll(begins, k, axis=0))[:, free].max() < SAME_STATE_RATIO * size:
                 return orbit.periods // k
         return 1
-    for k in reversed(PARTS):
+    for k in reversed(PERIOD_DIVISORS):
         later = run(orbit.problem, orbit.instant, 1.0 / k).final
-        if np.abs(later.y - orbit.state)[free].max() < SAME * size:
+        if np.abs(later.y - orbit.state)[free].max() < SAME_STATE_RATIO * size:
             return k
     return 1
 

@@ -20,10 +20,10 @@ from mems_impact.orbits.shooting import ACCEPTED
 
 # --- Whether a motion has gone where no orbit can be found.
 
-LARGEST = ACCEPTED / float(np.finfo(float).eps)
+MAX_STATE_RATIO = ACCEPTED / float(np.finfo(float).eps)
 """Of a state: beyond it rounding alone is more than a residual may be."""
 DIVERGED = "the motion has diverged"
-BOUNDED = (
+UNBOUNDED_REMEDY = (
     "give a guess near an orbit, without a transient that leads away from it, or parameters at "
     "which motions stay bounded"
 )
@@ -33,13 +33,13 @@ def diverged_component(problem: Problem, at: HybridState) -> int | None:
     """Return the component that is largest where a motion has diverged; None where it has not."""
     free = list(free_components(problem.automaton))
     sizes = np.nan_to_num(np.abs(at.y[free]), nan=np.inf)
-    return free[int(np.argmax(sizes))] if sizes.size and sizes.max() > LARGEST else None
+    return free[int(np.argmax(sizes))] if sizes.size and sizes.max() > MAX_STATE_RATIO else None
 
 
 def check_bounded(problem: Problem, at: HybridState) -> None:
     """Raise OrbitError, with the instant, if a motion has diverged."""
     if diverged_component(problem, at) is not None:
-        raise OrbitError(DIVERGED, BOUNDED, at)
+        raise OrbitError(DIVERGED, UNBOUNDED_REMEDY, at)
 
 
 # --- What the functions of a problem depend on: time, and the place of a component of the state.
@@ -47,7 +47,7 @@ def check_bounded(problem: Problem, at: HybridState) -> None:
 INSTANTS = 64  # at which the functions are looked at: few enough to be quick, a pulse may be short
 UNEVEN = 0.6180339887498949  # part of the period from one to the next, so that none coincide
 FAR = (-0.618034, 0.381966, 7.23607)  # parts of a size by which a state is shifted
-ALIKE = 1e-9  # difference, relative to the largest, of what is the same but for rounding
+EQUAL_RTOL = 1e-9  # difference, relative to the largest, of what is the same but for rounding
 
 _Function = Callable[[int, float, Floats], Any]  # of mode, time and state
 
@@ -75,7 +75,7 @@ def state_enters(problem: Problem, at: HybridState, shift: Floats, *, exactly: b
         for each in _functions(problem, shift):
             here, there = each(at.mode, at.time, at.y), each(at.mode, at.time, at.y + shift)
             size = 0.0 if exactly else float(np.abs(np.nan_to_num(here)).max(initial=0.0))
-            if not np.allclose(there, here, rtol=0.0, atol=ALIKE * size, equal_nan=True):
+            if not np.allclose(there, here, rtol=0.0, atol=EQUAL_RTOL * size, equal_nan=True):
                 return True
     except (ArithmeticError, ValueError, IndexError):
         return True
@@ -123,18 +123,20 @@ def _varies(function: _Function, mode: int, y: Floats, period: float) -> bool:
 
 # --- Recognising from a run after how long a motion returns.
 
-CLOSE = 1e-3  # distance of a return, as a part of the extent of the motion
-SETTLED = 1e-8  # distance, as a part of the state, at which nothing more is to be looked at
+RETURN_DISTANCE_RATIO = 1e-3  # distance of a return, as a part of the extent of the motion
+CONVERGENCE_RTOL = (
+    1e-8  # distance, as a part of the state, at which nothing more is to be looked at
+)
 FAR_CLOSER = 1e-2  # ratio of distances at which a later return is the true one
 MULTIPLES = 4  # of the first return that are looked at for a closer one
-MOST = 16  # forcing periods after which an orbit is recognised
-SAME = 1e-7  # distance, as a part of the motion, of what comes back and not just near
-ROUNDING = 1e2  # absolute tolerances by which states differ that are one
-SAMPLES = 256  # by which the extent of a motion is measured
+MAX_FORCING_PERIODS = 16  # forcing periods after which an orbit is recognised
+RETURN_RTOL = 1e-7  # distance, as a part of the motion, of what comes back and not just near
+ROUNDING_ATOLS = 1e2  # absolute tolerances by which states differ that are one
+EXTENT_SAMPLES = 256  # by which the extent of a motion is measured
 LEAST, ENOUGH = 4, 16  # returns to a section that are looked at, at least; to the first of them
-SHORTEST = 1e-6  # piece of a run, in units of the problem's time
-AT_ONCE = 1e-12  # time after which a motion is no longer where it began
-STILL = 1e-7  # extent, as a part of the largest seen, below which nothing moves
+MIN_RUN_LENGTH = 1e-6  # piece of a run, in units of the problem's time
+MIN_RETURN_TIME = 1e-12  # time after which a motion is no longer where it began
+MIN_EXTENT_RATIO = 1e-7  # extent, as a part of the largest seen, below which nothing moves
 STEPS, LOST = 300_000, 20_000  # spent on a motion that does not return, on its first state
 
 
@@ -160,7 +162,9 @@ def first_return(
     apart[modes != modes[0]] = np.inf
     last = (len(states) - 1) // 3 if from_last else len(states) - 1
     for k in range(1, last + 1):
-        if apart[k] < CLOSE and (not from_last or apart[2 * k] < 2.0 * CLOSE):
+        if apart[k] < RETURN_DISTANCE_RATIO and (
+            not from_last or apart[2 * k] < 2.0 * RETURN_DISTANCE_RATIO
+        ):
             multiples = [j * k for j in range(1, MULTIPLES + 1) if j * k <= last]
             # Near a period doubling every second return is far closer.
             return next((j for j in multiples[1:] if apart[j] < FAR_CLOSER * apart[k]), k)
@@ -172,7 +176,7 @@ def amplitude_of(trajectory: Trajectory, free: list[int]) -> Floats:
     first, last = (
         at.cycle + at.time / trajectory.period for at in (trajectory.start, trajectory.final)
     )
-    each = math.ceil(SAMPLES / (last - first))
+    each = math.ceil(EXTENT_SAMPLES / (last - first))
     grid = trajectory.samples(each, 0.5 * (first + last), last)
     return np.asarray(np.ptp(grid.y[:, free], axis=0))
 
@@ -203,15 +207,19 @@ def detect_forcing_periods(problem: Problem, start: HybridState) -> PeriodEstima
     free = list(free_components(problem.automaton))
     once = run(problem, start, 1)
     change = np.abs(once.final.y - start.y)[free].max(initial=0.0)
-    if once.final.mode == start.mode and change <= SETTLED * np.abs(start.y[free]).max(initial=0.0):
+    if once.final.mode == start.mode and change <= CONVERGENCE_RTOL * np.abs(start.y[free]).max(
+        initial=0.0
+    ):
         return PeriodEstimate(once, 1, start, 0)
     extent = amplitude_of(once, free)
     try:
-        longer = run(problem, start, 3 * MOST)
+        longer = run(problem, start, 3 * MAX_FORCING_PERIODS)
     except RunError:
         return PeriodEstimate(once, 0, start, 0)  # the orbit may lie where no run stays
     grid = longer.samples(1)
-    near = first_return(grid.y[: MOST + 1, free], grid.mode[: MOST + 1], extent)
+    near = first_return(
+        grid.y[: MAX_FORCING_PERIODS + 1, free], grid.mode[: MAX_FORCING_PERIODS + 1], extent
+    )
     settled = first_return(grid.y[:, free], grid.mode, amplitude_of(longer, free), from_last=True)
     return PeriodEstimate(once, near, replace(longer.final, cycle=0, time=0.0), settled)
 
@@ -246,7 +254,7 @@ def detect_period(
         check_bounded(problem, replace(piece.final, cycle=0, time=elapsed))
         extent = amplitude_of(piece, free)
         largest = np.maximum(largest, extent)
-        if not (extent > STILL * largest).any():
+        if not (extent > MIN_EXTENT_RATIO * largest).any():
             raise OrbitError(
                 reason="the motion comes to rest: an equilibrium was reached, not a cycle",
                 remedy="take a guess farther away, or other parameters",
@@ -289,7 +297,7 @@ class SectionReturns:
         """Return where a run that begins in its section comes through it in a direction."""
         log = piece.events.crossings(direction)
         times = log.cycle * piece.period + log.time - start.time
-        later = times > AT_ONCE * piece.period  # it may be seen to leave the section
+        later = times > MIN_RETURN_TIME * piece.period  # it may be seen to leave the section
         return cls(
             np.append(0.0, times[later]),
             np.vstack([start.y, log.before[later]]),
@@ -318,7 +326,7 @@ def _first_length(problem: Problem, start: HybridState) -> float:
     size, rate = np.abs(start.y).max(), np.abs(flow_at(problem, start)).max()
     if not rate > 0.0:
         return 1.0
-    return float(min(1.0, max(size / rate / problem.period, SHORTEST)))
+    return float(min(1.0, max(size / rate / problem.period, MIN_RUN_LENGTH)))
 
 
 def _section(
@@ -338,7 +346,7 @@ def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
     free = list(free_components(problem.automaton))
     try:
         if forced:
-            longer = run(problem, start, MOST)
+            longer = run(problem, start, MAX_FORCING_PERIODS)
             grid = longer.samples(1, start.cycle + start.time / problem.period)
             states, modes = grid.y, grid.mode
         else:
@@ -352,8 +360,10 @@ def returns(problem: Problem, start: HybridState, *, forced: bool) -> bool:
         return False
     size = np.maximum(amplitude_of(longer, free), np.abs(states[0, free]))
     apart = np.abs(states[1:, free] - states[0, free])
-    nothing = ROUNDING * problem.options.atol
-    return bool(((apart <= SAME * size + nothing).all(axis=1) & (modes[1:] == modes[0])).any())
+    nothing = ROUNDING_ATOLS * problem.options.atol
+    return bool(
+        ((apart <= RETURN_RTOL * size + nothing).all(axis=1) & (modes[1:] == modes[0])).any()
+    )
 
 
 def flow_at(problem: Problem, instant: HybridState) -> Floats:

@@ -19,7 +19,9 @@ from mems_impact.orbits.family import Family
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation, without_flow_direction
 from mems_impact.orbits.signature import Segment
 
-SLACK = 1e-9  # by which a margin may be violated before an orbit is called inadmissible
+ORBIT_MARGIN_TOLERANCE = (
+    1e-9  # by which a margin may be violated before an orbit is called inadmissible
+)
 
 
 @dataclass(frozen=True)
@@ -131,7 +133,7 @@ class PeriodicOrbit:
         """Whether an event ends a segment at no speed: then multipliers have no bound."""
         m = self.shooting.m
         return any(
-            abs(float(event.rates[segment.guard(m)])) <= SLACK
+            abs(float(event.rates[segment.guard(m)])) <= ORBIT_MARGIN_TOLERANCE
             for segment, event in zip(self.segments, self.point.events, strict=True)
             if event is not None and segment.guard(m) != NONE
         )
@@ -188,7 +190,7 @@ def reduced_components(
     monodromy = shooting.monodromy(point) if monodromy is None else monodromy
     still = [arc.slope_start[i] == 0.0 == arc.slope_end[i] for i in shooting.free]
     # One that is held and reset on the way forgets what it was: a multiplier 0, of no interest.
-    forgotten = [np.abs(row).max() < SLACK for row in monodromy]
+    forgotten = [np.abs(row).max() < ORBIT_MARGIN_TOLERANCE for row in monodromy]
     return [
         c
         for c in range(len(shooting.free))
@@ -220,7 +222,7 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
     m, segments = len(automaton.guards), shooting.segments
     for i, segment in enumerate(segments):
         arc, event = point.arcs[i], point.events[i]
-        if point.ends[i] < point.starts[i] - SLACK:
+        if point.ends[i] < point.starts[i] - ORBIT_MARGIN_TOLERANCE:
             length = float(point.ends[i] - point.starts[i])
             found.append(AdmissibilityViolation(i, "", "order", length))
             continue
@@ -234,16 +236,16 @@ def defects(shooting: Shooting, point: ShootingEvaluation) -> tuple[Admissibilit
                 worst = min(worst, float(at_end[j]))
             if not (at_start[j] > -1e-7 and rising[j] > 0.0):
                 worst = min(worst, float(at_start[j]))
-            if worst < -SLACK:
+            if worst < -ORBIT_MARGIN_TOLERANCE:
                 found.append(AdmissibilityViolation(i, guard.name, "missed", worst))
-        if own >= 0 and event is not None and event.rates[own] > SLACK:
+        if own >= 0 and event is not None and event.rates[own] > ORBIT_MARGIN_TOLERANCE:
             found.append(
                 AdmissibilityViolation(
                     i, automaton.guards[own].name, "reversed", float(event.rates[own])
                 )
             )
         # A guard touched at no speed leads to either side, by rounding.
-        touched = own >= 0 and event is not None and abs(event.rates[own]) <= SLACK
+        touched = own >= 0 and event is not None and abs(event.rates[own]) <= ORBIT_MARGIN_TOLERANCE
         following = segments[(i + 1) % len(segments)].mode
         if event is not None and not touched and event.mode != following:
             name = automaton.guards[own].name if own >= 0 else "switch"

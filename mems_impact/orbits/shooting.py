@@ -159,8 +159,8 @@ def without_flow_direction(matrix: Floats, flow: Floats) -> Floats:
 # --- Multi-segment shooting: the equations of a periodic orbit, with their derivatives.
 
 ACCEPTED = 1e-8  # residual that the error of an integration may leave
-BESIDE = 1e-3  # of a state, by which it is moved to see what an orbit conserves
-NOTHING = 1e-14  # a component of a state smaller than this is zero
+CONSERVATION_STEP = 1e-3  # of a state, by which it is moved to see what an orbit conserves
+ZERO_COMPONENT = 1e-14  # a component of a state smaller than this is zero
 OTHER_SCALE = 1.5  # factor by which a time scale changes before steps are bounded anew
 
 
@@ -291,7 +291,7 @@ class Shooting:
         states = np.zeros((count, self.n))
         states[:, self.free] = unknowns[: f * count].reshape(count, f)
         # Where a transition sets a component to zero, its sign must not be one of rounding.
-        states[np.abs(states) < NOTHING] = 0.0
+        states[np.abs(states) < ZERO_COMPONENT] = 0.0
         return states, self.unit * unknowns[f * count : f * count + len(self.events)]
 
     def setting(self, values: Floats) -> ParameterPoint:
@@ -482,7 +482,7 @@ class Shooting:
         columns, (states, _) = [whole.T], self.unpack(point.unknowns)
         for segment, time, state in zip(self.segments, point.starts, states, strict=True):
             here = self._slope(point, segment.mode, time, state)
-            away = BESIDE * max(1.0, float(np.abs(state).max()))
+            away = CONSERVATION_STEP * max(1.0, float(np.abs(state).max()))
             shifted = state + away * np.eye(self.n)[self.free]
             beside = [self._slope(point, segment.mode, time, y) for y in shifted]
             columns.append((np.array(beside) - here) / away)

@@ -39,9 +39,9 @@ __all__ = [
 
 # --- What moving pictures share: their frames out of a run, and flashes that none of them misses.
 
-SHOWN = 6  # forcing periods by default
+MOVIE_PERIODS = 6  # forcing periods by default
 FLASH = 6  # frames over which the flash of an impact fades
-FEWEST = 400  # samples of a line in a period
+MIN_LINE_SAMPLES = 400  # samples of a line in a period
 
 
 class Scene(NamedTuple):
@@ -96,15 +96,15 @@ class Frames(NamedTuple):
 def frames_of(run: Run, first: float | None, last: float | None, per_period: int) -> Frames:
     """Return the samples of a run that frames show, and the transitions among them."""
     begin, end = run.extent
-    every = math.ceil(FEWEST / per_period)
+    every = math.ceil(MIN_LINE_SAMPLES / per_period)
     rate = per_period * every
     if run.system.forced:
         if first is None:
-            first = max(begin, (end if last is None else last) - SHOWN)
+            first = max(begin, (end if last is None else last) - MOVIE_PERIODS)
     else:  # as many frames in all as there would be by default
         whole = max((end - begin) * run.system.out("time", run.trajectory.period), 1e-300)
         low, high = 0.0 if first is None else first, whole if last is None else last
-        rate = every * max(1, math.ceil(SHOWN * per_period / max(high - low, 1e-300)))
+        rate = every * max(1, math.ceil(MOVIE_PERIODS * per_period / max(high - low, 1e-300)))
     samples = run.samples(rate, first, last)
     if len(samples) <= every:
         raise InvalidParameter("first, last", (first, last), "at least two frames apart")
@@ -213,10 +213,10 @@ def _ends(leaps: pd.DataFrame, name: str) -> np.ndarray[Any, Any]:
 
 # --- A run that moves: the object that holds its frames and writes them as MP4, GIF or HTML.
 
-ENDINGS = (".mp4", ".gif", ".html")
+MOVIE_SUFFIXES = (".mp4", ".gif", ".html")
 FPS = 25
-PER_PERIOD = 40  # frames a forcing period
-DPI = {".mp4": 240, ".gif": 170, ".html": 150}
+FRAMES_PER_PERIOD = 40  # frames a forcing period
+MOVIE_DPI = {".mp4": 240, ".gif": 170, ".html": 150}
 MEGABYTES = 500.0  # what a page may weigh; matplotlib leaves out frames beyond 20
 COLORS, APART = 64, 12  # of a GIF: how many, and how far from each other of 255
 NO_FFMPEG = (
@@ -361,7 +361,7 @@ class Animation:
                 if report is not None:
                     report(number + 1)
 
-            dots = dpi or DPI[ending]
+            dots = dpi or MOVIE_DPI[ending]
             self.figure.set_dpi(dots)
             moving = self.to_matplotlib()
             try:
@@ -390,7 +390,7 @@ class Animation:
 
     @cached_property
     def _shown(self) -> str:
-        self.figure.set_dpi(DPI[".html"])
+        self.figure.set_dpi(MOVIE_DPI[".html"])
         with wearing():
             return self._page(self.to_matplotlib())
 
@@ -401,8 +401,8 @@ class Animation:
 def check_ending(field: str, path: str | os.PathLike[str]) -> str:
     """Return the ending of a file for frames; InvalidParameter where it cannot be written."""
     ending = Path(path).suffix.lower()
-    if ending not in ENDINGS:
-        allowed = f"a name that ends in {', '.join(ENDINGS[:-1])} or {ENDINGS[-1]}"
+    if ending not in MOVIE_SUFFIXES:
+        allowed = f"a name that ends in {', '.join(MOVIE_SUFFIXES[:-1])} or {MOVIE_SUFFIXES[-1]}"
         raise InvalidParameter(field, str(path), allowed)
     if ending == ".mp4" and not _ffmpeg():
         raise InvalidParameter(field, str(path), "", problem=NO_FFMPEG)
@@ -472,7 +472,7 @@ def animate(
     *,
     x: str | None = None,
     y: str | None = None,
-    per_period: int = PER_PERIOD,
+    per_period: int = FRAMES_PER_PERIOD,
     fps: int = FPS,
 ) -> Animation:
     """Let a run move: of an actuator the device itself, of any system a phase portrait.

@@ -50,7 +50,7 @@ POINT_MARKS = {
 }
 POINT_MARKS |= {"BE": ("o", "grazing"), "LP": ("s", "fold"), "H": ("D", "torus")}
 BRANCH_SAME = 0.01  # part of the axes within which points are one
-FACE = "white"  # of the others, which are named after a guard, and branch points
+MARKER_FACE = "white"  # of the others, which are named after a guard, and branch points
 
 
 class Diagram(Protocol):
@@ -216,7 +216,8 @@ def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
         marker, meaning = POINT_MARKS.get(row.label, ("o", ""))
         ax.plot(
             row.value, row.y, marker=marker, markersize=4.5, linestyle="none", zorder=7,
-            color=color(meaning) if meaning else FACE, markeredgecolor="black", markeredgewidth=0.6,
+            color=color(meaning) if meaning else MARKER_FACE,
+            markeredgecolor="black", markeredgewidth=0.6,
         )  # fmt: skip
         taken.append(Mark(str(row.label), row.value, row.y))
     return taken
@@ -224,7 +225,7 @@ def _points(ax: Any, marks: pd.DataFrame) -> list[Mark]:
 
 # --- Curves of special points over two parameters.
 
-KINDS = {
+SPECIAL_POINT_NAMES = {
     "grazing": "grazing", "fold": "fold", "period-doubling": "doubling", "Neimark-Sacker": "torus",
 }  # fmt: skip
 """What the colours of kinds of special points mean."""
@@ -300,7 +301,9 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
         ax = new_figure(1.1).subplots()
     kinds = list(dict.fromkeys(each.kind for each in curves))
     rest = iter(MODE_COLORS * len(kinds))
-    colors = {k: color(KINDS[k]) if k in KINDS else next(rest) for k in kinds}
+    colors = {
+        k: color(SPECIAL_POINT_NAMES[k]) if k in SPECIAL_POINT_NAMES else next(rest) for k in kinds
+    }
     for each in curves:
         table, own = each.table, colors[each.kind]
         good = table["admissible"].to_numpy(dtype=bool)
@@ -348,8 +351,8 @@ MOTION_MARKS: dict[str, dict[str, Any]] = {
     "up": {"marker": "o", "markersize": 1.9, "zorder": 3},
     "down": {"marker": "o", "markersize": 3.6, "fillstyle": "none", "zorder": 2},
 }
-WORDS = {"up": "increased", "down": "decreased"}
-COLUMNS = ("direction", "status")
+SWEEP_DIRECTIONS = {"up": "increased", "down": "decreased"}
+BRANCH_COLUMNS = ("direction", "status")
 """What a table of a sweep has beside the parameter, what is counted, states and statistics."""
 
 
@@ -400,7 +403,7 @@ def plot_sweep(
     >>> mi.plot_sweep(table, quantity="speed").figure.savefig("sweep.png")
     """
     table = bare(table.table if isinstance(table, StoredStudy) else table)
-    if not set(COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
+    if not set(BRANCH_COLUMNS) <= set(table.columns) or table.columns[2] not in (PERIOD, NUMBER):
         problem = "not a table of mems_impact.sweep (a summary has no section)"
         raise InvalidParameter("table", None, "", problem=problem)
     quantities = _quantities(table)
@@ -426,7 +429,7 @@ def plot_sweep(
 
 def _quantities(table: pd.DataFrame) -> dict[str, tuple[str, Label]]:
     """Return what may be drawn, the first state first: the column and what the axis says."""
-    columns = [name for name in table.columns[3:] if name not in COLUMNS]
+    columns = [name for name in table.columns[3:] if name not in BRANCH_COLUMNS]
     states: list[str] = table.attrs.get("states", [table.columns[3]])
     found = {states[0]: (states[0], on_section(table, states[0]))}
     for name, (column, words) in table.attrs.get("quantities", {}).items():
@@ -456,7 +459,7 @@ def _draw_dots(ax: Any, table: pd.DataFrame, column: str, label: Label) -> None:
         chain = rows[rows["direction"] == direction]
         if len(chain):
             ax.plot(
-                chain[parameter], chain[column], label=f"{sign} {WORDS[direction]}",
+                chain[parameter], chain[column], label=f"{sign} {SWEEP_DIRECTIONS[direction]}",
                 markeredgewidth=0.7 * scale, rasterized=len(chain) > 20_000, **mark,
             )  # fmt: skip
     if of_crossings:

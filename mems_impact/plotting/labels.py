@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mems_impact._util.units import PREFIXED, PREFIXES
+from mems_impact._util.units import PREFIXED, SI_PREFIXES
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +36,12 @@ __all__ = [
 # --- Where texts stand so that none lies over another: labels of points, and legends above axes.
 
 Floats = NDArray[np.float64]
-NEAR = (0.5, 1.2, 2.2, 3.4)  # distances of a label from its point, in heights of its text
+LABEL_DISTANCES = (
+    0.5,
+    1.2,
+    2.2,
+    3.4,
+)  # distances of a label from its point, in heights of its text
 SIDES = tuple(
     side for side in product((1, -1, 0, 0.5, -0.5), (1, -1, 0)) if abs(side[0]) + side[1] ** 2 >= 1
 )
@@ -99,7 +104,7 @@ def label_points(ax: Any, marks: Sequence[Mark], **options: Any) -> list[Any]:
     for mark, point in zip(marks, points, strict=True):
         extent = scale * (np.array(text_size(mark.text, size)) + PAD)
         best, cost, away = taken[0], np.inf, np.zeros(2)
-        for far, side in product(NEAR, SIDES):
+        for far, side in product(LABEL_DISTANCES, SIDES):
             shift = np.trunc(side) * (radius + (far - 0.5) * scale * size)
             low = point + shift + 0.5 * (np.array(side) - 1.0) * extent
             box = np.concatenate([low, low + extent])
@@ -334,8 +339,8 @@ def prefixed(unit: str, largest: float) -> tuple[int, str]:
     if -2 <= power <= 3:
         return 0, unit
     thousands = 3 * (power // 3)
-    if unit.split("/")[0] in PREFIXED and thousands in PREFIXES:
-        return thousands, PREFIXES[thousands] + unit
+    if unit.split("/")[0] in PREFIXED and thousands in SI_PREFIXES:
+        return thousands, SI_PREFIXES[thousands] + unit
     return power, " ".join(filter(None, (f"$10^{{{power}}}$", unit)))
 
 

@@ -13,7 +13,13 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.plotting.labels import label_axis, label_of, legend_above, parameter_label
 from mems_impact.plotting.style import DOTS, LINES, cased, new_figure, styled, thickness
 from mems_impact.studies.attractor_matching import ATTRACTOR, label_partial
-from mems_impact.studies.attractor_study import MOTION, SILENT, in_order, motions, period_of
+from mems_impact.studies.attractor_study import (
+    MOTION,
+    STATIONARY_STATUSES,
+    in_order,
+    motions,
+    period_of,
+)
 from mems_impact.studies.engine.store import StoredStudy
 from mems_impact.studies.operating_map import OperatingMap
 from mems_impact.systems.statistics import CHAOTIC, FAILED, OFF, QUASI_PERIODIC, RESTING, UNSETTLED
@@ -25,7 +31,7 @@ __all__ = ["plot_basins", "plot_map"]
 
 # Each of a lightness of its own: distinct in grey and to the colour-blind (hues of Okabe and Ito).
 # Further attractors, with small shares, have one grey.
-COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
+MAP_COLORS = ("#a6d4f0", "#e07b00", "#008a62", "#f7ee9e", "#d894bb", "#00558f", "#d05a00")
 OTHER_COLOR, LOST = "0.6", "white"
 MARKERS = "os^Dv<>"
 
@@ -124,9 +130,9 @@ def _styles(attractors: pd.DataFrame) -> dict[str, tuple[str, str]]:
     """Return colour and marker of each attractor, and of failed points."""
     styles = {}
     for i, name in enumerate(attractors[ATTRACTOR]):
-        own = i < len(COLORS)
+        own = i < len(MAP_COLORS)
         styles[name] = (
-            COLORS[i] if own else OTHER_COLOR,
+            MAP_COLORS[i] if own else OTHER_COLOR,
             MARKERS[i % len(MARKERS)] if own else ".",
         )
     return {**styles, FAILED: (LOST, "")}
@@ -178,7 +184,7 @@ def _legend(ax: Any, basins: BasinsLike, styles: dict[str, tuple[str, str]], mar
     from matplotlib.patches import Patch
 
     found = basins.attractors
-    named = found[: len(COLORS)]
+    named = found[: len(MAP_COLORS)]
     handles: list[Any] = []
     for name, share in zip(named[ATTRACTOR], named["share"], strict=True):
         color, marker = styles[name]
@@ -210,7 +216,7 @@ class Paint(NamedTuple):
 
 # Periods get darker; what does not repeat itself is warm and hatched, so that it is told from them
 # in grey too, and by the colour-blind.
-PERIODS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
+PERIOD_COLORS = ("#b3d7ee", "#72b2dd", "#3584bf", "#125a94", "#083764")
 MOTIONS = {
     OFF: Paint("0.93"),
     RESTING: Paint("0.93", "..."),
@@ -340,7 +346,9 @@ def _draw_motions(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells) -> lis
 
 def _shared(kinds: pd.Series) -> pd.Series:
     """Return kinds of motions, those periods as one that share the last colour."""
-    long = sorted(period for period in map(period_of, kinds.unique()) if period >= len(PERIODS))
+    long = sorted(
+        period for period in map(period_of, kinds.unique()) if period >= len(PERIOD_COLORS)
+    )
     if len(long) < 2:
         return kinds
     return kinds.mask(kinds.map(period_of) >= long[0], f"period {long[0]} and more")
@@ -349,7 +357,7 @@ def _shared(kinds: pd.Series) -> pd.Series:
 def _paint(kind: str) -> Paint:
     period = period_of(kind)
     if period:
-        return Paint(PERIODS[min(period, len(PERIODS)) - 1])
+        return Paint(PERIOD_COLORS[min(period, len(PERIOD_COLORS)) - 1])
     return MOTIONS.get(kind, OTHER_PAINT)
 
 
@@ -381,7 +389,7 @@ def _draw_column(ax: Any, edges: Any, table: pd.DataFrame, cells: Cells, column:
     if column not in numbers:
         raise InvalidParameter("column", column, f"one of {', '.join(numbers)}")
     values = table[column].astype(float)
-    silent = table[MOTION].isin(SILENT)
+    silent = table[MOTION].isin(STATIONARY_STATUSES)
     without = values.isna() | (silent & (values == 0.0))
     shown = np.ma.masked_where(~_where(cells, ~without), values.to_numpy()[cells.row])
     handles = []

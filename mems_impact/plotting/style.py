@@ -35,7 +35,7 @@ __all__ = [
 
 # --- The figure that all others are drawn on.
 
-DPI = 120  # in a notebook
+NOTEBOOK_DPI = 120  # in a notebook
 
 
 class ShownFigure(Figure):
@@ -46,7 +46,7 @@ class ShownFigure(Figure):
 
     def _repr_png_(self) -> bytes:
         picture = BytesIO()
-        self.savefig(picture, format="png", dpi=DPI)
+        self.savefig(picture, format="png", dpi=NOTEBOOK_DPI)
         return picture.getvalue()
 
 

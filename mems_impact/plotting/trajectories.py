@@ -27,11 +27,11 @@ from mems_impact.systems.base import HybridSystem
 from mems_impact.tables import captions
 
 __all__ = [
+    "FIGURE_PERIODS",
     "IMPACT",
+    "MIN_DRAWN_JUMP",
     "ORBIT_POINTS_PER_PERIOD",
     "RUN_POINTS_PER_PERIOD",
-    "SHOWN",
-    "SMALL",
     "between",
     "interleaved",
     "jump",
@@ -51,9 +51,9 @@ IMPACT: dict[str, Any] = {
 }  # fmt: skip
 """How an impact is marked, beside its colour."""
 
-HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
-SMALL = 1e-9  # a jump that is none, as a part of the largest value
-SAME = 1e-12  # instants that are one, as a part of the time shown
+MODE_HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "||||")
+MIN_DRAWN_JUMP = 1e-9  # a jump that is none, as a part of the largest value
+SAME_INSTANT_RATIO = 1e-12  # instants that are one, as a part of the time shown
 
 
 def check_states(field: str, names: Sequence[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ def between(corners: pd.DataFrame, samples: pd.DataFrame) -> pd.DataFrame:
 
 def moves(corners: pd.DataFrame, name: str, samples: pd.DataFrame) -> pd.Series:
     """Return at which transitions a state jumps."""
-    size = SMALL * float(samples[name].abs().max())
+    size = MIN_DRAWN_JUMP * float(samples[name].abs().max())
     return (corners[f"{name} after"] - corners[f"{name} before"]).abs() > size
 
 
@@ -138,7 +138,7 @@ def interleaved(
     for beside in (place - 1, place):
         inside = (beside >= 0) & (beside < instants.size)
         near[inside] = np.minimum(near[inside], np.abs(time[inside] - instants[beside[inside]]))
-    kept = near > SAME * (time[-1] - time[0])
+    kept = near > SAME_INSTANT_RATIO * (time[-1] - time[0])
     turn = 3 * np.arange(instants.size)
     ranks = [np.full(int(kept.sum()), -1), turn, turn[jumps] + 1, turn + 2]
     times = [time[kept], instants, instants[jumps], instants]
@@ -157,7 +157,7 @@ def shade(number: int) -> dict[str, Any]:
     return {
         "facecolor": (own, 0.3),
         "edgecolor": (own, 0.6),
-        "hatch": HATCHES[number % len(HATCHES)],
+        "hatch": MODE_HATCHES[number % len(MODE_HATCHES)],
     }
 
 
@@ -304,9 +304,9 @@ def _mark_section(ax: Any, orbit: Orbit, x: str, y: str) -> None:
 
 # --- The motion over time: one panel a state, impacts marked, modes shaded.
 
-SHOWN = 6  # forcing periods by default
+FIGURE_PERIODS = 6  # forcing periods by default
 RUN_POINTS_PER_PERIOD = 400
-POINTS = 3000  # over a run without forcing
+SAMPLES_UNFORCED = 3000  # over a run without forcing
 PANELS = 6  # by default
 
 
@@ -403,9 +403,9 @@ def _samples(run: Run, first: float | None, last: float | None) -> pd.DataFrame:
     begin, end = run.extent
     if run.system.forced:
         if first is None:
-            first = max(begin, (end if last is None else last) - SHOWN)
+            first = max(begin, (end if last is None else last) - FIGURE_PERIODS)
         return run.samples(RUN_POINTS_PER_PERIOD, first, last)
-    return run.samples(max(1, math.ceil(POINTS / max(end - begin, 1e-300))), first, last)
+    return run.samples(max(1, math.ceil(SAMPLES_UNFORCED / max(end - begin, 1e-300))), first, last)
 
 
 def _mark(ax: Any, name: str, corners: pd.DataFrame, samples: pd.DataFrame, unit: float) -> None:

@@ -271,7 +271,7 @@ def _bars(ax: Any, analysis: Spread, name: str) -> None:
 
 # --- A tornado chart: by how much each parameter moves a quantity of an orbit.
 
-NOTHING = 1e-9  # part of the longest bar: rounding
+MIN_BAR_RATIO = 1e-9  # part of the longest bar: rounding
 MAX_BARS = 15  # bars that are read at a glance
 
 
@@ -333,7 +333,7 @@ def plot_sensitivity(
     longest = np.nanmax(np.abs(change), initial=0.0)
     if not longest > 0.0:
         raise InvalidParameter("quantity", quantity, "one that a parameter changes")
-    order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > NOTHING * longest][
+    order = [i for i in np.argsort(-np.abs(change)) if np.abs(change[i]) > MIN_BAR_RATIO * longest][
         :MAX_BARS
     ]
     names, change = [list(sizes)[i] for i in order], change[order]

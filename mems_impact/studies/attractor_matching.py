@@ -61,9 +61,9 @@ __all__ = [
 
 # --- Which motions have come to the same attractor, by what is kept of where they return.
 
-KEPT = ("mean", "min", "max")
-LEFT = "final"  # suffix of where a motion was left
-MODE = f"mode {LEFT}"
+KEPT_REDUCTIONS = ("mean", "min", "max")
+FINAL_SUFFIX = "final"  # suffix of where a motion was left
+MODE = f"mode {FINAL_SUFFIX}"
 Integers = NDArray[np.int64]
 
 
@@ -94,8 +94,8 @@ class AttractorMatcher:
     @property
     def schema(self) -> dict[str, str]:
         """The columns of what is kept."""
-        kept = [f"{name} {what}" for name in self.names for what in KEPT]
-        left = [f"{name} {LEFT}" for name in (*self.system.states, "time")]
+        kept = [f"{name} {what}" for name in self.names for what in KEPT_REDUCTIONS]
+        left = [f"{name} {FINAL_SUFFIX}" for name in (*self.system.states, "time")]
         return {**dict.fromkeys([*kept, *left], "float"), MODE: "str"}
 
     def columns(self, found: Sequence[Attractor]) -> Columns:
@@ -138,11 +138,11 @@ class AttractorMatcher:
             if motion == FAILED:
                 continue
             here = (kind == motion) & (columns[PERIOD] == period) & (at_rest == mode)
-            kept = {what: self._kept(columns, what)[here] for what in KEPT}
+            kept = {what: self._kept(columns, what)[here] for what in KEPT_REDUCTIONS}
             if motion == UNSETTLED:
                 own = _meeting(kept["min"], kept["max"])
             else:
-                own = _near(np.hstack(list(kept.values())) / np.tile(size, len(KEPT)))
+                own = _near(np.hstack(list(kept.values())) / np.tile(size, len(KEPT_REDUCTIONS)))
             labels[here] = own + labels.max() + 1
         return labels
 
@@ -203,7 +203,7 @@ def _meeting(low: Floats, high: Floats) -> Integers:
 # --- A census of attractors: their names, their shares of the points, and where they return.
 
 ATTRACTOR = "attractor"
-FEW = 0.01  # of all points: attractors of fewer are looked at again
+RARE_SHARE = 0.01  # of all points: attractors of fewer are looked at again
 
 
 class Seen(NamedTuple):
@@ -246,7 +246,7 @@ def match_attractors(
     starts = {name: columns[name] for name in names}
     labels = rules.labels(columns, starts)
     rows = representatives(table, labels)
-    few = [bool((labels == labels[i]).sum() <= max(1.0, FEW * count)) for i in rows.index]
+    few = [bool((labels == labels[i]).sum() <= max(1.0, RARE_SHARE * count)) for i in rows.index]
     rows = rows[rows[MOTION].isin([PERIODIC, OFF]) & np.array(few, dtype=bool)]
     beside = [
         InitialCondition(system, rules.perturbed(state_of(system, row)))
@@ -354,8 +354,8 @@ def label_partial(table: pd.DataFrame) -> Seen:
 
 def state_of(system: HybridSystem, row: Any) -> State:
     """Return where the motion of a row was left."""
-    components = {name: float(row[f"{name} {LEFT}"]) for name in system.states}
-    return state_from(components, float(row[f"time {LEFT}"]), row[MODE] or None)
+    components = {name: float(row[f"{name} {FINAL_SUFFIX}"]) for name in system.states}
+    return state_from(components, float(row[f"time {FINAL_SUFFIX}"]), row[MODE] or None)
 
 
 def returns(

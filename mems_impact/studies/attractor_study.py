@@ -46,7 +46,7 @@ __all__ = [
     "MOTION",
     "PERIOD",
     "RETURNS",
-    "SILENT",
+    "STATIONARY_STATUSES",
     "AttractorEvaluator",
     "AttractorStudy",
     "attractor_schema",
@@ -60,7 +60,7 @@ __all__ = [
 # where.
 
 MOTION, PERIOD = "motion", "period"  # columns
-SILENT = (OFF, RESTING)  # motions of which there is nothing to measure
+STATIONARY_STATUSES = (OFF, RESTING)  # motions of which there is nothing to measure
 _IRREGULAR = (QUASI_PERIODIC, CHAOTIC, UNSETTLED, FAILED)
 
 
@@ -79,7 +79,7 @@ def period_of(motion: str) -> int:
 
 def in_order(kinds: Iterable[str]) -> list[str]:
     """Return kinds of motions from the simplest to the last: off, period 1, 2, …, chaotic."""
-    known = (*SILENT, PERIODIC, *_IRREGULAR)
+    known = (*STATIONARY_STATUSES, PERIODIC, *_IRREGULAR)
 
     def place(kind: str) -> tuple[int, int, str]:
         period = period_of(kind)

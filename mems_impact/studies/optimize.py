@@ -24,7 +24,7 @@ from mems_impact.studies.sensitivity import (
     derivatives,
     first_order_deviations,
 )
-from mems_impact.studies.trust_region import HOLDS, Iterate, LocalModel, search
+from mems_impact.studies.trust_region import CONSTRAINT_TOLERANCE, Iterate, LocalModel, search
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import MULTIPLIER, Quantity
 from mems_impact.systems.result import Result
@@ -39,7 +39,7 @@ __all__ = ["Optimum", "ParetoFront", "optimize", "pareto_front"]
 # --- Limits on what an orbit may be, as margins that must not become negative.
 
 STABLE = 0.95  # largest modulus of a multiplier, where nothing else is said: folds are near one
-CLOSEST = "closest approach"
+CLOSEST_APPROACH = "closest approach"
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def limits_of(
     """
     known = {each.name: each for each in orbit.system.orbit_quantities}
     given: dict[str, tuple[float | None, float | None]] = {MULTIPLIER.name: (None, STABLE)}
-    if CLOSEST in known:
-        given[CLOSEST] = (0.0, None)
+    if CLOSEST_APPROACH in known:
+        given[CLOSEST_APPROACH] = (0.0, None)
     found = []
     for name, pair in {**given, **subject_to}.items():
         low, high = _checked_pair(name, pair)
@@ -131,7 +131,7 @@ def _checked_pair(name: str, pair: tuple[float | None, float | None]) -> tuple[f
 Bounds = Mapping[str, tuple[float, float]]
 Limits = Mapping[str, tuple[float | None, float | None]]
 STANDARD_DEVIATION = "standard deviation of "
-ENDINGS = {
+OPTIMIZATION_ENDINGS = {
     "converged": "converged",
     "lost": "the orbit ends there",
     "small": "steps became as small as rounding",
@@ -306,7 +306,7 @@ def optimize(
             stopped = Iterate(last.x, last.item, last.local, "interrupted", "")
             raise OptimizationInterrupted(aim.optimum(stopped, taken), len(taken)) from None
     best = aim.optimum(found, taken)
-    if found.local.violation > HOLDS:
+    if found.local.violation > CONSTRAINT_TOLERANCE:
         missed = ", ".join(aim.violated(found))
         raise OrbitError(
             f"no orbit of this kind was found that has {missed}",
@@ -412,17 +412,17 @@ class Objective:
             values=values,
             history=self._history(taken, orbit.system),
             active=(*self._bounds(found), *self.holding(found), *self._end(found)),
-            ended=ENDINGS[found.ended],
+            ended=OPTIMIZATION_ENDINGS[found.ended],
             converged=found.ended == "converged",
         )
 
     def violated(self, found: Iterate[Orbit]) -> list[str]:
         """Return the limits that an orbit misses, in words."""
-        return self._words(found, found.local.margins < -HOLDS)
+        return self._words(found, found.local.margins < -CONSTRAINT_TOLERANCE)
 
     def holding(self, found: Iterate[Orbit]) -> list[str]:
         """Return the limits at which an orbit stands, in words."""
-        return self._words(found, np.abs(found.local.margins) <= HOLDS)
+        return self._words(found, np.abs(found.local.margins) <= CONSTRAINT_TOLERANCE)
 
     def _words(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
         system = found.item.system
@@ -435,9 +435,9 @@ class Objective:
 
     def _bounds(self, found: Iterate[Orbit]) -> list[str]:
         return [
-            f"{name} at its {'lowest' if part <= HOLDS else 'highest'} value"
+            f"{name} at its {'lowest' if part <= CONSTRAINT_TOLERANCE else 'highest'} value"
             for name, part in zip(self.over, found.x.tolist(), strict=True)
-            if part <= HOLDS or part >= 1.0 - HOLDS
+            if part <= CONSTRAINT_TOLERANCE or part >= 1.0 - CONSTRAINT_TOLERANCE
         ]
 
     def _end(self, found: Iterate[Orbit]) -> list[str]:
@@ -521,7 +521,7 @@ def _checked_bounds(system: HybridSystem, over: Bounds) -> dict[str, tuple[float
 
 Sense = Literal["maximize", "minimize"]
 SENSES = ("maximize", "minimize")
-EQUAL = 1e-6  # part of its size by which one point must beat another in an aim
+DOMINANCE_RTOL = 1e-6  # part of its size by which one point must beat another in an aim
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -704,7 +704,7 @@ def _front(
     """Return the points that no other beats, in order of the second aim, the best of it first."""
     signs = [-1.0 if sense == "maximize" else 1.0 for sense in aims.values()]
     costs = np.array([[_value(each, name) for name in aims] for each in found]) * signs
-    slack = EQUAL * np.abs(costs).max(axis=0)
+    slack = DOMINANCE_RTOL * np.abs(costs).max(axis=0)
     kept = [
         i
         for i, cost in enumerate(costs)

@@ -143,7 +143,7 @@ def wilson(count: int, points: int) -> tuple[float, float]:
 # --- Tolerances of parameters: in their units, or as a part of their values.
 
 RELATIVE = '"5%", or "uniform: 5%" to either side'
-KINDS = ("norm", "uniform")
+DISTRIBUTIONS = ("norm", "uniform")
 
 
 def part_of(text: Any) -> float | None:
@@ -186,8 +186,8 @@ def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
     from scipy import stats
 
     kind, _, width = text.rpartition(":")
-    part, kind = part_of(width), kind.strip() or KINDS[0]
-    if part is None or kind not in KINDS or not part > 0.0:
+    part, kind = part_of(width), kind.strip() or DISTRIBUTIONS[0]
+    if part is None or kind not in DISTRIBUTIONS or not part > 0.0:
         raise InvalidParameter(f"over.{name}", text, f"a distribution, or {RELATIVE}")
     system.check_parameter(name, "over")
     value, spread = system.value(name), part * _size("over", name, system)

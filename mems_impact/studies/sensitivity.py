@@ -161,11 +161,11 @@ class TangentOrbit:
 
 # --- Derivatives of an orbit's quantities by its parameters.
 
-STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in rounding
+DERIVATIVE_STEP = 1e-4  # part of a parameter's size: what bends on the way is lost in rounding
 SOLVED_STEPS = (1e-3, 1e-4, 1e-5)
 """Of orbits that are corrected, which leaves more than rounding; shorter where one ends nearby."""
 
-ROUNDING = np.array([1e-10, 1e-8])
+DERIVATIVE_ROUNDING = np.array([1e-10, 1e-8])
 """Parts of a value that differences leave: by first order, and of corrected orbits."""
 
 
@@ -210,12 +210,12 @@ def derivatives(
                 found[rows, column] = _along_solved(orbit.system, wanted, beside, size)
             elif wanted:
                 found[rows, column] = _central(
-                    orbit.system, wanted, beside.to_first_order, STEP * size
+                    orbit.system, wanted, beside.to_first_order, DERIVATIVE_STEP * size
                 )
         # A parameter that changes nothing has the derivative zero.
-        nothing = np.abs(found[:, column]) * size <= ROUNDING[of_solved.astype(int)] * np.abs(
-            values
-        )
+        nothing = np.abs(found[:, column]) * size <= DERIVATIVE_ROUNDING[
+            of_solved.astype(int)
+        ] * np.abs(values)
         found[nothing, column] = 0.0
         found[:, column] /= float(orbit.system.out(name, 1.0))
     return values, found
@@ -271,11 +271,11 @@ def chosen_quantities(
 
 # --- Moving an orbit to other parameters, as far as it is the same orbit.
 
-BIFURCATIONS = ("G", "CF", "PD", "NS", "BP", "?")
+BIFURCATION_LABELS = ("G", "CF", "PD", "NS", "BP", "?")
 """Labels of special points at which an orbit becomes another one, or loses its stability."""
-PART = "part"
+LINE_PARAMETER = "part"
 FARTHEST = 0.3  # part of the size of an orbit by which its states may move in one stride
-REMEDY = "take a shorter way"
+LINE_REMEDY = "take a shorter way"
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ class LineFamily(Family):
         self.family.convert(error)
 
     def _there(self, values: Mapping[str, float]) -> Family:
-        part, start = values[PART], self.family.values
+        part, start = values[LINE_PARAMETER], self.family.values
         way = {name: start[name] + part * (end - start[name]) for name, end in self.target.items()}
         return self.family.at(**way)
 
@@ -357,17 +357,17 @@ def _is_near(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
 def _followed(orbit: Orbit, target: Mapping[str, float]) -> PeriodicOrbit:
     """Return the orbit at the end of a straight way, still in the family of that way."""
     found = orbit.found
-    line = LineFamily({PART: 0.0}, found.family, dict(target))
+    line = LineFamily({LINE_PARAMETER: 0.0}, found.family, dict(target))
     shooting = Shooting(line, found.segments, (), found.shooting.pinned, found.shooting.phase)
-    branch = OrbitBranch(PART)
+    branch = OrbitBranch(LINE_PARAMETER)
     begin = replace(found, family=line, shooting=shooting)
     for point in points_of(branch, begin, low=0.0, high=1.0):
-        passed = [each for each in branch.special_points if each.label in BIFURCATIONS]
+        passed = [each for each in branch.special_points if each.label in BIFURCATION_LABELS]
         if passed:
-            raise OrbitError(f"{passed[0].kind} on the way", REMEDY)
+            raise OrbitError(f"{passed[0].kind} on the way", LINE_REMEDY)
         if point.value == 1.0:
             return point.orbit
-    raise OrbitError(branch.ended, REMEDY)
+    raise OrbitError(branch.ended, LINE_REMEDY)
 
 
 # --- How far an orbit is from its next bifurcation, along single parameters.
@@ -465,7 +465,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
     steps = StepControl(largest=0.02)
     for point in points_of(branch, orbit.found, low=low, high=high, direction=sign, steps=steps):
         for each in branch.special_points:
-            if each.label in BIFURCATIONS:
+            if each.label in BIFURCATION_LABELS:
                 return _End(float(system.out(name, each.value)), each.kind)
         last = point.value
         if last == end:

@@ -23,14 +23,14 @@ from mems_impact.errors import OrbitError
 __all__ = ["Iterate", "search"]
 
 ENOUGH = 2.0  # a penalty by the largest multiplier: with one an orbit is best that meets all
-SHARE = 0.3  # of what meeting constraints is worth, that a step must promise
+MIN_OBJECTIVE_SHARE = 0.3  # of what meeting constraints is worth, that a step must promise
 EDGE = 1e-12  # nearer to a side of the box is on it
 FIRST, SMALLEST = 0.1, 1e-9  # size of the trust region, in parts of the ranges
 GOOD, POOR = 0.75, 0.25  # what a step brings by what it promised, to widen or narrow the region
 GAIN = 1e-8  # that a model must promise for the search to go on
-HOLDS = 1e-6  # within which a constraint is met
-NEAR = 1e-5  # of an edge, in parts of the ranges: from here it is known
-EQUAL = 1e-3  # of what a step promises: pieces that differ by no more meet there
+CONSTRAINT_TOLERANCE = 1e-6  # within which a constraint is met
+EDGE_DISTANCE = 1e-5  # of an edge, in parts of the ranges: from here it is known
+EQUAL_PIECES_RATIO = 1e-3  # of what a step promises: pieces that differ by no more meet there
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +182,11 @@ def search(
         step, gained, met, edge = _model_step(here, curvature, radius, beyond)
         least = GAIN * max(1.0, abs(here.local.merit(penalty)))
         if met > 0.0:
-            penalty = max(penalty, -gained / ((1.0 - SHARE) * met))
+            penalty = max(penalty, -gained / ((1.0 - MIN_OBJECTIVE_SHARE) * met))
         promised = gained + penalty * met
         length = float(np.abs(step).max())
         away = max((float(np.abs(each.there.x - here.x).max()) for each in edge), default=0.0)
-        if promised < least and away > NEAR:
+        if promised < least and away > EDGE_DISTANCE:
             # Where an edge is, points as far from it as these do not know: look again, nearer.
             others.clear()
             for place in (place for each in edge for place in each.across(here)):
@@ -322,7 +322,7 @@ def _model_step(
     gained = -unit * float(values.max())
     met = local.merit(1.0) - local.value
     met -= float(np.maximum(0.0, -(local.margins + rows @ part)).sum())
-    at = values[1:] > values.max() - EQUAL
+    at = values[1:] > values.max() - EQUAL_PIECES_RATIO
     edge = [piece for piece, yes in zip(beyond, at.tolist(), strict=True) if yes]
     return radius * part, gained, met, edge
 

@@ -50,7 +50,7 @@ __all__ = ["Spread", "ToleranceAnalysis", "indices_table", "tolerance_analysis"]
 # --- Sobol' indices: how much of the variance of a quantity is due to each of what is drawn.
 
 RESAMPLES = 999
-ROUNDING = 1e-9  # relative spread of a quantity that does not vary
+MIN_SPREAD = 1e-9  # relative spread of a quantity that does not vary
 
 
 def indices_table(
@@ -75,7 +75,7 @@ def indices_table(
     missing = np.isnan(values).sum(axis=0)
     whole = missing == 0
     spread = np.ptp(values, axis=0)
-    varies = whole & (spread > ROUNDING * np.abs(values).max(axis=0))
+    varies = whole & (spread > MIN_SPREAD * np.abs(values).max(axis=0))
     shape = (len(quantities), len(draws.names))
     found = np.full((6, *shape), np.nan)  # first-order and its ends, total and its ends
     found[:, whole] = 0.0

@@ -38,7 +38,7 @@ __all__ = [
     "units",
 ]
 
-PLAIN = "a function, written with def or lambda"
+FUNCTION_KIND = "a function, written with def or lambda"
 ARGUMENTS = ("mode", "t", "y", "p")
 
 
@@ -72,7 +72,7 @@ def numbers(values: Mapping[str, float]) -> dict[str, float]:
 def function(field: str, value: Any, *arguments: str) -> Any:
     """Return a plain function that takes these arguments."""
     if not isinstance(getattr(value, "py_func", value), FunctionType):
-        raise InvalidParameter(field, value, PLAIN)
+        raise InvalidParameter(field, value, FUNCTION_KIND)
     if arguments and not _takes(value, len(arguments)):
         count = len(inspect.signature(value).parameters)
         problem = f"takes {count} arguments; it is called with ({', '.join(arguments)})"

@@ -16,7 +16,7 @@ from mems_impact.hybrid.pickling import same_function
 
 __all__ = ["Result", "SummaryRepr", "deep_equal"]
 
-KEPT = "_kept"  # what a result that came without its system's functions brought along
+SAVED_TABLES_FIELD = "_kept"  # what a result that came without its system's functions brought along
 
 
 class SummaryRepr:
@@ -70,10 +70,10 @@ class Result(SummaryRepr):
     __hash__ = None  # type: ignore[assignment]
 
     def __getstate__(self) -> dict[str, Any]:
-        brought = vars(self).get(KEPT, ())
+        brought = vars(self).get(SAVED_TABLES_FIELD, ())
         return {
             **{each.name: getattr(self, each.name) for each in fields(self)},  # type: ignore[arg-type]
-            **{name: vars(self)[name] for name in (*brought, KEPT) if brought},
+            **{name: vars(self)[name] for name in (*brought, SAVED_TABLES_FIELD) if brought},
         }
 
     def save(self, path: str | PathLike[str]) -> None:
@@ -108,7 +108,7 @@ class Result(SummaryRepr):
     def attach_saved_tables(self, tables: Mapping[str, Any]) -> None:
         """Take over what was saved since it cannot be made here."""
         vars(self).update(tables)
-        vars(self)[KEPT] = tuple(tables)
+        vars(self)[SAVED_TABLES_FIELD] = tuple(tables)
 
 
 def deep_equal(one: Any, other: Any) -> bool:

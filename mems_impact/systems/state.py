@@ -63,7 +63,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
 
 # --- A state of a system, as users give it and get it.
 
-SHOWN = 8  # components, of a state with more of them
+MAX_DISPLAYED_COMPONENTS = 8  # components, of a state with more of them
 
 
 class State:
@@ -150,12 +150,12 @@ class State:
         return self._line({name: f"{value:.6g}" for name, value in self._numbers()})
 
     def _numbers(self) -> Iterator[tuple[str, float]]:
-        yield from islice(self._values.items(), SHOWN)
+        yield from islice(self._values.items(), MAX_DISPLAYED_COMPONENTS)
         yield "time", self.time
 
     def _line(self, numbers: Mapping[str, str]) -> str:
         parts = [f"{name}={number}" for name, number in numbers.items() if name != "time"]
-        parts += ["…"] if len(self._values) > SHOWN else []
+        parts += ["…"] if len(self._values) > MAX_DISPLAYED_COMPONENTS else []
         parts += [f"time={numbers['time']}"] if self.time else []
         parts += [f"mode={self.mode!r}"] if self.mode is not None else []
         return f"State({', '.join(parts)})"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.hybrid.attractors.mapper import RecurrenceResult
 from mems_impact.hybrid.attractors.recurrence import HIGH, LOW, NUMBER, TOTAL
-from mems_impact.hybrid.definition import NO_GUARD
+from mems_impact.hybrid.definition import PLACEHOLDER_GUARD
 from mems_impact.hybrid.event_loop import workspace
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events, Samples, Trajectory
@@ -46,7 +46,7 @@ __all__ = [
 # --- The largest values that the states reach, between samples too: of an arc, or all of a run.
 
 SAMPLES_PER_PERIOD = 200  # between which the largest values are sought
-STILL = 1e-9  # part of the largest value by which a state moves that stands still
+MIN_MOTION_RATIO = 1e-9  # part of the largest value by which a state moves that stands still
 
 
 def largest_values(arc: Trajectory, grid: Samples) -> Floats:
@@ -114,10 +114,10 @@ def _maxima(
 ) -> Floats:
     """Return the local maxima of one state, whose arcs have numbers."""
     extent = float(np.ptp(y)) if y.size else 0.0
-    if not extent > STILL * float(np.abs(y).max(initial=0.0)):
+    if not extent > MIN_MOTION_RATIO * float(np.abs(y).max(initial=0.0)):
         return y[-1:]
     # Values that differ by rounding alone are a plateau, and that is one value.
-    changes = np.flatnonzero(np.abs(np.diff(y)) > STILL * extent)
+    changes = np.flatnonzero(np.abs(np.diff(y)) > MIN_MOTION_RATIO * extent)
     begins, ends = np.append(0, changes + 1), np.append(changes, y.size - 1)
     values = y[begins]
     peaks = np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] > values[2:])) + 1
@@ -327,7 +327,7 @@ class RunStatistics:
         each_period = "per period" if system.forced else "per time"
         first, last = window.first * unit, window.last * unit
         periods = last - first
-        guards = [guard for guard in system.automaton.guards if guard.name != NO_GUARD]
+        guards = [guard for guard in system.automaton.guards if guard.name != PLACEHOLDER_GUARD]
         impacts = sum(
             int(count) for count, guard in zip(self._counts, guards, strict=False) if guard.impact
         )
@@ -409,7 +409,7 @@ def measure_names(system: HybridSystem) -> tuple[str, ...]:
     """Return the headings of `measures`."""
     each = "period" if system.forced else "time"
     names = [f"impacts per {each}"]
-    guards = [guard.name for guard in system.automaton.guards if guard.name != NO_GUARD]
+    guards = [guard.name for guard in system.automaton.guards if guard.name != PLACEHOLDER_GUARD]
     names += [f"{guard} per {each}" for guard in guards] + [f"chatter per {each}"]
     if len(system.modes) > 1:
         names += [f"share {mode}" for mode in system.modes]
@@ -443,7 +443,7 @@ def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> 
     )
     values = {f"impacts per {each}": ratio(hits, periods)}
     for guard, count in zip(automaton.guards, settled.counts, strict=True):
-        if guard.name != NO_GUARD:
+        if guard.name != PLACEHOLDER_GUARD:
             values[f"{guard.name} per {each}"] = ratio(float(count), periods)
     values[f"chatter per {each}"] = ratio(settled.endings, periods)
     if len(system.modes) > 1:

@@ -34,7 +34,7 @@ __all__ = [
 
 RESOLVED = 1e3  # absolute tolerances that a state should at least come to
 FASTEST = 1e-4  # steps on average, in the time that is taken for the system's own
-LOOKS = 64  # between events
+SAMPLES_BETWEEN_EVENTS = 64  # between events
 ORDER_ONE = (1e-5, 1e5)  # sizes of times and parameters on which differences may count
 
 
@@ -111,7 +111,7 @@ def between(trajectory: Trajectory) -> Floats:
     length = min(2.0, last - first)
     if length <= 0.0:
         return np.abs(start.y)
-    seen = trajectory.samples(math.ceil(LOOKS / length), last=first + length).y
+    seen = trajectory.samples(math.ceil(SAMPLES_BETWEEN_EVENTS / length), last=first + length).y
     return np.abs(seen).max(axis=0, initial=0.0)
 
 

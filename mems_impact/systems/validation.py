@@ -48,7 +48,7 @@ __all__ = ["check_end", "check_parted", "dry_run", "mode_monitor", "tell_of_fall
 
 # --- Whether functions keep what they do to themselves: none changes a variable from elsewhere.
 
-_LIBRARIES = ("numba", "numpy")  # compiled code never runs their text
+COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs their text
 
 
 def check_effects(definition: Definition) -> None:
@@ -84,7 +84,7 @@ def _called(value: Any, seen: set[FunctionType]) -> Iterator[FunctionType]:
     function = getattr(value, "py_func", value)  # of one that numba compiled
     if not isinstance(function, FunctionType) or function in seen:
         return
-    if (function.__module__ or "").partition(".")[0] in _LIBRARIES:
+    if (function.__module__ or "").partition(".")[0] in COMPILED_LIBRARIES:
         return
     seen.add(function)
     yield function
@@ -131,13 +131,13 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
 
 # --- Jumps of the flow that nothing declares: no step of a method is right across one.
 
-AHEAD = (1e-7, 1e-6, 1e-5)  # parts of the time scale within which a jump is looked for
+PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # parts of the time scale within which a jump is looked for
 STEPS_AHEAD = (1.0, 8.0, 64.0)  # that in very short steps of a run
 BEYOND = 8.0  # of the stretch, where a guard declares what jumps in it
-CLEAR = 1e-6  # part of the slope by which it jumps at least
-HALVINGS = 60  # of the stretch that encloses it, if rounding does not end them before
+MIN_JUMP_RATIO = 1e-6  # part of the slope by which it jumps at least
+JUMP_BISECTIONS = 60  # of the stretch that encloses it, if rounding does not end them before
 LASTS = 0.5  # part of the difference that is left of a jump then; of a steep slope, next to nothing
-ROUNDING = 0.1  # part of the difference that rounding of state and time may make
+JUMP_ROUNDING_RATIO = 0.1  # part of the difference that rounding of state and time may make
 
 
 def tell_of_fall(
@@ -220,7 +220,7 @@ def tell_of_jump(
         if any(tried.margin(i, at) * tried.margin(i, beyond) <= 0.0 for i in watching):
             return False
         before, after, least = enclosed
-        if min(_rounding(tried, at), _rounding(tried, end)) < ROUNDING * least:
+        if min(_rounding(tried, at), _rounding(tried, end)) < JUMP_ROUNDING_RATIO * least:
             _tell(tried, before, after, least, end)
             return True
     return False
@@ -236,10 +236,10 @@ def _enclosed(
     low, high = ahead(0.0), ahead(whole)
     before, after = tried.flow(low), tried.flow(high)
     least = LASTS * _size(before, after)
-    if least <= CLEAR * max(map(abs, (*before, *after))):
+    if least <= MIN_JUMP_RATIO * max(map(abs, (*before, *after))):
         return None
     first, last = 0.0, whole
-    for _ in range(HALVINGS):
+    for _ in range(JUMP_BISECTIONS):
         middle = 0.5 * (first + last)
         there = ahead(middle)
         if there in (low, high):
@@ -307,9 +307,9 @@ def _size(one: Sequence[float], other: Sequence[float]) -> float:
 
 # --- Whether what is given as a derivative is one: by differences with a bound of their error.
 
-PART = 2.5e-4  # the step of differences, of the time scale
-HOLDS = 1e-5  # of what a constraint changes by where states do by their sizes: it is zero
-SLACK = 1e-6  # of the size of a derivative, which no difference is asked to see
+RATE_STEP_RATIO = 2.5e-4  # the step of differences, of the time scale
+CONSTRAINT_RTOL = 1e-5  # of what a constraint changes by where states do by their sizes: it is zero
+DERIVATIVE_RTOL = 1e-6  # of the size of a derivative, which no difference is asked to see
 CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
 FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
 
@@ -341,7 +341,7 @@ def rate_of(
     tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> tuple[float, float]:
     """Return the rate of a margin by differences along the flow, and a bound of its error."""
-    h = PART * unit
+    h = RATE_STEP_RATIO * unit
     return derivative([tried.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h)
 
 
@@ -352,7 +352,7 @@ def check_rate(
     guard = tried.definition.guards[i]
     given = tried.rate(i, at)
     found, error = rate_of(tried, i, at, slope, unit)
-    error += SLACK * (abs(found) + abs(given))
+    error += DERIVATIVE_RTOL * (abs(found) + abs(given))
     if not abs(given - found) > error:
         return
     if not abs(given - found) > error + rounding_of(tried, i, at, slope, unit):
@@ -368,9 +368,9 @@ def check_constraint(
     tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> None:
     """Raise FunctionError unless a constraint is zero in its mode, and stays so along the flow."""
-    value, h, size = tried.constraint(i, at), PART * unit, 0.0
+    value, h, size = tried.constraint(i, at), RATE_STEP_RATIO * unit, 0.0
     for j, y in enumerate(at.y):
-        part = PART * max(abs(y), abs(slope[j]) * unit, 1e-3)
+        part = RATE_STEP_RATIO * max(abs(y), abs(slope[j]) * unit, 1e-3)
         beside = EvaluationPoint(at.mode, at.t, [*at.y[:j], y + part, *at.y[j + 1 :]])
         by_state = abs(tried.constraint(i, beside) - value) / part
         size = max(size, by_state * max(abs(y), abs(slope[j]) * unit, 1e-3))
@@ -378,10 +378,10 @@ def check_constraint(
         [tried.constraint(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h
     )
     function = UserFunction("constraint", tried.definition.constraints[i][1])
-    if abs(value) > HOLDS * size:
+    if abs(value) > CONSTRAINT_RTOL * size:
         problem = f"is {value:.6g} {tried.place(at)}, and has to be zero in this mode"
         raise function.error(problem, "let transitions into the mode make it zero, and the start")
-    if abs(rate) * unit > HOLDS * size + error * unit:
+    if abs(rate) * unit > CONSTRAINT_RTOL * size + error * unit:
         problem = f"changes at the rate {rate:.6g} {tried.place(at)}, and has to stay zero"
         raise function.error(problem, "let the flow of the mode keep it zero")
 
@@ -395,11 +395,11 @@ def rounding_of(
     """
     here, rounding = tried.margin(i, at), 0.0
     for j, value in enumerate(at.y):
-        h = PART * max(abs(value), abs(slope[j]) * unit, 1e-3)
+        h = RATE_STEP_RATIO * max(abs(value), abs(slope[j]) * unit, 1e-3)
         y = [*at.y[:j], value + h, *at.y[j + 1 :]]
         by_state = (tried.margin(i, EvaluationPoint(at.mode, at.t, y)) - here) / h
         rounding += abs(by_state * value)
-    return 64.0 * sys.float_info.epsilon * rounding / (PART * unit)
+    return 64.0 * sys.float_info.epsilon * rounding / (RATE_STEP_RATIO * unit)
 
 
 def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) -> None:
@@ -407,7 +407,7 @@ def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) ->
     given = tried.jacobian(at)
     slope = tried.flow(at)
     for j in range(tried.n):
-        h = PART * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
+        h = RATE_STEP_RATIO * max(abs(at.y[j]), abs(slope[j]) * unit, 1e-3)
         columns = []
         for k in range(-4, 5):
             y = [value + k * h * (i == j) for i, value in enumerate(at.y)]
@@ -428,8 +428,12 @@ def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) ->
 
 # --- Whether the functions of a system depend on time as they may.
 
-PARTS = (0.1459, 0.3820, 0.6180)  # of the time scale: times that are no common parts of a period
-HAIR = 1e-9  # of the time scale
+PROBE_TIMES = (
+    0.1459,
+    0.3820,
+    0.6180,
+)  # of the time scale: times that are no common parts of a period
+TIME_TOLERANCE_RATIO = 1e-9  # of the time scale
 
 
 class TimeGrid:
@@ -466,7 +470,7 @@ def check_times(
     def ahead(time: float) -> list[float]:
         return tried.flow(EvaluationPoint(at.mode, at.t + time, at.y))
 
-    others = [ahead(part * (period or unit)) for part in PARTS]
+    others = [ahead(part * (period or unit)) for part in PROBE_TIMES]
     # Where terms of the flow cancel, their rounding is far larger than what is left.
     size = max(abs(value) for each in (slope, *others) for value in each)
     size = max(size, *(abs(value) / unit for value in at.y))
@@ -474,11 +478,15 @@ def check_times(
         wrong = [flows_differ(slope, each, size) for each in others]
         if not any(wrong):
             return
-        later, again = PARTS[wrong.index(True)] * unit, others[wrong.index(True)]
+        later, again = PROBE_TIMES[wrong.index(True)] * unit, others[wrong.index(True)]
         problem, remedy = "depends on time, but the system has no period", "give the forcing period"
     else:
         # A forcing that jumps may do so a rounding before or after this time.
-        for time in (period, period - HAIR * unit, period + HAIR * unit):
+        for time in (
+            period,
+            period - TIME_TOLERANCE_RATIO * unit,
+            period + TIME_TOLERANCE_RATIO * unit,
+        ):
             if not flows_differ(slope, ahead(time), size):
                 return
         later, again = period, ahead(period)
@@ -493,13 +501,13 @@ def check_times(
 
 def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
     """Return whether two slopes differ by more than rounding and a hair of time make of it."""
-    return any(abs(a - b) > SLACK * size for a, b in zip(one, other, strict=True))
+    return any(abs(a - b) > DERIVATIVE_RTOL * size for a, b in zip(one, other, strict=True))
 
 
 # --- Rates and times compared where the system comes to: on the short run, and later in other
 # modes.
 
-POINTS = 3  # at which a mode is looked at after a run
+POINTS_PER_MODE = 3  # at which a mode is looked at after a run
 COMPARISON_CALLS = 1000  # of functions after a run, roughly: some milliseconds
 
 
@@ -548,14 +556,14 @@ class ModeMonitor:
             (events.mode_before, events.before),
         ):
             for mode, points in self.points.items():
-                if len(points) < POINTS:
-                    for row in np.flatnonzero(modes == mode)[: POINTS - len(points)]:
+                if len(points) < POINTS_PER_MODE:
+                    for row in np.flatnonzero(modes == mode)[: POINTS_PER_MODE - len(points)]:
                         cycle, time = int(events.cycle[row]), float(events.time[row])
                         self.put(HybridState(cycle, time, mode, states[row]))
 
     def put(self, at: HybridState) -> None:
         """Put a state down, in the units of the numerics, if its mode has not been met."""
-        if at.mode not in self.points or len(self.points[at.mode]) == POINTS:
+        if at.mode not in self.points or len(self.points[at.mode]) == POINTS_PER_MODE:
             return
         out, y = self.system.out, at.y.copy()
         y[list(self.definition.cyclic)] = 0.0  # as functions see them, to whom they mean nothing
@@ -602,18 +610,20 @@ def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
 # --- A short interpreted run of a system, on which its functions are tried.
 
 DRY_RUN_CALLS = 300  # of the flow, of a system of few states
-FEW = 8  # states
-UNITS = 8.0  # length of the run, in its time scale
-CLOSE = 1e-3  # error of a step, of its length
-LOOKED = 6  # points at which times and rates are compared, a mode
+FEW_STATES = 8  # states
+DRY_RUN_LENGTH = 8.0  # length of the run, in its time scale
+STEP_ERROR_RATIO = 1e-3  # error of a step, of its length
+COMPARED_POINTS = 6  # points at which times and rates are compared, a mode
 INSTANT = 100  # times that one guard may fire in one instant
-WEAK = 1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
-SEQUENCE = 3  # flights
+SHORT_FLIGHT_RATIO = (
+    1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
+)
+CHATTER_FLIGHTS = 3  # flights
 ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
 FALLING = 1e-3  # a rate that falls after a transition, of that before it
-BISECTIONS = 50
-SHORT = 1e-6  # steps, of the time scale, before which the flow may jump
-PROBES = 4  # places at which that is looked for
+EVENT_BISECTIONS = 50
+SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
+JUMP_PROBES = 4  # places at which that is looked for
 
 Met = Callable[[int, EvaluationPoint, EvaluationPoint], None]
 
@@ -636,9 +646,9 @@ class DryRun:
     def __init__(self, tried: CheckedFunctions, clock: TimeGrid, met: Met) -> None:
         self.tried, self.clock, self.met = tried, clock, met
         self.guards = tried.definition.guards
-        self.calls = DRY_RUN_CALLS * FEW // max(FEW, tried.n)
+        self.calls = DRY_RUN_CALLS * FEW_STATES // max(FEW_STATES, tried.n)
         self.looked: dict[int, int] = {}
-        self.probes = PROBES
+        self.probes = JUMP_PROBES
         self.hits: dict[int, list[float]] = {}
 
     def go(self, start: EvaluationPoint, *, meant: bool) -> None:
@@ -708,12 +718,12 @@ class DryRun:
     def look(self, at: EvaluationPoint, slope: Sequence[float]) -> None:
         """Compare rates with differences, and times with later ones, at the first few points."""
         seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
-        if seen <= LOOKED:
+        if seen <= COMPARED_POINTS:
             compare(self.tried, self.clock, at, slope)
 
     def follow(self, at: EvaluationPoint, slope: list[float], now: dict[int, float]) -> None:
         """Follow the flow and its events until the budget is spent."""
-        unit, end = self.clock.unit, at.t + UNITS * self.clock.unit
+        unit, end = self.clock.unit, at.t + DRY_RUN_LENGTH * self.clock.unit
         longest, h = unit / STEPS_PER_PERIOD, 1e-4 * unit
         while self.calls > 0 and at.t < end:
             stop = self.clock.stop(at.t)
@@ -722,9 +732,9 @@ class DryRun:
             if step is None or step[2] > 1.0:
                 h *= 0.25 if step is None else max(0.2, 0.9 * step[2] ** (-1.0 / 3.0))
                 stuck = h < 1e-9 * unit
-                if stuck or (h < SHORT * unit and self.probes > 0):
+                if stuck or (h < SHORT_STEP_TIMES * unit and self.probes > 0):
                     self.probes -= 1
-                    stretches = [part * unit for part in AHEAD]
+                    stretches = [part * unit for part in PROBE_OFFSETS]
                     if tell_of_jump(self.tried, at, slope, list(now), stretches) or stuck:
                         return
                 continue
@@ -775,7 +785,7 @@ class DryRun:
         error = 0.0
         for i, value in enumerate(wrong):
             size = max(abs(h * k1[i]), abs(h * k4[i]), 1e-6 * abs(y[i]))
-            error = max(error, abs(value) / (CLOSE * size)) if size > 0.0 else error
+            error = max(error, abs(value) / (STEP_ERROR_RATIO * size)) if size > 0.0 else error
         return (there, k4, error) if math.isfinite(error) else None
 
     def crossing(
@@ -800,7 +810,7 @@ class DryRun:
         found = []
         for i in fallen:
             low, high = 0.0, 1.0
-            for _ in range(BISECTIONS):
+            for _ in range(EVENT_BISECTIONS):
                 middle = 0.5 * (low + high)
                 if self.tried.margin(i, between(middle)) > 0.0:
                     low = middle
@@ -835,10 +845,14 @@ class DryRun:
 
     def accumulates(self, i: int, at: EvaluationPoint) -> bool:
         """Note an impact; return whether it is the last but infinitely many of a sequence."""
-        hits = self.hits[i] = [*self.hits.get(i, []), at.t][-SEQUENCE - 1 :]
+        hits = self.hits[i] = [*self.hits.get(i, []), at.t][-CHATTER_FLIGHTS - 1 :]
         flights = [later - earlier for earlier, later in pairwise(hits)]
         shrinking = all(0.0 < short < long for long, short in pairwise(flights))
-        return len(flights) == SEQUENCE and shrinking and flights[-1] < WEAK * self.clock.unit
+        return (
+            len(flights) == CHATTER_FLIGHTS
+            and shrinking
+            and flights[-1] < SHORT_FLIGHT_RATIO * self.clock.unit
+        )
 
     def falls(self, i: int, at: EvaluationPoint, before: float) -> bool:
         """Return whether a guard fires again after its transition."""

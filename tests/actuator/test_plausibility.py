@@ -8,7 +8,7 @@ import pytest
 
 import mems_impact as mi
 from mems_impact.actuator import plausibility
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.files import term_type
 
 MITA = mi.load_actuator("mita2003")
@@ -51,11 +51,11 @@ def test_a_device_in_other_units(changes, meant):
 
 def test_every_number_of_a_term_has_a_range():
     """Pure numbers, which have no unit, are within limits of their own."""
-    for name in TERMS:
+    for name in TERM_CLASSES:
         term = term_type(name)
         for field in term.units:
-            assert f"{name}.{field}" in plausibility.TERMS or field not in term.model_fields
-    for name in plausibility.TERMS:
+            assert f"{name}.{field}" in plausibility.TERM_RANGES or field not in term.model_fields
+    for name in plausibility.TERM_RANGES:
         kind, _, field = name.partition(".")
         assert field in term_type(kind).model_fields
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 from validation.campaign import terms
 from validation.campaign.comparing import END
 from validation.judges import dop853_free, with_terms
@@ -50,7 +50,7 @@ def test_without_terms_it_meets_the_judge_of_the_papers_equations():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("name", TERM_CLASSES)
 def test_a_term_that_is_a_little_different_is_found(name, monkeypatch):
     """Of its numbers, the first one that the judge has, a thousandth off."""
     places = [with_terms.PLACE[place] for place in with_terms.KNOWN[name].values()]

@@ -7,8 +7,8 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator import drives
 from mems_impact.actuator.drives import WAVEFORMS
-from mems_impact.cli import COMMANDS, main_group
-from mems_impact.cli.options import FIELDS, NUMBERS, described_by_options, drive_from
+from mems_impact.cli import COMMAND_NAMES, main_group
+from mems_impact.cli.options import FIELD_NAMES, NUMBERS, described_by_options, drive_from
 
 SQUARE = ["--drive", "square", "--amplitude", "0.3", "--omega", "0.5", "--duty", "0.3"]
 BURST = '[drive]\nkind = "burst"\non = 3\noff = 2\n[drive.wave]\nkind = "sine"\n'
@@ -18,7 +18,9 @@ BURST += "amplitude = 0.2\nomega = 1\n"
 def test_the_options_are_the_fields():
     described = {kind: described_by_options(kind) for kind in WAVEFORMS}
     assert [kind for kind in described if described[kind]] == list(WAVEFORMS)[:4]
-    assert set(NUMBERS) - set(FIELDS) == {name for names in described.values() for name in names}
+    assert set(NUMBERS) - set(FIELD_NAMES) == {
+        name for names in described.values() for name in names
+    }
 
 
 RAMP = """
@@ -102,7 +104,7 @@ def test_a_device_file_tells_its_own_drive(cli, own, words):
 
 def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
     """All make it in one place, of the argument that they call DEVICE."""
-    for name in COMMANDS:
+    for name in COMMAND_NAMES:
         command = main_group.get_command(None, name)
         if any(each.name == "drive_choice" for each in command.params):
             with click.Context(command) as context:
@@ -146,7 +148,7 @@ def test_si_without_units_is_one_line(cli, tmp_path):
 
 
 def test_every_command_with_a_drive_takes_a_frequency(cli):
-    for command in COMMANDS:
+    for command in COMMAND_NAMES:
         page = cli(command, "--help").out
         assert ("--omega" in page) == ("--frequency" in page), command
 

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 import mems_impact as mi
-from mems_impact.cli import COMMANDS
+from mems_impact.cli import COMMAND_NAMES
 from mems_impact.errors import UnitsWarning
 
 POINT = ["zhao2004", "--amplitude", "0.24", "--omega", "0.5"]
@@ -41,7 +41,7 @@ def document(done):
     return json.loads(done.out, parse_constant=refuse)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", COMMAND_NAMES)
 def test_every_command_has_both(cli, command):
     page = cli(command, "--help").out
     assert " --json " in page

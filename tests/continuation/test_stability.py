@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
 import mems_impact as mi
-from mems_impact.continuation.stability import AXIS, CIRCLE, Crossings
+from mems_impact.continuation.stability import CIRCLE, IMAGINARY_AXIS, Crossings
 
 QUICK = mi.Options(method="dop853", engine="interpreted")
 
@@ -29,23 +29,23 @@ def test_pairs_that_cross_both_ways_in_one_step(unit):
             pair(s - 0.03, 1.0), pair(0.031 - s, 1.1), -np.diag(np.linspace(1e-3, 1e3, 30))
         )
 
-    assert places(AXIS, matrix, 0.06) == pytest.approx([0.03, 0.031], abs=1e-12)
+    assert places(IMAGINARY_AXIS, matrix, 0.06) == pytest.approx([0.03, 0.031], abs=1e-12)
 
 
 def test_a_pair_that_crosses_and_comes_back():
     def matrix(s):
         return pair(0.01 - (s - 0.5) ** 2, 1.0)
 
-    behind = -1.0, AXIS.spectrum(matrix(-1.0))
+    behind = -1.0, IMAGINARY_AXIS.spectrum(matrix(-1.0))
     for known in (None, behind):
-        assert places(AXIS, matrix, behind=known) == pytest.approx([0.4, 0.6], abs=1e-12)
+        assert places(IMAGINARY_AXIS, matrix, behind=known) == pytest.approx([0.4, 0.6], abs=1e-12)
 
 
 def test_a_pair_that_is_real_before_one_of_it_crosses():
     def matrix(s):  # x'' = (s - 0.9) x' - (0.6 - s) x
         return np.array([[0.0, 1.0], [s - 0.6, s - 0.9]])
 
-    (found,) = Crossings(AXIS, matrix).within(1.0)
+    (found,) = Crossings(IMAGINARY_AXIS, matrix).within(1.0)
     assert found.begin < 0.6 < found.end  # for a fold or a branch point to be found within
     assert found.value == 0.0
 
@@ -54,7 +54,7 @@ def test_equal_parts_cross_in_one_place():
     def matrix(s):
         return block_diag(pair(s - 0.3, 1.0), pair(s - 0.3, 1.0))
 
-    assert places(AXIS, matrix) == pytest.approx([0.3], abs=1e-8)
+    assert places(IMAGINARY_AXIS, matrix) == pytest.approx([0.3], abs=1e-8)
 
 
 def test_multipliers_pass_through_infinity_and_minus_one():
@@ -68,7 +68,7 @@ def test_what_is_neutral_but_for_rounding_is_no_crossing():
     def matrix(s):
         return pair(1e-12 * math.copysign(1.0, s - 0.5), 1.0)
 
-    assert places(AXIS, matrix) == []
+    assert places(IMAGINARY_AXIS, matrix) == []
 
 
 def chain(size, unit):

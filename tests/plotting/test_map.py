@@ -7,7 +7,7 @@ from matplotlib.colors import rgb_to_hsv, to_rgb
 from matplotlib.figure import Figure
 
 import mems_impact as mi
-from mems_impact.plotting.maps import MOTIONS, PERIODS
+from mems_impact.plotting.maps import MOTIONS, PERIOD_COLORS
 from mems_impact.tables import with_units
 
 X, Y = [0.1, 0.2, 0.4], [1.0, 2.0]
@@ -105,7 +105,7 @@ def lightness(color):
 def test_kinds_differ_in_grey():
     """By lightness, or by a hatching of their own."""
     plain = [paint.color for paint in MOTIONS.values() if not paint.hatch]
-    steps = np.diff(sorted(lightness(color) for color in (*plain, *PERIODS)))
+    steps = np.diff(sorted(lightness(color) for color in (*plain, *PERIOD_COLORS)))
     assert steps.min() > 9.0
     hatches = [paint.hatch for paint in MOTIONS.values() if paint.hatch]
     assert len(set(hatches)) == len(hatches)
@@ -113,7 +113,7 @@ def test_kinds_differ_in_grey():
         if paint.hatch:
             assert abs(lightness(paint.color) - lightness(paint.ink)) > 20.0
     # Blue against yellow to purple: no pair of red and green.
-    assert all(0.5 < rgb_to_hsv(to_rgb(color))[0] < 0.7 for color in PERIODS)
+    assert all(0.5 < rgb_to_hsv(to_rgb(color))[0] < 0.7 for color in PERIOD_COLORS)
 
 
 def test_a_column(tmp_path):

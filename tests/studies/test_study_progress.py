@@ -70,7 +70,7 @@ def test_a_bar_on_a_terminal(monkeypatch):
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr(notices, "SHORT", 0.0)
+    monkeypatch.setattr(notices, "QUIET_SECONDS", 0.0)
     run_study(Toy(size=40, failing=(3, 4)), progress=True, chunk=4)
     last = terminal.getvalue().rpartition("\r")[2]
     assert "toy: 100%" in last

@@ -19,7 +19,7 @@ import pytest
 
 import mems_impact
 import mems_impact as mi
-from mems_impact.systems.serialization.file import FORMAT
+from mems_impact.systems.serialization.file import FILE_FORMAT
 from mems_impact.systems.system import System
 from tests.analysis.machine import FREE, chain, gap, oscillator, rebound
 
@@ -316,7 +316,7 @@ def test_the_file_is_open(saved):
     with zipfile.ZipFile(path) as file:
         assert file.testzip() is None
         header = json.loads(file.read("header.json"))
-    assert header["format"] == FORMAT
+    assert header["format"] == FILE_FORMAT
     assert set(header["versions"]) == {"mems_impact", "numpy", "SUNDIALS"}
     assert header["versions"]["SUNDIALS"].startswith("7.")
     system = header["result"]["system"]

@@ -21,7 +21,7 @@ from mems_impact import Options
 from mems_impact.actuator.automaton import direction_of
 from mems_impact.actuator.automaton_with_terms import Model, compose
 from mems_impact.actuator.system import ActuatorSystem
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.files import term_of, term_type
 from validation.campaign import comparing, drives
 from validation.campaign.cases import hold_voltage
@@ -138,7 +138,7 @@ DRAW: dict[str, Callable[[Rng, Values], Values]] = {
 
 def unjudged() -> list[str]:
     """Return the terms that no case can have, since nothing here knows them."""
-    return [name for name in TERMS if name not in DRAW or name not in with_terms.KNOWN]
+    return [name for name in TERM_CLASSES if name not in DRAW or name not in with_terms.KNOWN]
 
 
 class Drawn:
@@ -150,7 +150,7 @@ class Drawn:
         kinds = rng
         if self.compiled:  # of few shapes, each of which has to be compiled
             kinds = np.random.default_rng([7, number // COMPILED % COMBINATIONS])
-        known = [name for name in TERMS if name not in unjudged()]
+        known = [name for name in TERM_CLASSES if name not in unjudged()]
         chosen = _one_of_each([name for name in known if kinds.random() < LIKELY], kinds)
         chosen = chosen or [str(kinds.choice(known))]
         self.device = _device(rng)

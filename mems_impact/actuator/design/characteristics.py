@@ -425,8 +425,14 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
 
 # --- The voltages between which an orbit of one forcing period lasts.
 
-BIFURCATIONS = ("G", "CF", "PD", "NS", "BP")  # labels of points at which a stable orbit ends
-AHEAD = 1e-4  # part of an amplitude by which a run is beyond a jump
+STABILITY_LOSS_LABELS = (
+    "G",
+    "CF",
+    "PD",
+    "NS",
+    "BP",
+)  # labels of points at which a stable orbit ends
+AMPLITUDE_STEP_BEYOND_JUMP = 1e-4  # part of an amplitude by which a run is beyond a jump
 JUMPS = 10  # that a window may span
 
 
@@ -557,10 +563,10 @@ def lasts_until(
         branch = continue_orbit(orbit, "amplitude", stop=stop)
         value, kind = end_of(branch, stop)
         ends = [special for special in branch.special_points if special.value == value]
-        if kind == "bound" or any(special.label in BIFURCATIONS for special in ends):
+        if kind == "bound" or any(special.label in STABILITY_LOSS_LABELS for special in ends):
             break
         last = min(branch.orbits, key=lambda each: abs(each.system.value("amplitude") - value))
-        ahead = value + math.copysign(AHEAD * value, stop - value)
+        ahead = value + math.copysign(AMPLITUDE_STEP_BEYOND_JUMP * value, stop - value)
         if (stop - ahead) * (stop - value) <= 0.0:
             break
         try:
@@ -592,7 +598,7 @@ def end_of(branch: Branch, stop: float) -> tuple[float, str]:
             for value, orbit in zip(values, branch.orbits, strict=True)
             if way * (value - special.value) > 0.0
         )
-        if special.label in BIFURCATIONS or not next(beyond, False):
+        if special.label in STABILITY_LOSS_LABELS or not next(beyond, False):
             return special.value, special.kind
     reached = math.isclose(values[-1], stop, rel_tol=1e-9)
     return (stop, "bound") if reached else (values[-1], branch.ended)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mems_impact._util.arrays import Floats
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.automaton import V1, V2
-from mems_impact.actuator.automaton_with_terms import SCRATCH, voltages
+from mems_impact.actuator.automaton_with_terms import SCRATCH_ARRAYS, voltages
 from mems_impact.actuator.energy_accounting import (
     SUMMED,
     EnergyAccounts,
@@ -126,8 +126,8 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Arc]:
 
 # --- Works and losses, summed up along the arcs of a run or an orbit.
 
-IMPACTS = "impacts"
-HAIR = 1e-12  # of a period: nothing is cut off a stretch that is shorter
+IMPACT_LABEL = "impacts"
+MIN_STRETCH_PERIODS = 1e-12  # of a period: nothing is cut off a stretch that is shorter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
     p = problem.parameters
     if not kinds:  # the paper's equations need no scratch, those with terms do
         first = len(PARAMETER_NAMES)
-        p = np.concatenate([p[:first], np.zeros(SCRATCH * len(system.states)), p[first:]])
+        p = np.concatenate([p[:first], np.zeros(SCRATCH_ARRAYS * len(system.states)), p[first:]])
     return replace(problem, automaton=automaton, parameters=p, section=None)
 
 
@@ -194,7 +194,7 @@ class ArcNotes:
         self.stored = tuple(own.stored.values())
         first = problem.parameters.size - drive.parameters().size
         self.volts = voltages(drive.voltage, drive.left_voltage, first)
-        losses = (*SUMMED[2:], *own.lost, IMPACTS)
+        losses = (*SUMMED[2:], *own.lost, IMPACT_LABEL)
         self.columns = tuple(
             [f"lost {name}" for name in losses] + [f"stored {name}" for name in own.stored]
         )
@@ -252,28 +252,32 @@ def summed(
     for arc in arcs:
         y, inside = arc.begin.y, False
         for begin, end in pairwise(_cuts(arc, low, high, period)):
-            whole = math.floor(begin + HAIR)
+            whole = math.floor(begin + MIN_STRETCH_PERIODS)
             now = replace(
                 arc.begin,
                 cycle=arc.begin.cycle + whole,
                 time=max(0.0, (begin - whole) * period),
                 y=y,
             )
-            inside = low - HAIR <= now.cycle + now.time / period < high - HAIR
+            inside = (
+                low - MIN_STRETCH_PERIODS
+                <= now.cycle + now.time / period
+                < high - MIN_STRETCH_PERIODS
+            )
             if inside:
                 row = rows.note(now)
-                if now.time < HAIR * period:
+                if now.time < MIN_STRETCH_PERIODS * period:
                     marks["period"].append(row)
             y = rows.follow(now, (end - begin) * period, summing=inside)
             if inside:
                 rows.note(replace(now, time=now.time + (end - begin) * period, y=y))
         ended = arc.begin.cycle + (arc.begin.time + arc.length) / period
-        if inside and arc.row >= 0 and ended < high - HAIR:
+        if inside and arc.row >= 0 and ended < high - MIN_STRETCH_PERIODS:
             rows.summed[-1] += eq.impact_loss(device.m1, device.m2, *arc.v2)
             if arc.row in blows:
                 marks["blow"].append(len(rows.place) - 1)
     end = len(rows.place) - 1
-    if abs(rows.place[end] - round(rows.place[end])) < HAIR:
+    if abs(rows.place[end] - round(rows.place[end])) < MIN_STRETCH_PERIODS:
         marks["period"].append(end)
     return WorkSums(
         columns=rows.columns,
@@ -296,7 +300,7 @@ def _cuts(arc: Arc, low: float, high: float, period: float) -> list[float]:
     ]
     cuts = [first]
     for cut in sorted(inner):
-        if cuts[-1] + HAIR < cut < last - HAIR:
+        if cuts[-1] + MIN_STRETCH_PERIODS < cut < last - MIN_STRETCH_PERIODS:
             cuts.append(float(cut))
     return [*cuts, last] if last > first else cuts
 

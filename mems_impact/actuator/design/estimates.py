@@ -37,7 +37,7 @@ __all__ = ["pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
 # --- An actuator with terms as estimates see it: forces on a block that is held, or just
 # rebounds.
 
-POINTS = 513  # at which a curve of force over position is looked at
+FORCE_CURVE_POINTS = 513  # at which a curve of force over position is looked at
 BALANCED = 1e-9  # rates of states that rest, in the units of the numerics
 
 
@@ -78,13 +78,13 @@ class StaticForces:
         That is where no equilibrium is left between its place without voltage and the stopper.
         """
         delta = self.actuator.delta
-        places = np.linspace(self._start, delta, POINTS)
+        places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
         squares = [self.needed(x2) for x2 in places.tolist()]
         if self._start == -delta:
             squares[0] += self._adhesion(-delta)
         i = int(np.argmax(squares))
         best = squares[i]
-        if 0 < i < POINTS - 1:
+        if 0 < i < FORCE_CURVE_POINTS - 1:
             bounds = places[i - 1], places[i + 1]
             found = minimize_scalar(
                 lambda x2: -self.needed(x2), bounds=bounds, options={"xatol": 1e-10}
@@ -109,7 +109,7 @@ class StaticForces:
         if first == 0.0:
             return 0.0
         end = math.copysign(self.actuator.delta, first)
-        places = np.linspace(0.0, end, POINTS).tolist()
+        places = np.linspace(0.0, end, FORCE_CURVE_POINTS).tolist()
         for before, after in pairwise(places):
             if self.force(after) * first <= 0.0:
                 return float(brentq(self.force, before, after, xtol=1e-15))

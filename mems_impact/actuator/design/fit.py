@@ -143,17 +143,17 @@ class Target:
 
 # --- Fitting of parameters to measured numbers, by bounded least squares (SciPy).
 
-DIFFERENCE = 1e-4  # relative step of the derivatives; runs are exact to far less
+JACOBIAN_STEP = 1e-4  # relative step of the derivatives; runs are exact to far less
 # SciPy steps by a part of the unknown itself: unknowns are counted from here, never near zero.
 ORIGIN = 10.0
-WIDE = 10.0  # by which a parameter without bounds may grow or shrink
+UNBOUNDED_FACTOR = 10.0  # by which a parameter without bounds may grow or shrink
 NEGLIGIBLE = 1e-3  # a combination that moves the data less than this part of the most telling one
 MISFIT = 3.0  # tolerances, which are standard errors: a difference beyond is not chance
-SETTLED = 1.0  # tolerances by which what is computed may still change
+CONVERGENCE_TOLERANCES = 1.0  # tolerances by which what is computed may still change
 LATER = 5  # times as long a run, at whose end it is computed again
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
 BARRIER = 1e6  # what is worse than any start, by this factor: where no run is possible
-BOUNDED = {"e": 1.0}  # parameters with an upper bound of their own
+UPPER_BOUNDS = {"e": 1.0}  # parameters with an upper bound of their own
 
 Verdict = Literal["good", "undetermined", "misfit", "unsettled", "not converged"]
 
@@ -344,7 +344,7 @@ def fit(
         residuals,
         start,
         bounds=(ends[:, 0], ends[:, 1]),
-        diff_step=DIFFERENCE / ORIGIN,
+        diff_step=JACOBIAN_STEP / ORIGIN,
         x_scale=1.0,
         xtol=1e-10,
         ftol=1e-12,
@@ -373,7 +373,7 @@ def fit(
     )
     off = np.abs(reached - measured) / weights
     later = computed(best, LATER * (transient + periods))
-    moving = ~(np.abs(later - reached) / weights <= SETTLED)
+    moving = ~(np.abs(later - reached) / weights <= CONVERGENCE_TOLERANCES)
     sentences = [
         *_unsettled(targets, reached, later, moving),
         *_missed(targets, off, actuator),
@@ -414,7 +414,10 @@ def _limits(
     actuator: Actuator, name: str, bounds: Mapping[str, tuple[float, float]]
 ) -> tuple[float, float]:
     value = getattr(actuator, name)
-    low, high = bounds.get(name, (value / WIDE, min(value * WIDE, BOUNDED.get(name, math.inf))))
+    low, high = bounds.get(
+        name,
+        (value / UNBOUNDED_FACTOR, min(value * UNBOUNDED_FACTOR, UPPER_BOUNDS.get(name, math.inf))),
+    )
     if not 0.0 < low < high or not low <= value <= high:
         allowed = f"(low, high) with 0 < low <= {value:g} <= high"
         raise InvalidParameter(f"bounds of {name}", (low, high), allowed)

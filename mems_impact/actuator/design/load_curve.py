@@ -35,7 +35,7 @@ WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
 FASTER = 1e3  # so many times as fast a frame that runs away is not held either
 ROUNDS = 8  # orbits, one beyond the other, on which the end of the walk is looked for
 SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in the units of the numerics
-STILL = 1e-12  # of delta: a displacement that is rounding
+MIN_DISPLACEMENT = 1e-12  # of delta: a displacement that is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -271,7 +271,7 @@ class _Chain:
         return self._row(found.step / found.periods, "orbit")
 
     def _row(self, moved: float, by: str) -> _Row:
-        moved = 0.0 if abs(moved) < STILL * self.system.actuator.delta else moved
+        moved = 0.0 if abs(moved) < MIN_DISPLACEMENT * self.system.actuator.delta else moved
         return _Row(moved, STANDS if moved == 0.0 else WALKS if moved > 0.0 else BACK, by)
 
 

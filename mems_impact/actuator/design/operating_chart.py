@@ -267,8 +267,10 @@ def locate_crisis(
 
 # --- The voltages at which block and frame begin to move, one frequency after the other.
 
-SETTLED = 400  # forcing periods after which a run without impacts has settled, or more if asked
-LARGEST = 0.02  # part of the amplitude by which it rises at once
+TRANSIENT_PERIODS = (
+    400  # forcing periods after which a run without impacts has settled, or more if asked
+)
+MAX_AMPLITUDE_STEP = 0.02  # part of the amplitude by which it rises at once
 PRECISE = 1e-5  # part of the amplitude to which a simulated threshold is found
 ABOVE = 1e-3  # part of the amplitude by which the motion with impacts is looked for above it
 RISES = 1.05  # steps in which an orbit with impacts is looked for
@@ -309,8 +311,9 @@ def onset(
 
     def settled(amplitude: float, start: State) -> tuple[bool, State]:
         run = simulate(
-            system.changed(amplitude=amplitude), SETTLED, initial=start, keep="statistics",
-            window=(0.75 * SETTLED, SETTLED), progress=watch or False,
+            system.changed(amplitude=amplitude), TRANSIENT_PERIODS, initial=start,
+            keep="statistics",
+            window=(0.75 * TRANSIENT_PERIODS, TRANSIENT_PERIODS), progress=watch or False,
         )  # fmt: skip
         return bool(run.statistics["impacts"] > 0.0), run.final
 
@@ -322,7 +325,7 @@ def onset(
             continue
         low, state = low + step, there
         if struck is None:
-            step = min(2.0 * step, LARGEST * low)
+            step = min(2.0 * step, MAX_AMPLITUDE_STEP * low)
         elif low + step >= struck[0]:
             step = 0.5 * (struck[0] - low)
         if low > most:
@@ -367,7 +370,10 @@ def steady(
     while orbit is None and amplitude < most:
         try:
             there: Any = find_orbit(
-                system.changed(amplitude=amplitude), guess=state, periods=1, transient=SETTLED
+                system.changed(amplitude=amplitude),
+                guess=state,
+                periods=1,
+                transient=TRANSIENT_PERIODS,
             )
             if there.stable and there.admissible and len(there.impacts):
                 orbit = there
@@ -378,7 +384,7 @@ def steady(
         return []
     found = []
     for boundary, stop in ((STEADY_FROM, LOWEST * on), (STEADY_TO, most)):
-        value, kind, special = lasts_until(orbit, stop, SETTLED)
+        value, kind, special = lasts_until(orbit, stop, TRANSIENT_PERIODS)
         if kind != "bound":
             found.append((boundary, value, kind if special is not None else JUMP, special))
     return found
@@ -404,10 +410,14 @@ def switching_off(
 
 CRISIS = "crisis"
 SLIPS = GUARDS[BREAK_AWAY].name
-COLUMNS = 9  # frequencies at which thresholds are looked for, if nothing is simulated to its end
-FIRST = 0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+FREQUENCY_COLUMNS = (
+    9  # frequencies at which thresholds are looked for, if nothing is simulated to its end
+)
+START_AMPLITUDE_RATIO = (
+    0.1  # amplitude at which the orbit without impacts is found, in voltages of pull-in
+)
 SEPARATING = ("grazing-fold", "degenerate grazing")  # points between two types
-SAME = 1e-9  # part of the frequency within which two points are one, located twice
+SAME_FREQUENCY_RTOL = 1e-9  # part of the frequency within which two points are one, located twice
 SLIDES = "raise mu_s, soften k, or take another range of omega"
 TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
 
@@ -481,7 +491,7 @@ class ChartBuilder:
         self.total = 2 * (len(edges) - 1)
         simulated = []
         for left, right in pairwise(edges):
-            slack = SAME * right
+            slack = SAME_FREQUENCY_RTOL * right
             inside = [p for p in curve.points if left - slack <= p.values[1] <= right + slack]
             ends = [(s.values[1], s.values[0]) for s in marks if s.values[1] in (left, right)]
             grazings = _joined(dict(_values(inside)), ends)
@@ -539,7 +549,7 @@ class ChartBuilder:
 
     def _set_out(self, omega: float) -> tuple[OrbitBranch, Iterator[BranchPoint]]:
         """Return the branch at one frequency, empty, and its points."""
-        amplitude = FIRST * self.pull_in
+        amplitude = START_AMPLITUDE_RATIO * self.pull_in
         family = self.family.at(amplitude=amplitude, omega=omega)
         here = self.system.changed(
             amplitude=self.system.out(AMPLITUDE, amplitude), omega=self.system.out(OMEGA, omega)
@@ -577,12 +587,12 @@ class ChartBuilder:
         try:
             met = [special for special in self._special(omega, wanted) if wanted(special)]
         except OrbitError:  # the frame moves at the smallest voltage
-            return FIRST * self.pull_in, SLIPS
+            return START_AMPLITUDE_RATIO * self.pull_in, SLIPS
         return (met[0].value, met[0].kind) if met else (self.pull_in, "")
 
     def _thresholds(self, crises: int, periods: int, workers: int) -> None:
         """Find where the frame slips, and the block strikes or not, at equal distances."""
-        omegas = np.linspace(*self.omega, crises or COLUMNS).tolist()
+        omegas = np.linspace(*self.omega, crises or FREQUENCY_COLUMNS).tolist()
         found: dict[str, list[_Place]] = {}
         self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
 
@@ -666,7 +676,7 @@ class ChartBuilder:
             if len(points) < len(curve.points) or not points or not risen:
                 continue
             omega, amplitude = points[-1]
-            same = abs(omega - end.omega) <= SAME * end.omega
+            same = abs(omega - end.omega) <= SAME_FREQUENCY_RTOL * end.omega
             if same and abs(amplitude - end.amplitude) < TOUCH * end.amplitude:
                 return sorted(p for p in points if left.omega < p[0] < right.omega)
         return None
@@ -845,7 +855,11 @@ def _joined(
 
     A point in which two curves end is located on both, at numbers that differ by rounding.
     """
-    kept = {w: a for w, a in values.items() if all(abs(w - end) > SAME * end for end, _ in ends)}
+    kept = {
+        w: a
+        for w, a in values.items()
+        if all(abs(w - end) > SAME_FREQUENCY_RTOL * end for end, _ in ends)
+    }
     return tuple(sorted({**kept, **dict(ends)}.items()))
 
 

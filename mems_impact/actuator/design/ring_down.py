@@ -36,11 +36,13 @@ if TYPE_CHECKING:
 __all__ = ["RingDown", "ring_down"]
 
 PERIODS, MOST = 64, 131072  # half natural periods of the first run, and of the last
-FEW = 1024  # half natural periods for which a swing that dies out slowly is followed as it is
-HALVINGS = 40
+DIRECT_HALF_PERIODS = (
+    1024  # half natural periods for which a swing that dies out slowly is followed as it is
+)
+SWING_BISECTIONS = 40
 LEVELS, SKIPPED = 9, 4  # amplitudes at which a slow decay is measured; swings until it is even
 ERROR = 1e-9  # part of a decrement that a step of a slow decay may miss
-LEAST = 1e-8  # decrement that rounding leaves to be measured
+MIN_DECREMENT = 1e-8  # decrement that rounding leaves to be measured
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
@@ -170,7 +172,7 @@ def ring_down(
         t, amplitude = swings(run.trajectory, sticks)
         low = np.flatnonzero(amplitude <= share * amplitude[:1].max(initial=0.0))
         free = not disturbed(run, sticks)
-        if low.size or periods >= (FEW if free else MOST):
+        if low.size or periods >= (DIRECT_HALF_PERIODS if free else MOST):
             break
         periods *= 4
     if low.size:
@@ -248,7 +250,7 @@ def slow_decay(
             decrement = math.log(high[0] / high[-1]) / count
             rtol = max(1e-14, ERROR * decrement)
             fine = replace(fine, rtol=rtol, atol=rtol * high[-1])
-        if decrement < LEAST:
+        if decrement < MIN_DECREMENT:
             problem = "the swing of the block does not die out"
             raise InvalidParameter("initial", initial, "", problem=problem)
         found.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
@@ -301,7 +303,7 @@ def gentle(
     off: ActuatorSystem, start: State, sticks: bool, options: Options
 ) -> tuple[State, Options]:
     """Return a kick after which the block soon swings freely, and options as fine as it is weak."""
-    for _ in range(HALVINGS):
+    for _ in range(SWING_BISECTIONS):
         if not disturbed(simulate(off, PERIODS, initial=start, options=options), sticks):
             break
         start = start.replace(v2=0.5 * start["v2"])

@@ -20,7 +20,7 @@ from mems_impact.hybrid.problem import ProblemParameters
 
 __all__ = ["Drive", "Waveform"]
 
-GOLDEN = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
+GOLDEN_PHASE = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
 FEWEST, MOST = 16, 10_000  # times at which the sign of a voltage is looked at between two switches
 
 Waveform = Callable[[float, NDArray[np.float64]], float]
@@ -59,8 +59,8 @@ class Drive(Checked, ABC):
         Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
     units : mapping of str to str
         The SI unit of every field that is not a pure number: "V", "s", "rad/s" or "Hz" (see
-        `mems_impact.actuator.units.UNITS`). From it `scaled` follows, and what a table calls the
-        field of a device in SI. A field may hold a tuple (of tuples) of numbers in that unit.
+        `mems_impact.actuator.units.KNOWN_UNITS`). It determines `scaled`, and the heading of the
+        field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that unit.
 
     Methods
     -------
@@ -303,7 +303,7 @@ def _signs(drive: Drive) -> Signs:
     times: list[float] = []
     for begin, end in pairwise((0.0, *drive.switches, period)):
         count = min(max(FEWEST, round(FEWEST * (end - begin) / drive.time_scale)), MOST)
-        times += [begin + (end - begin) * (i + GOLDEN) / count for i in range(count)]
+        times += [begin + (end - begin) * (i + GOLDEN_PHASE) / count for i in range(count)]
     waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
     rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]
     now, later, last = np.array(rows).T

@@ -10,13 +10,19 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from mems_impact.actuator.drives.base import Drive, Waveform
-from mems_impact.actuator.drives.timeline import SILENT, TimelineSegment, array_of, repeated, retime
+from mems_impact.actuator.drives.timeline import (
+    NO_VOLTAGE,
+    TimelineSegment,
+    array_of,
+    repeated,
+    retime,
+)
 from mems_impact.actuator.parameter_base import Number, Positive
 from mems_impact.errors import InvalidParameter
 
 __all__ = ["Burst"]
 
-LONGEST = 10_000
+MAX_BURST_PERIODS = 10_000
 
 
 class Burst(Drive):
@@ -59,7 +65,7 @@ class Burst(Drive):
     """
 
     wave: Drive = Field(description="a drive")
-    on: Annotated[Number, Gt(0), Le(LONGEST)]
+    on: Annotated[Number, Gt(0), Le(MAX_BURST_PERIODS)]
     off: Positive | None = Field(default=None, description="a finite number > 0")
     pause: Positive | None = Field(default=None, description="a finite number > 0")
 
@@ -97,7 +103,7 @@ class Burst(Drive):
     @property
     def stretches(self) -> list[TimelineSegment]:
         """The timeline of one period."""
-        return [*repeated(self.wave, self.length), TimelineSegment(self.length, 0.0, SILENT)]
+        return [*repeated(self.wave, self.length), TimelineSegment(self.length, 0.0, NO_VOLTAGE)]
 
     @property
     def switches(self) -> tuple[float, ...]:

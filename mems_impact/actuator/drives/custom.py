@@ -20,17 +20,17 @@ from mems_impact.hybrid.pickling import portable, same_function
 
 __all__ = ["Custom"]
 
-PLAIN = "a plain Python function of t and q"
+WAVEFORM_KIND = "a plain Python function of t and q"
 NAMED = "a table of finite numbers by name"
-TIMES = "ascending times in (0, period]"
-PROBES = 24  # times at which rate and period are checked
-CLOSE = 1e-6  # of the largest value
+TIMES_KIND = "ascending times in (0, period]"
+PROBE_COUNT = 24  # times at which rate and period are checked
+WAVEFORM_RTOL = 1e-6  # of the largest value
 
 
 def _function(value: Any) -> Any:
     value = getattr(value, "py_func", value)  # of a function that numba compiled
     if not isinstance(value, FunctionType):
-        raise ValueError(PLAIN)
+        raise ValueError(WAVEFORM_KIND)
     return value
 
 
@@ -48,10 +48,10 @@ def _times(value: Any) -> tuple[float, ...]:
     try:
         return tuple(float(time) for time in value)
     except (TypeError, ValueError):
-        raise ValueError(TIMES) from None
+        raise ValueError(TIMES_KIND) from None
 
 
-Function = Annotated[Any, BeforeValidator(_function), Field(description=PLAIN)]
+Function = Annotated[Any, BeforeValidator(_function), Field(description=WAVEFORM_KIND)]
 
 
 class Custom(Drive):
@@ -113,7 +113,9 @@ class Custom(Drive):
     values: Annotated[
         tuple[tuple[str, float], ...], BeforeValidator(_pairs), Field(description=NAMED)
     ] = ()
-    switches: Annotated[tuple[float, ...], BeforeValidator(_times), Field(description=TIMES)] = ()
+    switches: Annotated[
+        tuple[float, ...], BeforeValidator(_times), Field(description=TIMES_KIND)
+    ] = ()
     fastest: Positive | None = Field(default=None, description="a finite number > 0")
     time_unit: Positive = 1.0
     voltage_unit: Positive = 1.0
@@ -124,7 +126,7 @@ class Custom(Drive):
     def _check_functions(self) -> Self:
         times = (0.0, *self.switches, math.nextafter(self.period, math.inf))
         if not all(before < after for before, after in pairwise(times)):
-            raise InvalidParameter("switches", self.switches, TIMES)
+            raise InvalidParameter("switches", self.switches, TIMES_KIND)
         for name in ("function", "rate"):
             problem = _compiling_problem(getattr(self, name))
             if problem:
@@ -134,14 +136,14 @@ class Custom(Drive):
 
     def _check_values(self) -> None:
         borders = np.array([0.0, *self.switches, self.period])
-        probes = (np.arange(PROBES) + 0.5) / PROBES * self.period
+        probes = (np.arange(PROBE_COUNT) + 0.5) / PROBE_COUNT * self.period
         distance = np.abs(probes[:, None] - borders).min(axis=1)
         h = 1e-5 * (self.fastest or self.period)
         probes = probes[distance > 2.0 * h]
         now, rates = self._probed("function", probes), self._probed("rate", probes)
         later = self._probed("function", probes + self.period)
         largest = float(np.max(np.abs(now), initial=0.0))
-        wrong = np.abs(later**2 - now**2) > CLOSE * largest**2
+        wrong = np.abs(later**2 - now**2) > WAVEFORM_RTOL * largest**2
         if wrong.any():
             at = float(probes[np.argmax(wrong)])
             problem = f"the square of the voltage at t = {at:.6g} differs from that a period later"

@@ -25,9 +25,16 @@ from mems_impact.actuator.toml_files import (
 from mems_impact.errors import InvalidFile, InvalidParameter
 from mems_impact.systems.state import is_number
 
-__all__ = ["TABLES", "drive_in_table", "drive_kinds", "drive_of_kind", "holds_drive", "load_drive"]
+__all__ = [
+    "SAMPLE_SUFFIXES",
+    "drive_in_table",
+    "drive_kinds",
+    "drive_of_kind",
+    "holds_drive",
+    "load_drive",
+]
 
-TABLES = (".csv", ".txt", ".dat", ".tsv")
+SAMPLE_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
 """Endings of the files that hold a measured waveform."""
 
 CODE = CodeRequest(
@@ -36,9 +43,11 @@ CODE = CodeRequest(
     kind="drive file",
     reader="load_drive",
 )
-REMEDY = 'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
+DRIVE_FILE_REMEDY = (
+    'give a TOML file with a table [drive] of lines like kind = "sine", or a CSV file'
+)
 _BESIDE = ("name", "description", "units", "parameters")  # what a device file holds
-_LARGEST_FILE = 10_000_000  # bytes
+MAX_DRIVE_FILE_BYTES = 10_000_000  # bytes
 
 
 def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
@@ -89,21 +98,21 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise InvalidParameter("path", path, "the path of a TOML or CSV file")
     source = fspath(path)
-    if source.lower().endswith(TABLES):
+    if source.lower().endswith(SAMPLE_SUFFIXES):
         record = Sampled.from_csv(source)
         try:
             record.check()
         except InvalidParameter as error:
             raise error.located(source) from None
         return record
-    raw = read_bytes(source, REMEDY, largest=_LARGEST_FILE, kind="drive file")
+    raw = read_bytes(source, DRIVE_FILE_REMEDY, largest=MAX_DRIVE_FILE_BYTES, kind="drive file")
     content = parse_toml(raw, source, 'a table [drive] of lines like kind = "sine"')
     try:
         for name, value in content.items():
             if name not in ("drive", *_BESIDE, *term_names()):
                 raise InvalidParameter(name, value, "in the table [drive]")
         if not isinstance(content.get("drive"), dict):
-            raise InvalidFile(source, "holds no table [drive]", REMEDY)
+            raise InvalidFile(source, "holds no table [drive]", DRIVE_FILE_REMEDY)
         return drive_in_table(content["drive"], Path(source), allow_code)
     except InvalidParameter as error:
         raise error if error.source else error.located(source) from None
@@ -116,8 +125,10 @@ def holds_drive(name_or_path: str) -> bool:
     if name_or_path in preset_names() or not Path(name_or_path).is_file():
         return False
     try:
-        raw = read_bytes(name_or_path, REMEDY, largest=_LARGEST_FILE, kind="drive file")
-        return "drive" in parse_toml(raw, name_or_path, REMEDY)
+        raw = read_bytes(
+            name_or_path, DRIVE_FILE_REMEDY, largest=MAX_DRIVE_FILE_BYTES, kind="drive file"
+        )
+        return "drive" in parse_toml(raw, name_or_path, DRIVE_FILE_REMEDY)
     except InvalidFile:
         return False  # let the device say what is wrong
 

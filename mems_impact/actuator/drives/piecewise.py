@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from mems_impact.actuator.drives.base import Drive
 
-__all__ = ["ROUNDING", "Piece", "PiecewiseDrive", "fold", "warn_of_one_force"]
+__all__ = ["MIN_PIECE_PERIODS", "Piece", "PiecewiseDrive", "fold", "warn_of_one_force"]
 
-ROUNDING = 1e-14  # of a period: a part that takes less time takes none
+MIN_PIECE_PERIODS = 1e-14  # of a period: a part that takes less time takes none
 
 PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 5  # places in q; a piece is its start and 4 coefficients
 

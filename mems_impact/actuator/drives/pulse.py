@@ -8,7 +8,12 @@ from typing import Self
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
-from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive, warn_of_one_force
+from mems_impact.actuator.drives.piecewise import (
+    MIN_PIECE_PERIODS,
+    Piece,
+    PiecewiseDrive,
+    warn_of_one_force,
+)
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -73,7 +78,7 @@ class Pulse(PiecewiseDrive):
 
     @model_validator(mode="after")
     def _check_times(self) -> Self:
-        slack = ROUNDING * self.period
+        slack = MIN_PIECE_PERIODS * self.period
         if not slack < self.width < self.period:
             allowed = f"> 0 and below the period = {shown(self.period)}"
             raise InvalidParameter("width", self.width, allowed)
@@ -102,7 +107,7 @@ def pulse(
     low: float, top: float, period: float, *, width: float, rise: float, fall: float
 ) -> list[Piece]:
     """Return the pieces of one pulse; a part that takes no time, but for rounding, is left out."""
-    slack = ROUNDING * period
+    slack = MIN_PIECE_PERIODS * period
     pieces = []
     if rise > slack:
         pieces.append(Piece(0.0, low, (top - low) / rise))

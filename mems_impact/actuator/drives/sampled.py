@@ -20,7 +20,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["Sampled"]
 
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
-CLOSEST = 1e-9  # of the record: samples closer than this are one
+MIN_SAMPLE_SPACING = 1e-9  # of the record: samples closer than this are one
 BEND = 0.25  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
@@ -131,7 +131,7 @@ class Sampled(PiecewiseDrive):
         if len(times) != len(voltages):
             allowed = f"as many as times, {len(times)}"
             raise InvalidParameter("number of voltages", len(voltages), allowed)
-        least = CLOSEST * (max(times) - min(times))
+        least = MIN_SAMPLE_SPACING * (max(times) - min(times))
         for before, after in pairwise(times):
             if not after - before > least:
                 allowed = f"ascending, above the time before, {shown(before)}"

@@ -9,7 +9,12 @@ from annotated_types import Gt, Lt
 from pydantic import model_validator
 
 from mems_impact._util.formatting import shown
-from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive, warn_of_one_force
+from mems_impact.actuator.drives.piecewise import (
+    MIN_PIECE_PERIODS,
+    Piece,
+    PiecewiseDrive,
+    warn_of_one_force,
+)
 from mems_impact.actuator.drives.pulse import pulse
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
@@ -80,10 +85,10 @@ class Square(PiecewiseDrive):
         turn = 2.0 * math.pi / self.omega
         if not math.isfinite(turn):
             raise InvalidParameter("omega", self.omega, "large enough for a finite period")
-        if not min(self.duty, 1.0 - self.duty) > ROUNDING:
+        if not min(self.duty, 1.0 - self.duty) > MIN_PIECE_PERIODS:
             raise InvalidParameter("duty", self.duty, "a finite number > 0 and < 1")
         longest = min(self.duty, 1.0 - self.duty) * turn
-        if not self.rise <= longest + ROUNDING * turn:
+        if not self.rise <= longest + MIN_PIECE_PERIODS * turn:
             allowed = f"between 0 and {shown(longest)}, the shorter part of the period"
             raise InvalidParameter("rise", self.rise, allowed)
         warn_of_one_force("this square wave", self.amplitude, self.low, self.rise)
@@ -109,7 +114,7 @@ class Square(PiecewiseDrive):
         low, top, rise, period = self.low, self.amplitude, self.rise, self.period
         if not self.changes_sign:
             return pulse(low, top, period, width=self.duty * period, rise=rise, fall=rise)
-        slack = ROUNDING * period
+        slack = MIN_PIECE_PERIODS * period
         pieces = [Piece(0.0, low, (top - low) / rise)] if rise > slack else []
         if rise < period - slack:
             pieces.append(Piece(rise if pieces else 0.0, top))

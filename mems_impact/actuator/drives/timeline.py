@@ -20,8 +20,8 @@ from mems_impact.actuator.drives.piecewise import COUNT, FIRST, PERIOD, fold, pi
 __all__ = ["TimelineSegment", "array_of", "repeated", "retime", "with_offset"]
 
 FOREVER = 1e300
-SILENT = -1.0  # as `last`: no voltage
-WIDTH = 3  # numbers of a stretch, which stand in q as the pieces of `piecewise` do
+NO_VOLTAGE = -1.0  # as `last`: no voltage
+STRETCH_NUMBERS = 3  # numbers of a stretch, which stand in q as the pieces of `piecewise` do
 
 
 class TimelineSegment(NamedTuple):
@@ -38,10 +38,10 @@ def retime(within: Waveform) -> Waveform:
 
     def waveform(t, q):  # type: ignore[no-untyped-def]
         u = fold(t, q[PERIOD])
-        i = piece_at(u, q, WIDTH)
+        i = piece_at(u, q, STRETCH_NUMBERS)
         if q[i + 2] < 0.0:
             return 0.0
-        rest = FIRST + WIDTH * int(q[COUNT])
+        rest = FIRST + STRETCH_NUMBERS * int(q[COUNT])
         return within(min(u - q[i] + q[i + 1], q[i + 2]), q[rest:])
 
     return waveform

@@ -8,7 +8,7 @@ from typing import Annotated, Self
 from annotated_types import Ge, Lt
 from pydantic import model_validator
 
-from mems_impact.actuator.drives.piecewise import ROUNDING, Piece, PiecewiseDrive
+from mems_impact.actuator.drives.piecewise import MIN_PIECE_PERIODS, Piece, PiecewiseDrive
 from mems_impact.actuator.parameter_base import NonNegative, Number, Positive
 from mems_impact.errors import InvalidParameter
 
@@ -83,7 +83,7 @@ class Trapezoid(PiecewiseDrive):
     def pieces(self) -> list[Piece]:
         """Return crest and fall, and their mirror images if there is a bias."""
         turn = 2.0 * math.pi / self.omega
-        slack = ROUNDING * turn
+        slack = MIN_PIECE_PERIODS * turn
         crest, flank = 0.5 * self.flat * turn, 0.5 * (1.0 - self.flat) * turn
         top, bottom = self.bias + self.amplitude, self.bias - self.amplitude
         pieces = []

@@ -22,7 +22,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["TwoSided"]
 
 MOST_PERIODS = 64
-SAME = 1e-12
+PERIOD_RTOL = 1e-12
 
 
 class TwoSided(Drive):
@@ -83,7 +83,10 @@ class TwoSided(Drive):
         right, left = self.right.period, self.left.period
         for count in range(1, MOST_PERIODS + 1):
             other = round(count * right / left)
-            if 1 <= other <= MOST_PERIODS and abs(other * left - count * right) <= SAME * left:
+            if (
+                1 <= other <= MOST_PERIODS
+                and abs(other * left - count * right) <= PERIOD_RTOL * left
+            ):
                 return count, other
         return None
 
@@ -115,7 +118,7 @@ class TwoSided(Drive):
         joined = []
         for stretch in left:
             nearest = float(times[np.argmin(np.abs(times - stretch.start))])
-            same = abs(nearest - stretch.start) <= 10.0 * SAME * self.period
+            same = abs(nearest - stretch.start) <= 10.0 * PERIOD_RTOL * self.period
             joined.append(stretch._replace(start=nearest) if same else stretch)
         return right, joined
 

@@ -10,14 +10,14 @@ from typing import Any
 
 _NO_TERMS = ("base", "files")
 
-TERMS = {
+TERM_CLASSES = {
     each.name: "".join(word.capitalize() for word in each.name.split("_"))
     for each in iter_modules(__path__)
     if each.name not in _NO_TERMS
 }
 """All terms: the name, as files and parameters know it, and the class."""
 
-_HOMES = {"Term": "base", **{name: kind for kind, name in TERMS.items()}}
+_HOMES = {"Term": "base", **{name: kind for kind, name in TERM_CLASSES.items()}}
 
 
 def __getattr__(name: str) -> Any:

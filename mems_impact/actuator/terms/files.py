@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from mems_impact._util import plugins
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.base import Term
 from mems_impact.errors import InvalidParameter
 
@@ -16,20 +16,20 @@ __all__ = ["table_of", "term_names", "term_of", "term_type", "term_with"]
 
 def term_names() -> tuple[str, ...]:
     """Return the names of terms, those of other packages last."""
-    return plugins.names(plugins.TERMS, TERMS)
+    return plugins.names(plugins.TERM_GROUP, TERM_CLASSES)
 
 
 def term_type(name: str) -> type[Term]:
     """Return the term of that name; InvalidParameter if there is none."""
-    if name in TERMS:
-        own: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERMS[name])
+    if name in TERM_CLASSES:
+        own: type[Term] = getattr(import_module(f"{__package__}.{name}"), TERM_CLASSES[name])
         return own
 
     def is_term(found: Any) -> bool:
         return isinstance(found, type) and issubclass(found, Term) and found.name() == name
 
     what = f"a subclass of Term in a file {name}.py"
-    added: type[Term] | None = plugins.plugin(plugins.TERMS, name, is_term, what)
+    added: type[Term] | None = plugins.plugin(plugins.TERM_GROUP, name, is_term, what)
     if added is None:
         raise InvalidParameter("term", name, f"one of {', '.join(term_names())}")
     return added

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Fringing"]
 
-ROUNDING = 1e-12  # of a size in other units
+SIZE_RTOL = 1e-12  # of a size in other units
 
 
 class Fringing(Term):
@@ -68,7 +68,7 @@ class Fringing(Term):
         least = 2.0 * (actuator.d + actuator.delta)
         for name in ("width", "length"):
             size = getattr(self, name)
-            if size is not None and size < least * (1.0 - ROUNDING):
+            if size is not None and size < least * (1.0 - SIZE_RTOL):
                 allowed = f">= {shown(least)}, twice the widest gap d + delta"
                 raise InvalidParameter(f"{self.name()}.{name}", size, allowed)
 

@@ -25,7 +25,9 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["SqueezeFilm"]
 
 MOST_MODES = 4
-SMALL = 0.2  # mean pressure beside the ambient one, for which the flow is still linear in it
+MAX_PRESSURE_RATIO = (
+    0.2  # mean pressure beside the ambient one, for which the flow is still linear in it
+)
 THIN = 880.0  # Knudsen number up to which the effective viscosity was fitted
 EXCESS = "the excess of the squeeze film's mean pressure, by the ambient one,"
 EMPTY = 1.0 - 1e-9  # no gas is left; a trial step may look beyond
@@ -294,7 +296,7 @@ def film_of(at: ParameterIndices, parts: list[Compartment], side: int, places: l
     def excess(y, p):  # type: ignore[no-untyped-def]
         return abs(filling(y, p)) / (p[eq.D] - side * y[X2])
 
-    beside = Limit(EXCESS, excess, SMALL)
+    beside = Limit(EXCESS, excess, MAX_PRESSURE_RATIO)
     return Film(force, list(rates), summed(energies), summed(losses), beside)
 
 

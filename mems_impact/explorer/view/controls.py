@@ -20,9 +20,9 @@ from mems_impact.explorer.session import (
 
 __all__ = ["Controls"]
 
-WIDE = "stretch_width"
+STRETCH_WIDTH = "stretch_width"
 LENGTHS = 10.0  # least and step of the slider of the length
-MOST = 300.0
+MAX_PERIODS = 300.0
 MOVED = "window.slider_moved = performance.now()"
 
 
@@ -70,14 +70,14 @@ class Controls:
         if "device" not in subject.groups:
             del files["device"]
         buttons = [self._button(save, what, label) for what, label in files.items()]
-        self.files = row(*buttons, sizing_mode=WIDE)
-        self.layout = column(*parts, _heading("shown"), *shown, sizing_mode=WIDE)
+        self.files = row(*buttons, sizing_mode=STRETCH_WIDTH)
+        self.layout = column(*parts, _heading("shown"), *shown, sizing_mode=STRETCH_WIDTH)
 
     def _slider(self, dial: SliderSpec, value: float) -> Slider:
         low, high = min(dial.low, value), max(dial.high, value)
         made = Slider(
             title=dial.label, value=value / dial.factor, start=low / dial.factor,
-            end=high / dial.factor, step=dial.step / dial.factor, sizing_mode=WIDE,
+            end=high / dial.factor, step=dial.step / dial.factor, sizing_mode=STRETCH_WIDTH,
             format=PrintfTickFormatter(format="%.5g"), name=f"slider {dial.name}",
         )  # fmt: skip
 
@@ -91,7 +91,8 @@ class Controls:
     def _length(self, setting: PageSetting, word: str) -> Slider:
         made = Slider(
             title=word, value=setting.length, start=min(LENGTHS, setting.length),
-            end=max(MOST, min(setting.length, LONGEST)), step=LENGTHS, sizing_mode=WIDE,
+            end=max(MAX_PERIODS, min(setting.length, LONGEST)), step=LENGTHS,
+            sizing_mode=STRETCH_WIDTH,
             name="slider length",
         )  # fmt: skip
 
@@ -103,7 +104,11 @@ class Controls:
 
     def _choice(self, field: str, title: str, options: list[str], value: str) -> Select:
         made = Select(
-            title=title, options=options, value=value, sizing_mode=WIDE, name=f"choice {field}"
+            title=title,
+            options=options,
+            value=value,
+            sizing_mode=STRETCH_WIDTH,
+            name=f"choice {field}",
         )
 
         def chosen(_attr: str, _old: str, new: str) -> None:
@@ -115,11 +120,11 @@ class Controls:
         return made
 
     def _button(self, save: Callable[[str], None], what: str, label: str) -> Button:
-        made = Button(label=label, sizing_mode=WIDE, name=f"save {what}")
+        made = Button(label=label, sizing_mode=STRETCH_WIDTH, name=f"save {what}")
         made.on_click(lambda: save(what))
         return made
 
 
 def _heading(text: str) -> Div:
-    return Div(text=text, render_as_text=True, css_classes=["heading"], sizing_mode=WIDE,
+    return Div(text=text, render_as_text=True, css_classes=["heading"], sizing_mode=STRETCH_WIDTH,
                styles={"font-weight": "600", "margin-top": "8px"})  # fmt: skip

@@ -32,7 +32,7 @@ from mems_impact.explorer.session import (
 )
 from mems_impact.explorer.snapshot import (
     COARSE,
-    PER_PERIOD,
+    SAMPLES_PER_PERIOD,
     Asked,
     BifurcationDiagram,
     Floquet,
@@ -56,8 +56,8 @@ from mems_impact.explorer.view.panels import (
 
 __all__ = ["Page"]
 
-FIRST = "computing; a system that is new here is compiled first, for some seconds"
-PATIENCE = 0.5  # s that a run may take though the slider has moved on
+FIRST_STATUS = "computing; a system that is new here is compiled first, for some seconds"
+STALE_RUN_SECONDS = 0.5  # s that a run may take though the slider has moved on
 ORBIT_DELAY, DIAGRAM_DELAY = 0.1, 0.25  # s in which nothing moves, before these are computed
 
 
@@ -93,7 +93,9 @@ class Page:
             self.setting, refused = first_setting(subject), f"The address: {error}"
         self._draw_first(tuple(dials))
         self.message.text = refused
-        self.pictures = self._thread(partial(take_snapshot, subject), self._show, patience=PATIENCE)
+        self.pictures = self._thread(
+            partial(take_snapshot, subject), self._show, patience=STALE_RUN_SECONDS
+        )
         self.orbits = self._thread(floquet_of, self._show_orbit, delay=ORBIT_DELAY)
         self.diagrams = self._thread(self._diagram, self._show_diagram, delay=DIAGRAM_DELAY)
         self.drawings = self._thread(_drawing, lambda _, drawn: self._send("png", drawn))
@@ -136,7 +138,7 @@ class Page:
         self.bifurcation = Bifurcation() if self.dials else None
         self.device = Device() if actuator else None
         self.title = _text(subject.title, **{"font-size": "20px", "font-weight": "600"})
-        self.status = _text(FIRST, color="#555")
+        self.status = _text(FIRST_STATUS, color="#555")
         self.message = _text("", color="#a33b00")
         self.address, self.parcel = Div(visible=False), Div(visible=False)
         told = CustomJS(args={"address": self.address}, code=_asset("address.js"))
@@ -173,7 +175,7 @@ class Page:
         self.document.template = _asset("page.html")
         self.document.template_variables["style"] = _asset("style.css")
         self.document.template_variables["panels"] = tuple(
-            (name, caption) for name, caption in CAPTIONS.items() if name in roots
+            (name, caption) for name, caption in PANEL_CAPTIONS.items() if name in roots
         )
         self.document.on_session_destroyed(lambda _context: self.stop())
 
@@ -244,7 +246,7 @@ class Page:
         for axis, name in (("x", setting.x), ("y", setting.y)):
             data[axis] = frames[name][::EVERY] / scales[name]
         more = self.device.about(picture) if self.device is not None else {}
-        self.about.data = {"per_period": [PER_PERIOD / EVERY], **more}
+        self.about.data = {"per_period": [SAMPLES_PER_PERIOD / EVERY], **more}
         self.frames.data = data | (frames_of(picture) if self.device is not None else {})
 
     def _show_orbit(self, picture: RunSnapshot, floquet: Floquet) -> None:
@@ -272,7 +274,7 @@ def _drawing(picture: RunSnapshot, watch: Watch) -> bytes:
     return run_picture(picture.run)
 
 
-CAPTIONS = {
+PANEL_CAPTIONS = {
     "device": "Device in motion",
     "series": "Motion over time",
     "portrait": "Phase portrait and section",

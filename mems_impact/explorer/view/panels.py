@@ -13,7 +13,7 @@ from bokeh.plotting import figure
 from mems_impact.actuator.system import ActuatorSystem
 from mems_impact.explorer.session import TIME, best_si_prefix
 from mems_impact.explorer.snapshot import (
-    PER_PERIOD,
+    SAMPLES_PER_PERIOD,
     BifurcationDiagram,
     Floquet,
     RunSnapshot,
@@ -30,7 +30,9 @@ with wearing():  # what the colours of figures mean, they mean here
     MOTION, IMPACT, FRAME, UP, DOWN, UNSTABLE, VOLTAGE, GUIDE = map(
         color, ("motion", "impact", "frame", "up", "down", "unstable", "voltage", "guide")
     )
-LEFT = 62  # room for numbers of any length, lest the page is laid out anew for each picture
+LEFT_BORDER_PX = (
+    62  # room for numbers of any length, lest the page is laid out anew for each picture
+)
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 
 
@@ -45,7 +47,7 @@ def new_figure(height: int, **given: Any) -> Any:
     """Return an empty figure as wide as its place on the page."""
     made = figure(
         height=height, sizing_mode="stretch_width", tools=TOOLS, toolbar_location="above",
-        min_border_left=LEFT, min_border_right=12, **given,
+        min_border_left=LEFT_BORDER_PX, min_border_right=12, **given,
     )  # fmt: skip
     made.toolbar.logo = None
     made.toolbar.autohide = made.toolbar_inner = True
@@ -156,7 +158,7 @@ class Bifurcation:
 # --- Cycle by cycle: step and speed of the frame, or the section; and the impacts.
 
 BEGINNING = 0.05  # part of the run that does not count for the range of the axis
-SMALL = 1e-4  # range of an axis, as a part of the values: rounding is no news
+MIN_AXIS_RANGE = 1e-4  # range of an axis, as a part of the values: rounding is no news
 MARGIN = 0.08  # beyond the values, as a part of their range
 
 
@@ -194,7 +196,7 @@ class CyclesPanel:
         low, high = (float(later.min()), float(later.max())) if later.size else (0.0, 1.0)
         low, high = (min(low, 0.0), max(high, 0.0)) if cycles.speed else (low, high)
         size = max(abs(low), abs(high)) or 1.0
-        room = max(MARGIN * (high - low), SMALL * size)
+        room = max(MARGIN * (high - low), MIN_AXIS_RANGE * size)
         low, high = low - room, high + room
         self.values.y_range.update(start=low, end=high)
         self.speed.visible = cycles.speed > 0.0
@@ -215,11 +217,11 @@ class CyclesPanel:
 
 # --- The device in motion: block, spring, stoppers and electrodes, and the ground it walks over.
 
-BLOCK = 0.6  # half its width, in gaps
-WALL = 0.22  # thickness of the frame
+BLOCK_HALF_WIDTH_GAPS = 0.6  # half its width, in gaps
+FRAME_THICKNESS_GAPS = 0.22  # thickness of the frame
 TEETH = 7  # of the spring
 TICKS = 24  # of the ground
-APART = 0.5
+CENTER_DISTANCE = 0.5
 EVERY = 2  # sample that is played
 WALKED = 0.4  # gaps that the frame seems to walk in a period
 
@@ -232,7 +234,7 @@ class Device:
     """
 
     def __init__(self) -> None:
-        end = BLOCK + 1.0 + WALL + 0.15
+        end = BLOCK_HALF_WIDTH_GAPS + 1.0 + FRAME_THICKNESS_GAPS + 0.15
         made = self.layout = figure(
             height=140, sizing_mode="stretch_width", tools="", toolbar_location=None,
             x_range=Range1d(-1.5 * end, 1.5 * end), y_range=Range1d(-0.45, 1.55),
@@ -246,7 +248,7 @@ class Device:
             {"x": [0.0] * (TEETH + 2), "y": [0.5 + 0.14 * _tooth(i) for i in range(TEETH + 2)]}
         )
         self.end = end
-        ticks = [-1.6 * end + APART * i for i in range(TICKS)]
+        ticks = [-1.6 * end + CENTER_DISTANCE * i for i in range(TICKS)]
         self.ground = ColumnDataSource({"x0": ticks, "x1": [each - 0.12 for each in ticks]})
         made.segment(-9.0, -0.02, 9.0, -0.02, color=GUIDE, line_width=1.5)
         made.segment("x0", -0.02, "x1", -0.2, source=self.ground, color=GUIDE)
@@ -258,15 +260,18 @@ class Device:
         made.text(-1.45 * end, 1.32, "text", source=self.caption, text_font_size="13px",
                   text_baseline="middle")  # fmt: skip
         made.line("x", "y", source=self.spring, color="black", line_width=1.2)
-        made.rect("x", 0.5, 2.0 * BLOCK, 0.62, source=self.block, fill_color=MOTION,
+        made.rect("x", 0.5, 2.0 * BLOCK_HALF_WIDTH_GAPS, 0.62, source=self.block, fill_color=MOTION,
                   line_color=None, fill_alpha=0.85)  # fmt: skip
 
     def show(self, picture: RunSnapshot) -> None:
         """Show another device."""
         system = picture.system
         assert isinstance(system, ActuatorSystem)
-        stop = BLOCK + system.actuator.delta / system.actuator.d
-        inner, outer = BLOCK + 1.0, BLOCK + 1.0 + WALL
+        stop = BLOCK_HALF_WIDTH_GAPS + system.actuator.delta / system.actuator.d
+        inner, outer = (
+            BLOCK_HALF_WIDTH_GAPS + 1.0,
+            BLOCK_HALF_WIDTH_GAPS + 1.0 + FRAME_THICKNESS_GAPS,
+        )
         quads = [
             (-outer, -inner, 0.0, 1.0, "#b5b5b5"),
             (inner, outer, 0.0, 1.0, "#b5b5b5"),
@@ -286,9 +291,9 @@ class Device:
         """Return what the browser has to know to move the drawing."""
         factor, unit = unit_for(picture.system, "x1", picture.motion.frames["x1"])
         return {
-            "inner": [BLOCK + 1.0],
-            "half": [BLOCK],
-            "apart": [APART],
+            "inner": [BLOCK_HALF_WIDTH_GAPS + 1.0],
+            "half": [BLOCK_HALF_WIDTH_GAPS],
+            "apart": [CENTER_DISTANCE],
             "first": [-1.6 * self.end],
             "magnified": [magnified(picture)],
             "factor": [factor],
@@ -316,7 +321,7 @@ def magnified(picture: RunSnapshot) -> float:
     """Return how many times faster the ground is to pass by: 1, 2 or 5 times a power of ten."""
     system, x1 = picture.system, picture.motion.frames["x1"]
     assert isinstance(system, ActuatorSystem)
-    periods = max(1.0, len(x1) / PER_PERIOD)
+    periods = max(1.0, len(x1) / SAMPLES_PER_PERIOD)
     walked = abs(x1[-1] - x1[0]) / system.actuator.d / periods
     if not walked > 1e-12:
         return 1.0
@@ -331,7 +336,7 @@ def _tooth(place: int) -> float:
 # --- The Floquet multipliers of the orbit, and the unit circle.
 
 LEAST, MOST = 1.3, 50.0  # how far the axes go
-WIDTH = 64  # of a line of the title, in characters
+TITLE_CHARACTERS = 64  # of a line of the title, in characters
 
 
 class Multipliers:
@@ -357,7 +362,9 @@ class Multipliers:
         for axis in (self.layout.x_range, self.layout.y_range):
             axis.update(start=-end, end=end)
         told = floquet.told
-        self.layout.title.text = told if len(told) <= WIDTH else told[: WIDTH - 1] + "…"
+        self.layout.title.text = (
+            told if len(told) <= TITLE_CHARACTERS else told[: TITLE_CHARACTERS - 1] + "…"
+        )
 
 
 # --- The phase portrait, the Poincaré section, and the point that moves.
@@ -416,7 +423,7 @@ class Portrait:
 
 # --- The motion over time, impacts marked; of an actuator the block above, the frame below.
 
-CAPTIONS = {"x2": "x2, block in frame", "x1": "x1, frame"}
+STATE_CAPTIONS = {"x2": "x2, block in frame", "x1": "x1, frame"}
 HEIGHTS = (190, 140)
 
 
@@ -460,7 +467,7 @@ class Series:
             factor, told = unit_for(system, name, curve[name])
             self.factors[name] = factor
             data.data = {"t": curve["t"] / unit, "value": curve[name] / factor}
-            made.yaxis.axis_label = CAPTIONS.get(name, name) + told
+            made.yaxis.axis_label = STATE_CAPTIONS.get(name, name) + told
         factor = self.factors[names[0]]
         hits = picture.motion.hits
         self.hits.data = {"t": hits["t"] / unit, "value": hits[f"{names[0]} after"] / factor}

@@ -138,7 +138,7 @@ def _times(name: str, unit: float) -> str:
 
 # --- Many points of one automaton, each followed to its attractor by `recurrence`.
 
-SAMPLES = 128  # forcing periods whose beginnings fit between two looks
+MAX_PERIOD_STARTS = 128  # forcing periods whose beginnings fit between two looks
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,13 +227,13 @@ class AttractorMapper:
     ) -> None:
         automaton = problem.automaton
         n, m = len(automaton.states), len(automaton.guards)
-        self._observed = observed or NOTHING
+        self._observed = observed or NO_OBSERVABLES
         gains, marks = len(self._observed.gains), len(self._observed.marks)
         self._problem = problem
         self._bound = bound = create_engine(problem)
         self._sizes = n, m, len(automaton.modes), gains, marks
         forced = return_kind == recurrence.STROBOSCOPIC
-        self._loop = LoopMemory(problem, bound, SAMPLES, per_period=int(forced))
+        self._loop = LoopMemory(problem, bound, MAX_PERIOD_STARTS, per_period=int(forced))
         clock = self._loop.clock
         observe = self._observed.function if gains + marks else None
         places, self._kept = bound.kernel_addresses(clock, observe, n, gains + marks)
@@ -358,7 +358,7 @@ class AttractorMapper:
         )
 
 
-NOTHING = CompiledObservables(lambda mode, code, t, states, p, out: None, (), ())
+NO_OBSERVABLES = CompiledObservables(lambda mode, code, t, states, p, out: None, (), ())
 
 
 def _row(numbers: ProblemParameters, start: HybridState) -> NDArray[np.float64]:

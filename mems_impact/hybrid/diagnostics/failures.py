@@ -174,7 +174,7 @@ def _first(*calls: Callable[[], Any]) -> FunctionError | None:
 
 # --- Which of a user's functions numba cannot compile, and why.
 
-PLAIN = "write it over numbers, tuples and math, or take Options(engine='interpreted')"
+INTERPRETED_REMEDY = "write it over numbers, tuples and math, or take Options(engine='interpreted')"
 
 
 class _Case(NamedTuple):
@@ -202,7 +202,9 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
         if found.problem:
             file, line = place_of(call)
             problem = f"cannot be compiled by numba: {found.problem}"
-            return FunctionError(case.function.role, problem, PLAIN, file, found.line or line)
+            return FunctionError(
+                case.function.role, problem, INTERPRETED_REMEDY, file, found.line or line
+            )
         problem = _unlike(found.returned, case)
         if problem:
             remedy = "return the same kind of thing on every path"
@@ -210,7 +212,7 @@ def explain_compile_error(automaton: Automaton, error: BaseException) -> Functio
     if not isinstance(error, NumbaError):
         return None
     problem = f"cannot be compiled by numba: {summarize_numba_error(str(error))}"
-    return FunctionError("a function of the system", problem, PLAIN)
+    return FunctionError("a function of the system", problem, INTERPRETED_REMEDY)
 
 
 def _of_names(definition: Definition) -> Iterator[_Case]:

@@ -102,7 +102,9 @@ class GuardedMatrix:
 # --- What is wrong with a user's function, told as one sentence with the line where it is wrong.
 
 _PACKAGE = str(Path(__file__).resolve().parents[2])
-_LIBRARIES = tuple(str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib"))
+LIBRARY_FOLDERS = tuple(
+    str(Path(sysconfig.get_path(name))) for name in ("stdlib", "purelib", "platlib")
+)
 DOMAIN = "compiled it goes on with nan or inf there: treat this case apart"
 
 
@@ -141,7 +143,7 @@ def place_of(function: Callable[..., Any]) -> tuple[str, int]:
 
 def is_user_file(file: str) -> bool:
     """Return whether a file is neither of the package nor of a library."""
-    return file != GENERATED and not file.startswith((_PACKAGE, *_LIBRARIES))
+    return file != GENERATED and not file.startswith((_PACKAGE, *LIBRARY_FOLDERS))
 
 
 def is_own(function: Callable[..., Any]) -> bool:
@@ -211,7 +213,7 @@ def _told(error: BaseException) -> tuple[str, str, bool]:
 
 # --- The functions of a system, tried out: called interpreted, on values that watch over them.
 
-SHOWN = 8  # components of a state in a message
+MAX_COMPONENTS = 8  # components of a state in a message
 
 
 class EvaluationPoint(NamedTuple):
@@ -362,7 +364,7 @@ class CheckedFunctions:
 
     def _tuple(self, function: UserFunction, values: Any, at: EvaluationPoint) -> list[float]:
         """Return a tuple of one number for each state as a list."""
-        names = ", ".join(self.states[:SHOWN]) + (", …" if self.n > SHOWN else "")
+        names = ", ".join(self.states[:MAX_COMPONENTS]) + (", …" if self.n > MAX_COMPONENTS else "")
         remedy = f"return a tuple of {self.n}, for {names}, on every path"
         if not isinstance(values, tuple):
             raise function.error(
@@ -406,8 +408,8 @@ class CheckedFunctions:
         """Return where a point is, worded to follow what is wrong there."""
         *sizes, time = self.definition.sizes or [1.0] * (self.n + 1)
         told = list(zip(self.states, at.y, sizes, strict=True))
-        numbers = [f"{name} = {value * size:.6g}" for name, value, size in told[:SHOWN]]
-        numbers += ["…"] if self.n > SHOWN else []
+        numbers = [f"{name} = {value * size:.6g}" for name, value, size in told[:MAX_COMPONENTS]]
+        numbers += ["…"] if self.n > MAX_COMPONENTS else []
         return f"at {', '.join(numbers)}, t = {at.t * time:.6g}, mode {self._mode(at)}"
 
     def _mode(self, at: EvaluationPoint) -> str:

@@ -46,8 +46,8 @@ from mems_impact.integrators import interface
 NEGLIGIBLE_FLIGHT_HEIGHT = 5e-11
 ABRUPT = 1e3  # flights this much shorter than the acceleration says are none
 LATE = 100.0  # those this much longer are told no better
-STEADY = 1e-4  # the end of a sequence is known to about this part of its last flight
-BISECTIONS = 60
+CHATTER_END_RTOL = 1e-4  # the end of a sequence is known to about this part of its last flight
+CHATTER_BISECTIONS = 60
 
 
 def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
@@ -81,7 +81,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
         first = acceleration(engine, s, mode, t, entered, guard, h)
         last = acceleration(engine, s, mode, t + remaining, left, guard, h)
         change = (last - first) / first if first != 0.0 else math.inf
-        steady = change * change * remaining <= STEADY * interval
+        steady = change * change * remaining <= CHATTER_END_RTOL * interval
         remaining = max(0.0, remaining - 2.0 / 3.0 * change * (interval + remaining))
         if not (steady and carry_to_accumulation(engine, s, t, remaining, guard)):
             s.mode = mode
@@ -221,7 +221,7 @@ def carry_to_accumulation(engine: Any, s: Any, t: float, remaining: float, guard
     if table_row(s, IMPACT)[ended] == 1 or not affects(engine, s, mode, t, ended, guard):
         return False
     low, high = 0.0, remaining
-    for _ in range(BISECTIONS):
+    for _ in range(CHATTER_BISECTIONS):
         middle = 0.5 * (low + high)
         rk4_probe(engine, s, mode, t, entered, middle, left)
         interface.margins(engine, mode, t + middle, left, g)

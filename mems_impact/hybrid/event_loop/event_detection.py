@@ -275,7 +275,7 @@ def certainly_decreasing(s: Any, k: int, rate: float) -> bool:
 
 # --- The search within a step: which guard fires first in it, and when.
 
-FINEST = 2.0**-10  # part of a step below which nothing is looked for inside it
+MIN_SUBSTEP_RATIO = 2.0**-10  # part of a step below which nothing is looked for inside it
 # By which what rates have been seen to change fades from step to step. At 1/2, a margin that swings
 # several times within a step, and changes less over the next one, was believed too soon.
 FADING = 0.9
@@ -451,7 +451,7 @@ def find_hidden_crossing(
     a, g_a, r_a = before, then[i] + bias, then[m + i]
     curved = table_row(s, RATE_CHANGE)[i]
     g, y = table_row(s, G), table_row(s, STATE)
-    finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
+    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
     width = 0.5 * (t - before)
     while a < t:
         b = a + width if a + 1.5 * width < t else t
@@ -522,7 +522,7 @@ def certify_no_crossing(
 # --- Crossings of the section that engines do not tell: those that come in pairs within a step.
 
 CAUTION = 8.0  # times the bend seen of late is reckoned with
-MOST = 16  # crossings of one step that are noted: no method's polynomial has more
+MAX_CROSSINGS_PER_STEP = 16  # crossings of one step that are noted: no method's polynomial has more
 
 
 def init_section(engine: Any, s: Any, y: Any) -> None:
@@ -585,8 +585,8 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
     interface.interpolate(engine, before, y)
     a, g_a, r_a = before, s.apart, rate_at(engine, s, before, y)
     rounding = ROUNDINGS * EPS * (abs(s.level) + max(abs(g_a), abs(end)))
-    finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
-    width, curved, left = t - before, 0.0, MOST
+    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
+    width, curved, left = t - before, 0.0, MAX_CROSSINGS_PER_STEP
     while a < t and left > 0:
         b = a + width if a + 1.5 * width < t else t
         interface.interpolate(engine, b, y)

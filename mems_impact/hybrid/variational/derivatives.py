@@ -16,7 +16,7 @@ from mems_impact.hybrid.problem import Problem, create_engine
 from mems_impact.hybrid.variational.flow import extended_flow
 from mems_impact.hybrid.variational.saltation import (
     NO_EVENT,
-    SCRATCH,
+    WORK_ROWS,
     SegmentBatch,
     propagate_segments,
 )
@@ -123,7 +123,7 @@ class Variational:
             time_scale=problem.time_scale,
         )
         self._bound = create_engine(self._problem)
-        self._work = np.zeros((SCRATCH, max(self._size, 2 * self.m + self.n, p.size)))
+        self._work = np.zeros((WORK_ROWS, max(self._size, 2 * self.m + self.n, p.size)))
         self._constrained = constraints(automaton)
         # A state and its columns where an arc begins.
         self._begin = np.zeros(self._size)

@@ -26,8 +26,8 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.derivatives import constraints, free_components
 from mems_impact.hybrid.variational.flow import stretched_flow
 from mems_impact.hybrid.variational.saltation import (
-    SCRATCH,
     STRETCHING,
+    WORK_ROWS,
     PerturbationState,
     PropagationProblem,
     constrain,
@@ -37,8 +37,8 @@ from mems_impact.hybrid.variational.saltation import (
 )
 
 CHUNK = 60  # periods in one: whole passes of orbits of up to six periods
-FEWEST = 16  # chunks of which a standard error is told
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+MIN_CHUNKS = 16  # chunks of which a standard error is told
+GOLDEN_SECTION = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 class Exponents(NamedTuple):
@@ -49,7 +49,7 @@ class Exponents(NamedTuple):
     per_period : float array, shape (k,)
         In one period of the problem; -inf where nothing is left of perturbations.
     errors : float array, shape (k,)
-        Standard errors; nan as long as there are fewer than `FEWEST` chunks.
+        Standard errors; nan as long as there are fewer than `MIN_CHUNKS` chunks.
     periods : float
         Over which they were averaged.
     """
@@ -150,7 +150,7 @@ class LyapunovIntegrator:
             touches=np.zeros((1, m, size)),
             margin=np.zeros((1, 2 * m, n + 2)),
             jump=np.zeros((1, n, n + 2)),
-            work=np.zeros((SCRATCH + 3, max(size, 2 * m + n, p.size))),
+            work=np.zeros((WORK_ROWS + 3, max(size, 2 * m + n, p.size))),
         )
         y = np.zeros(size)
         free = list(free_components(automaton))
@@ -251,7 +251,7 @@ class LyapunovIntegrator:
         """Return the periods in a chunk."""
         if not self.uneven:
             return float(self.chunk)
-        return self.chunk * (0.5 + GOLDEN * number % 1.0)
+        return self.chunk * (0.5 + GOLDEN_SECTION * number % 1.0)
 
     def _failure(self, periods: float) -> RunError:
         """Return why neither run nor columns go on: an ordinary run, up to there, says so."""
@@ -319,8 +319,8 @@ def largest(
     periods : int
         Done after so many.
     chunk : int, optional
-        Periods between two looks; at least `FEWEST` of them are taken, and one before to let the
-        perturbation turn to where it grows most.
+        Periods between two looks; at least `MIN_CHUNKS` of them are taken, after one in which the
+        perturbation turns to where it grows most.
 
     Raises
     ------
@@ -329,7 +329,7 @@ def largest(
     """
     stretching = LyapunovIntegrator(problem, start, chunk=chunk)
     stretching.turn()
-    count = FEWEST
+    count = MIN_CHUNKS
     while True:
         stretching.advance_exponents(count)
         (exponent,), (error,), done = stretching.result
@@ -359,7 +359,7 @@ def standard_errors(grown: Floats, lengths: Floats) -> Floats:
     lengths : float array, shape (N,)
     """
     errors = np.full(grown.shape[1], math.nan)
-    if len(grown) < FEWEST:
+    if len(grown) < MIN_CHUNKS:
         return errors
     periods = lengths.sum()
     while True:

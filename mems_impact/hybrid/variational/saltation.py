@@ -18,7 +18,7 @@ import numpy as np
 from mems_impact.hybrid.event_loop import loop
 from mems_impact.hybrid.event_loop.event_detection import (
     FADING,
-    FINEST,
+    MIN_SUBSTEP_RATIO,
     ROUNDINGS,
     TOLERANCES,
     bisect_rate,
@@ -58,7 +58,7 @@ from mems_impact.integrators import interface
 
 FARTHEST_BACK = 1.0  # an arc of negative length beyond this is no arc near an orbit
 NO_EVENT = -1  # as the code of what ends a segment
-SCRATCH = 8  # rows of `work`
+WORK_ROWS = 8  # rows of `work`
 # Sixth differences of a smooth function are below this part of what it changes by. Where they are
 # not, steps are taken finer by this factor, up to so many times.
 ROUGH, FINER, REFINED = 1e-3, 0.125, 3
@@ -293,7 +293,7 @@ def find_closest_approaches(
     curved = into.work[3][i]
     interface.interpolate(engine, t, y)
     rounding = margin_rounding(max(abs(then[i]), abs(now[i])), y, into.n)
-    finest = max(FINEST * (t - before), 8.0 * EPS * abs(t))
+    finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
     width = 0.5 * (t - before)
     while a < t:
         b = a + width if a + 1.5 * width < t else t
@@ -471,7 +471,7 @@ def difference(
 NEAREST = 1e-9  # room that is left to differences in time beside a switch of the drive
 SLOWEST = 1e-14  # a guard is touched at this rate at least: beyond, perturbations know no bounds
 # A column of which an event leaves less than this part has nothing left: differences are no better.
-NOTHING = 1e-11
+ZERO_COLUMN = 1e-11
 # An event acts on a component that it changes by more, or its rate, or what of a column it keeps.
 ACTS = 1e-9
 # Columns that shrink, or turn into each other, by more than this between two orthonormalizations
@@ -570,7 +570,7 @@ def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
                 return False
             load_state(event, HEAD, at, setup)
         apply_rest_saltation(engine, guard, at, setup)
-        orthonormalize(NOTHING, at, setup)
+        orthonormalize(ZERO_COLUMN, at, setup)
     if not propagate(engine, cycle, time, at, setup):
         return False
     load_state(event, HEAD, at, setup)
@@ -580,7 +580,7 @@ def propagate_to_event(engine: Any, event: Any, at: Any, setup: Any) -> bool:
     load_state(event, HEAD + n, at, setup)
     if kind != REBASE:
         constrain(engine, at, setup)
-        orthonormalize(NOTHING, at, setup)
+        orthonormalize(ZERO_COLUMN, at, setup)
     return True
 
 
@@ -785,7 +785,7 @@ def update_column(c: int, before: Any, after: Any, at: Any, setup: Any) -> None:
         if setup.cyclic[i] == 0:
             length = max(length, abs(result[i]))
             most = max(most, parts)
-    if length <= NOTHING * most:
+    if length <= ZERO_COLUMN * most:
         at.alive[c] = 0
     for i in range(n):
         at.y[column + i] = result[i]
@@ -854,7 +854,9 @@ STRETCHING = np.dtype(
     ]
 )
 BITE = 4  # steps that the event loop takes before what it has written is read
-NEAR = 0.75  # part of the time between two orthonormalizations by which the run may be ahead
+MAX_LEAD_RATIO = (
+    0.75  # part of the time between two orthonormalizations by which the run may be ahead
+)
 
 
 def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grown: Any,
@@ -931,7 +933,7 @@ def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
     The state that carries them is integrated on its own, and parts from the run as neighbouring
     motions do. Put back too late, it would jump, and columns along the flow would no longer be.
     """
-    far = ahead_of(at, s.cycle, s.t, setup) >= NEAR * at.length[0]
+    far = ahead_of(at, s.cycle, s.t, setup) >= MAX_LEAD_RATIO * at.length[0]
     if s.pending != NONE or not far:
         return True
     went = propagate(engine, s.cycle, s.t, at, setup)

@@ -17,7 +17,7 @@ from mems_impact.integrators.cvode.compiled import HANDLE as CVODE_HANDLE
 from mems_impact.integrators.dop853 import compiled as onestep
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import mark_overloaded, take_snapshot
-from mems_impact.integrators.jit.kernels import FIELDS, CompiledEngine, is_handle
+from mems_impact.integrators.jit.kernels import KERNEL_FIELDS, CompiledEngine, is_handle
 from mems_impact.integrators.jit.numba_support import INNER, JIT, WORD, pointer, record_at
 from mems_impact.integrators.options import Options
 
@@ -29,7 +29,7 @@ HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
-        *FIELDS,
+        *KERNEL_FIELDS,
     ],
     align=True,
 )

@@ -31,7 +31,7 @@ from mems_impact.integrators.cvode.interpreted import first_step, sharpened
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import sources, take_snapshot
 from mems_impact.integrators.jit.kernels import (
-    FIELDS,
+    KERNEL_FIELDS,
     CompiledEngine,
     call_kernel,
     is_handle,
@@ -51,7 +51,7 @@ from mems_impact.integrators.options import Options
 # --- SUNDIALS' C API, resolved through scikit-sundae's own extension module.
 
 SUPPORTED_MAJOR = 7
-REMEDY = (
+LIBRARY_REMEDY = (
     "install a scikit-sundae wheel of version 1.x, use method='dop853', which needs no SUNDIALS, "
     "or engine='interpreted'"
 )
@@ -96,7 +96,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "CVodeGetDky": (_int, (_ptr, _real, _int, _ptr)),
 }
 
-PREFIX = "mems_impact_"
+SYMBOL_PREFIX = "mems_impact_"
 
 
 @cache
@@ -124,7 +124,7 @@ def load() -> ctypes.CDLL:
         library = ctypes.CDLL(_cy_cvode.__file__)
     except (ImportError, AttributeError, OSError) as error:
         raise EngineUnavailable(
-            f"scikit-sundae's CVODE can't be opened: {error}", REMEDY
+            f"scikit-sundae's CVODE can't be opened: {error}", LIBRARY_REMEDY
         ) from error
     check(config)
     addresses = {}
@@ -133,14 +133,14 @@ def load() -> ctypes.CDLL:
             function = getattr(library, name)
         except AttributeError as error:
             reason = f"SUNDIALS' {name} can't be found: {error}"
-            raise EngineUnavailable(reason, REMEDY) from error
+            raise EngineUnavailable(reason, LIBRARY_REMEDY) from error
         function.restype, function.argtypes = result, arguments
         addresses[name] = ctypes.cast(function, ctypes.c_void_p).value
 
     import llvmlite.binding as llvm
 
     for name, place in addresses.items():
-        llvm.add_symbol(PREFIX + name, place)
+        llvm.add_symbol(SYMBOL_PREFIX + name, place)
     return library
 
 
@@ -159,11 +159,11 @@ def check(config: dict[str, str]) -> None:
     for key, value in expected.items():
         if config.get(key) != value:
             reason = f"{key} is {config.get(key)!r} where the bindings need {value!r}"
-            raise EngineUnavailable(reason, REMEDY)
+            raise EngineUnavailable(reason, LIBRARY_REMEDY)
     version = str(config.get("SUNDIALS_VERSION", ""))
     if version.split(".")[0] != str(SUPPORTED_MAJOR):
         reason = f"SUNDIALS_VERSION is {version!r} where the bindings need {SUPPORTED_MAJOR}.x"
-        raise EngineUnavailable(reason, REMEDY)
+        raise EngineUnavailable(reason, LIBRARY_REMEDY)
 
 
 def symbol(name: str) -> Any:
@@ -174,7 +174,7 @@ def symbol(name: str) -> Any:
     kinds |= {_real: types.float64, _ptr: types.intp}
     result, arguments = SIGNATURES[name]
     signature = kinds[result](*(kinds[argument] for argument in arguments))
-    return types.ExternalFunction(PREFIX + name, signature)
+    return types.ExternalFunction(SYMBOL_PREFIX + name, signature)
 
 
 # --- What CVODE calls back, compiled to C functions: right-hand side, roots, Jacobian.
@@ -199,7 +199,7 @@ HANDLE = np.dtype(
         ("atol", np.float64),
         ("share", np.float64),  # of the tolerances, that of the last arc
         ("longest", np.float64),  # step
-        *FIELDS,
+        *KERNEL_FIELDS,
     ],
     align=True,
 )

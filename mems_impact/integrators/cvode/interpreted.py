@@ -18,7 +18,7 @@ from mems_impact.integrators.python_functions import JACOBIAN, Functions, scalar
 
 # --- How CVODE begins an arc: with which step, and to which tolerances.
 
-FINEST = 1e-14  # relative tolerance below which rounding decides
+MIN_RTOL = 1e-14  # relative tolerance below which rounding decides
 
 
 def first_step(max_step: float, rtol: float, lasts: float) -> float:
@@ -35,7 +35,7 @@ def first_step(max_step: float, rtol: float, lasts: float) -> float:
 
 def sharpened(rtol: float, atol: float, share: float) -> tuple[float, float]:
     """Return the tolerances of an arc that may err by a `share` of `rtol` and `atol`."""
-    return max(share * rtol, min(rtol, FINEST)), max(share * atol, 1e-300)
+    return max(share * rtol, min(rtol, MIN_RTOL)), max(share * atol, 1e-300)
 
 
 # --- One arc through scikit-sundae's public API: the readable engine, and the fallback.
@@ -82,7 +82,7 @@ class Engine(Functions):
             self.margins(self._mode, min(t, self._last_instant), y, out)
             out[:m] += self.bias
             if np.isnan(out[: 2 * m]).any():
-                raise _Failure(interface.NO_GUARD)
+                raise _Failure(interface.ROOT_FUNCTION_FAILED)
             # CVODE prints a warning about root functions that are zero for a whole step.
             out[m : 2 * m][out[m : 2 * m] == 0.0] = 1e-300
             out[2 * m] = y[component] - level if component >= 0 else 1.0

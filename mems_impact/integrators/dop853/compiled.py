@@ -16,10 +16,10 @@ from numba.extending import overload
 from mems_impact.integrators import interface
 from mems_impact.integrators.dop853 import stepper
 from mems_impact.integrators.dop853 import stepper as method
-from mems_impact.integrators.dop853.stepper import KEPT, LOW, ROWS, STATE
+from mems_impact.integrators.dop853.stepper import ENGINE_NUMBERS, LOW, ROWS, STATE
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.jit.closures import mark_overloaded, sources, take_snapshot
-from mems_impact.integrators.jit.kernels import FIELDS, CompiledEngine, is_handle
+from mems_impact.integrators.jit.kernels import KERNEL_FIELDS, CompiledEngine, is_handle
 from mems_impact.integrators.jit.numba_support import (
     INNER,
     JIT,
@@ -43,7 +43,7 @@ HANDLE = np.dtype(
     [
         *((name, np.int64) for name in (*_FUNCTIONS, *_WORDS, *_COUNTS)),
         *((name, np.float64) for name in _REALS),
-        *FIELDS,
+        *KERNEL_FIELDS,
     ],
     align=True,
 )
@@ -75,7 +75,9 @@ class Engine(CompiledEngine):
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         n, width = equations.n, max(equations.n, 2 * equations.m + 1)
-        super().__init__(HANDLE, equations, {"rows": ROWS * width, "components": n * KEPT})
+        super().__init__(
+            HANDLE, equations, {"rows": ROWS * width, "components": n * ENGINE_NUMBERS}
+        )
         self._functions = functions()
         handle = self.handle
         handle["y"] = handle["rows"] + WORD * width * STATE
@@ -134,7 +136,7 @@ def _row(engine, i):  # type: ignore[no-untyped-def]
 @overload(method.component, jit_options={**JIT, **INNER})
 def _component(engine, j):  # type: ignore[no-untyped-def]
     if _is_onestep(engine):
-        return lambda engine, j: pointer(engine.components + WORD * KEPT * j)
+        return lambda engine, j: pointer(engine.components + WORD * ENGINE_NUMBERS * j)
 
 
 @overload(method.set_fired, jit_options={**JIT, **INNER})

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from mems_impact.integrators.dop853 import stepper
-from mems_impact.integrators.dop853.stepper import KEPT, LOW, ROWS, STATE
+from mems_impact.integrators.dop853.stepper import ENGINE_NUMBERS, LOW, ROWS, STATE
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import Functions, scalars
@@ -24,7 +24,7 @@ class Engine(Functions):
         n, m = equations.n, equations.m
         # Lists: scalars out of arrays are several times as slow.
         self.rows = [[0.0] * max(n, 2 * m + 1) for _ in range(ROWS)]
-        self.components = [[0.0] * KEPT for _ in range(n)]
+        self.components = [[0.0] * ENGINE_NUMBERS for _ in range(n)]
         self.crossings = [0] * (2 * m + 1)
         self.section, self.level, self.direction = equations.crossing
         self.rtol, self.atol = float(options.rtol), float(options.atol)

@@ -154,7 +154,7 @@ D = (
 # What is kept of each component of the state, one after another: the slopes at the places C of the
 # step, numbers 0 to 15, and seven coefficients of the dense output.
 DENSE = 16
-KEPT = 24
+ENGINE_NUMBERS = 24
 
 # Rows of numbers side by side, as the automaton's functions take them.
 ARGUMENT, SLOPE = 0, 1  # state at which a stage is evaluated, and what comes of it
@@ -566,7 +566,7 @@ BOLD = 6.0
 # Steps that an arc up to a stop takes at least: between two switches a drive may do in a moment
 # what it else does in a period, such as swing from one sign to the other, and margins are looked
 # at only where steps end.
-LOOKS = 4.0
+STIFFNESS_CHECKS = 4.0
 RETREAT = 0.25  # a step into where the functions are not finite is cut to this
 
 # Hairer's test of stiffness: the product of step and eigenvalue at the border of stability, often
@@ -596,7 +596,7 @@ def restart(engine: Any, mode: int, t: float, y: Any, stop: float) -> None:
     engine.t_end = t
     engine.stop = stop
     engine.last_instant = float(np.nextafter(stop, -math.inf))
-    engine.longest = min(engine.max_step, (stop - t) / LOOKS)
+    engine.longest = min(engine.max_step, (stop - t) / STIFFNESS_CHECKS)
     engine.begun = 0
     engine.rest = 0
 
@@ -620,7 +620,7 @@ def begin(engine: Any) -> int:
     if not slope_at_end(engine, t):
         return interface.NON_FINITE
     if not root_functions(engine, t, row(engine, END), row(engine, LOW)):
-        return interface.NO_GUARD
+        return interface.ROOT_FUNCTION_FAILED
     leave_section(engine, row(engine, LOW), 0)
     engine.h_next = first_step(engine)
     engine.begun = 1
@@ -694,7 +694,7 @@ def take_step(engine: Any) -> int:
             failure = interface.NON_FINITE
             h *= RETREAT
         elif not root_functions(engine, ahead, end, row(engine, HIGH)):
-            failure = interface.NO_GUARD
+            failure = interface.ROOT_FUNCTION_FAILED
             h *= RETREAT
         else:
             break
@@ -735,7 +735,7 @@ def look(engine: Any) -> int:
     if any_crossed(engine, low, high):
         t = close_in(engine, engine.t, engine.t_end)
         if math.isnan(t):
-            return interface.NO_GUARD
+            return interface.ROOT_FUNCTION_FAILED
         # A root at the stop is not told: the loop looks at all margins after a switch.
         if t < engine.stop:
             leave_section(engine, low, interface.root_directions(engine, count - 1))

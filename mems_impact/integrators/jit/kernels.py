@@ -53,7 +53,7 @@ KERNEL = _word(_word, _word, _real, _word, _word, _word, _word)
 
 # What compiled code needs of any engine: addresses and numbers. A record is one pointer to numba.
 # Each method adds fields of its own, by which its records are told from those of another one.
-FIELDS = [
+KERNEL_FIELDS = [
     ("y", np.int64),
     ("fired", np.int64),
     ("bias", np.int64),
@@ -257,7 +257,7 @@ class CompiledEngine:
     Parameters
     ----------
     dtype : numpy.dtype
-        `mems_impact.integrators.jit.kernels.FIELDS` and the fields of the method.
+        `mems_impact.integrators.jit.kernels.KERNEL_FIELDS` and the fields of the method.
     equations : Equations
     arrays : dict of str to int
         Memory of the method, how many numbers; the field of that name gets the address.

@@ -132,7 +132,7 @@ def _orbit(
 # --- Studies in words, as files and the command line tell them: the arguments of the verbs in
 # Python.
 
-KINDS = {
+STUDY_KINDS = {
     "map": "mems_impact.studies.operating_map:operating_map",
     "basins": "mems_impact.studies.basins:basins",
     "tolerances": "mems_impact.studies.uncertainty:tolerance_analysis",
@@ -148,10 +148,10 @@ _AXIS = '["NAME", START, STOP, POINTS] or ["NAME", [VALUE, …]]'
 
 def verb_of(kind: Any) -> Callable[..., Any]:
     """Return the verb that runs studies of a kind; InvalidParameter if there is none."""
-    if not isinstance(kind, str) or kind not in KINDS:
-        problem = f"missing, must be one of {', '.join(KINDS)}" if kind is None else None
-        raise InvalidParameter("kind", kind, f"one of {', '.join(KINDS)}", problem=problem)
-    verb: Callable[..., Any] = resolve_name(KINDS[kind])
+    if not isinstance(kind, str) or kind not in STUDY_KINDS:
+        problem = f"missing, must be one of {', '.join(STUDY_KINDS)}" if kind is None else None
+        raise InvalidParameter("kind", kind, f"one of {', '.join(STUDY_KINDS)}", problem=problem)
+    verb: Callable[..., Any] = resolve_name(STUDY_KINDS[kind])
     return verb
 
 

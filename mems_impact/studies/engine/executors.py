@@ -82,8 +82,8 @@ _log = logging.getLogger("mems_impact")
 Result = tuple[Columns, Any, list[CollectedWarning]]
 Maker = Callable[[], Executor]
 
-FEWEST = 16  # chunks under way where the workers are still to come, as of a cluster
-PATIENCE = 30.0  # s after which it is said that no worker has come
+MIN_PENDING_CHUNKS = 16  # chunks under way where the workers are still to come, as of a cluster
+WORKER_WAIT_SECONDS = 30.0  # s after which it is said that no worker has come
 ASKED = 2.0  # s after which a cluster is asked anew how many it has
 
 
@@ -146,7 +146,7 @@ class WorkerPool:
         if self.is_local:
             with collected_warnings():  # of whose motions nothing is told
                 self.study.prepare()
-        self._heard = time.monotonic() + PATIENCE
+        self._heard = time.monotonic() + WORKER_WAIT_SECONDS
         return self
 
     def __exit__(
@@ -173,7 +173,7 @@ class WorkerPool:
             if now - self._asked[0] >= ASKED:
                 known = _threads_of_cluster(self._executor)
                 self._asked = now, known
-            return max(FEWEST, 2 * known + 1)
+            return max(MIN_PENDING_CHUNKS, 2 * known + 1)
         return int(2 * known + 1)
 
     def submit(self, number: int, part: Chunk, carried: Any) -> Future[Result]:

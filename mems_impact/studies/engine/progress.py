@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from mems_impact._util.progress import SHORT, ProgressLog, is_interactive
+from mems_impact._util.progress import QUIET_SECONDS, ProgressLog, is_interactive
 from mems_impact._util.warning_scopes import CollectedWarning, first_of_each, warn
 from mems_impact.errors import StartWarning
 from mems_impact.studies.engine.study import Study
@@ -46,7 +46,7 @@ def study_progress(
 def _bar(kind: str, before: int, total: int) -> Iterator[StudyProgress]:
     from tqdm import tqdm
 
-    with tqdm(desc=kind, initial=before, total=total, delay=SHORT, unit=" points") as bar:
+    with tqdm(desc=kind, initial=before, total=total, delay=QUIET_SECONDS, unit=" points") as bar:
 
         def show(done: float, failed: int) -> None:
             if failed:

@@ -51,7 +51,10 @@ __all__ = ["ChunkStore", "MemoryStore", "StoredStudy", "open_store", "read_study
 
 # --- How two studies differ, in words for one line.
 
-KINDS = ("dict", "list")  # what `serialization.codec` says beside parts: not names that users know
+CONTAINER_KINDS = (
+    "dict",
+    "list",
+)  # what `serialization.codec` says beside parts: not names that users know
 _NONE = "nothing"
 
 
@@ -83,7 +86,7 @@ def _first(name: str, there: Any, here: Any) -> tuple[str, Any, Any]:
     while True:
         if isinstance(its, dict) and isinstance(mine, dict):
             inner = _differing(its, mine)[0]
-            if inner not in KINDS:
+            if inner not in CONTAINER_KINDS:
                 place = f"{place}.{label(inner)}"
             its, mine = its.get(inner, _NONE), mine.get(inner, _NONE)
         elif isinstance(its, list) and isinstance(mine, list) and len(its) == len(mine):
@@ -368,10 +371,10 @@ def damaged(path: Path, error: Exception | None = None) -> InvalidFile:
 # that.
 
 # Raised by every change of what is written; no other format is read.
-FORMAT = 2
+STORE_FORMAT = 2
 MANIFEST, LOCK, POINTS = "study.json", "lock", "points"
 ANOTHER = "give another directory for this one"
-LONGEST = 2000  # characters of what each chunk says of the identity, by name
+MAX_IDENTITY_CHARACTERS = 2000  # characters of what each chunk says of the identity, by name
 
 
 @contextmanager
@@ -477,7 +480,7 @@ def manifest_of(directory: Path) -> dict[str, Any]:
         raise InvalidFile(directory, f"holds no study ({MANIFEST}: {reason})", remedy) from None
     except (ValueError, TypeError, LookupError):
         raise InvalidFile(directory, f"holds no study ({MANIFEST} is damaged)", remedy) from None
-    check_format(directory, number, FORMAT, made, "run the study again in a new directory")
+    check_format(directory, number, STORE_FORMAT, made, "run the study again in a new directory")
     manifest: dict[str, Any] = found
     return manifest
 
@@ -495,7 +498,7 @@ def path_of(directory: Path, part: Chunk) -> Path:
 
 def _described(study: Study, chunk: int) -> dict[str, Any]:
     return {
-        "format": FORMAT,
+        "format": STORE_FORMAT,
         "kind": study.kind,
         "identity": dict(study.identity()),
         **_form(study),
@@ -545,7 +548,11 @@ def _tell_of_versions(place: Path, there: Mapping[str, Any], here: Mapping[str, 
 def _brief(study: Study) -> dict[str, Any]:
     """Return the identity for the metadata of each chunk, where its parts are not too long."""
     told = study.identity()
-    return {name: value for name, value in told.items() if len(json.dumps(value)) <= LONGEST}
+    return {
+        name: value
+        for name, value in told.items()
+        if len(json.dumps(value)) <= MAX_IDENTITY_CHARACTERS
+    }
 
 
 def _make(place: Path) -> None:
@@ -568,7 +575,7 @@ def _tidy(directory: Path) -> None:
 
 # --- What stands in the store of a study, read at any time: while it runs, too.
 
-FIGURES = {
+FIGURE_FORMATS = {
     "basins": "mems_impact.plotting.maps:plot_basins",
     "operating_map": "mems_impact.plotting.maps:plot_map",
     "tolerances": "mems_impact.plotting.uncertainty:plot_tolerance_analysis",
@@ -643,7 +650,7 @@ class StoredStudy(SummaryRepr):
     @property
     def figure(self) -> str:
         """Who draws it; nobody of a kind that has no figure."""
-        return FIGURES.get(self.kind, "")
+        return FIGURE_FORMATS.get(self.kind, "")
 
     def draw(self) -> Any:
         """Draw the points that are done; return the axes.
@@ -654,7 +661,9 @@ class StoredStudy(SummaryRepr):
             If there is no figure of its kind.
         """
         if not self.figure:
-            raise InvalidParameter("kind", self.kind, f"one of {', '.join(FIGURES)}, to be drawn")
+            raise InvalidParameter(
+                "kind", self.kind, f"one of {', '.join(FIGURE_FORMATS)}, to be drawn"
+            )
         return resolve_name(self.figure)(self)
 
     def __repr__(self) -> str:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.hybrid.automaton import Guard, Impact
-from mems_impact.hybrid.constraints import STEPS, elimination
+from mems_impact.hybrid.constraints import PROJECTION_STEPS, elimination
 from mems_impact.hybrid.definition import (
     GENERATED,
     function,
@@ -183,7 +183,7 @@ class FlowWriter:
             for s in constraint.slopes:
                 moved[s] += f" + a{i}_{s} * f{i}"
         lines += [*elimination(len(held)), f"return State({', '.join(moved)})"]
-        steps = 1 if all(constraint.linear for _, constraint in held) else STEPS
+        steps = 1 if all(constraint.linear for _, constraint in held) else PROJECTION_STEPS
         whole = [f"for _ in range({steps}):", "    y = nearer(mode, t, y, p)", "return mode, y"]
         return modes, [
             function("nearer(mode, t, y, p)", lines),

@@ -19,7 +19,7 @@ from mems_impact.errors import InvalidParameter
 from mems_impact.systems.state import is_number
 
 __all__ = [
-    "ROUNDING",
+    "ZERO_FORCE_RATIO",
     "CodeNames",
     "Constraint",
     "Contact",
@@ -257,8 +257,8 @@ class Part:
 
 # --- What parts between bodies share: a relative speed, a force, and a mode in which they hold.
 
-NEAR = "1e-13"  # of the speeds: relative speeds below it are zero
-ROUNDING = "1e-13"  # of forces and accelerations: what is so near to zero has no sign
+ZERO_SPEED_RATIO = "1e-13"  # of the speeds: relative speeds below it are zero
+ZERO_FORCE_RATIO = "1e-13"  # of forces and accelerations: what is so near to zero has no sign
 
 
 @dataclass(frozen=True)
@@ -292,7 +292,7 @@ class ContactSides:
     def drift(self) -> str:
         """The roundings of the relative acceleration."""
         sizes = [f"abs(x[{body}])" for body in (self.on, self.against) if body is not None]
-        return f"{ROUNDING} * ({' + '.join(sizes)})"
+        return f"{ZERO_FORCE_RATIO} * ({' + '.join(sizes)})"
 
     def relative(self, slope: str) -> str:
         """Return the relative acceleration, of slopes ``slope[j]``."""
@@ -311,7 +311,7 @@ class ContactSides:
         if self.speed == "0.0":
             return f"y[{self.on}] == 0.0"
         size = f"(abs(y[{self.on}]) + abs({self.speed}))"
-        return f"abs({self.slip}) <= {NEAR} * {size}"
+        return f"abs({self.slip}) <= {ZERO_SPEED_RATIO} * {size}"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 from mems_impact.systems.components.base import (
-    ROUNDING,
+    ZERO_FORCE_RATIO,
     CodeNames,
     Contact,
     ContactSides,
@@ -155,7 +155,7 @@ class Friction(Contact):
 
     def rounding(self, words: CodeNames) -> str:
         """Return how near to its limit the force that holds is at it."""
-        return f"({NEAR_LIMIT} * ({self.limit(words)}) + {ROUNDING} * {words.size})"
+        return f"({NEAR_LIMIT} * ({self.limit(words)}) + {ZERO_FORCE_RATIO} * {words.size})"
 
     def room(self, words: CodeNames) -> str:
         """Return how far the force that holds is from its limit."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from mems_impact.errors import InvalidParameter
 from mems_impact.systems.components.base import (
-    ROUNDING,
+    ZERO_FORCE_RATIO,
     CodeNames,
     Constraint,
     Contact,
@@ -137,7 +137,7 @@ class Stopper(Contact):
         leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
         return [
             f"{leaves} or not {rests}",
-            f"{rests} and {words.needed} >= -{ROUNDING} * {words.size}",
+            f"{rests} and {words.needed} >= -{ZERO_FORCE_RATIO} * {words.size}",
         ]
 
     def watches(self, words: CodeNames) -> list[GuardSpec]:

@@ -4,8 +4,8 @@ In JSON, numbers, text, true, false and null stand for themselves (Python writes
 decimal that is read as the very same float), and a list for a tuple. Everything else is an object
 of one entry that says what it is, ``float`` (nan, inf, -inf), ``list``, ``dict``, ``table`` or
 ``array``, or of an entry ``is`` with the short name of a class, beside the parts of the object. An
-array of more than `SMALL` numbers is a member of the file by itself, whose name stands there. What
-occurs a second time has a number, ``#``, and is told by it: ``same``.
+array of more than `MAX_INLINE_NUMBERS` numbers is a member of the file by itself, whose name stands
+there. An object that occurs a second time is a reference, ``same``, to the number ``#`` of the first.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from mems_impact.errors import InvalidParameter
 
 __all__ = ["CorruptFile", "Reader", "Writer", "register"]
 
-SMALL = 64  # numbers of an array that stand in the JSON text itself
+MAX_INLINE_NUMBERS = 64  # numbers of an array that stand in the JSON text itself
 
 
 class CorruptFile(Exception):
@@ -124,7 +124,7 @@ class Writer:
         return node
 
     def _array(self, value: np.ndarray, place: str) -> Any:
-        if value.size > SMALL:
+        if value.size > MAX_INLINE_NUMBERS:
             self.members[place] = value
             return {"array": place}
         numbers = value.ravel()

@@ -25,7 +25,7 @@ from mems_impact.systems.statistics import measure_names
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
 
 COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
-SAME = 1e-12  # relative difference of times that are the same, calculated elsewhere
+TIME_RTOL = 1e-12  # relative difference of times that are the same, calculated elsewhere
 
 
 def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, Any]:
@@ -80,7 +80,7 @@ def check_same_system(given: HybridSystem, told: Mapping[str, Any], path: str) -
     for what in ("period", "time_scale", "switches"):
         times, others = (np.atleast_1d(np.array(each[what], dtype=float)) for each in (own, told))
         alike = times.shape == others.shape and np.allclose(
-            times, others, SAME, 0.0, equal_nan=True
+            times, others, TIME_RTOL, 0.0, equal_nan=True
         )
         if not alike:
             _refuse(what.replace("_", " "), times.tolist(), others.tolist(), path)

@@ -25,7 +25,7 @@ from mems_impact.systems.serialization.codec import CorruptFile, Reader, Writer
 from mems_impact.systems.state import State
 
 __all__ = [
-    "FORMAT",
+    "FILE_FORMAT",
     "check_format",
     "identity",
     "identity_of_options",
@@ -38,10 +38,10 @@ __all__ = [
 # --- The file of a result: a zip file of ``header.json`` and one ``.npy`` an array.
 
 # Raised by every change of what is written; no other format is read.
-FORMAT = 4
+FILE_FORMAT = 4
 HEADER = "header.json"
 ARRAY = ".npy"
-REMEDY = "give a file that a result's save(path) wrote"
+FILE_REMEDY = "give a file that a result's save(path) wrote"
 AGAIN = "save the result again, or get another copy of the file"
 
 
@@ -51,7 +51,7 @@ def save(value: Result, path: str | PathLike[str]) -> None:
     register_storables()
     writer = Writer()
     header = {
-        "format": FORMAT,
+        "format": FILE_FORMAT,
         "versions": versions(),
         "result": writer.node(value, "result"),
         "tables": {name: writer.node(table, name) for name, table in _kept(value).items()},
@@ -133,7 +133,7 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
     ) as error:
         raise InvalidFile(source, f"is damaged ({_one_line(error)})", AGAIN) from None
     if not isinstance(value, Result):
-        raise InvalidFile(source, "holds no result", REMEDY)
+        raise InvalidFile(source, "holds no result", FILE_REMEDY)
     if tables and system is None:
         value.attach_saved_tables(tables)
     return value
@@ -174,7 +174,7 @@ def _read(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         with zipfile.ZipFile(source) as file:
             names = file.namelist()
             if HEADER not in names:
-                raise InvalidFile(source, f"holds no {HEADER}", REMEDY)
+                raise InvalidFile(source, f"holds no {HEADER}", FILE_REMEDY)
             header = json.loads(file.read(HEADER))
             _check_header(source, header)
             members = {}
@@ -185,13 +185,13 @@ def _read(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
                     members[name.removesuffix(ARRAY)] = array
             return header, members
     except FileNotFoundError:
-        raise InvalidFile(source, "no such file", REMEDY) from None
+        raise InvalidFile(source, "no such file", FILE_REMEDY) from None
     except zipfile.BadZipFile as error:
         reason = f"is no result, or is cut short ({_one_line(error)})"
-        raise InvalidFile(source, reason, REMEDY) from None
+        raise InvalidFile(source, reason, FILE_REMEDY) from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise InvalidFile(source, f"cannot be read ({reason})", REMEDY) from None
+        raise InvalidFile(source, f"cannot be read ({reason})", FILE_REMEDY) from None
     except InvalidFile:
         raise
     except (ValueError, EOFError, zlib.error, NotImplementedError, RecursionError) as error:
@@ -201,9 +201,9 @@ def _read(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def _check_header(source: str, header: Any) -> None:
     number = header.get("format") if isinstance(header, dict) else None
     if not isinstance(number, int) or not {"result", "tables"} <= header.keys():
-        raise InvalidFile(source, "holds no result", REMEDY)
+        raise InvalidFile(source, "holds no result", FILE_REMEDY)
     made = header.get("versions", {}).get("mems_impact", "of an unknown version")
-    check_format(source, number, FORMAT, made, "save the result again with this version")
+    check_format(source, number, FILE_FORMAT, made, "save the result again with this version")
 
 
 def check_format(path: str | PathLike[str], number: int, read: int, made: str, again: str) -> None:

@@ -11,7 +11,7 @@ import pytest
 import mems_impact as mi
 from mems_impact.actuator.automaton import actuator_automaton
 from mems_impact.actuator.parameters import PARAMETER_NAMES
-from mems_impact.actuator.terms import TERMS
+from mems_impact.actuator.terms import TERM_CLASSES
 from mems_impact.actuator.terms.files import table_of, term_of, term_type
 
 ZHAO = mi.load_actuator("zhao2004")
@@ -19,14 +19,16 @@ DRIVE = mi.Sine(amplitude=0.24, omega=0.5)
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
-@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("name", TERM_CLASSES)
 def test_a_file_a_class_and_a_name(name):
     term = term_type(name)
     assert issubclass(term, mi.Term)
     assert term.name() == name
-    assert getattr(mi, TERMS[name]) is term
+    assert getattr(mi, TERM_CLASSES[name]) is term
     stub = Path(mi.__file__).with_name("__init__.pyi").read_text("utf-8")
-    assert f"from .actuator.terms.{name} import {TERMS[name]} as {TERMS[name]}\n" in stub
+    assert (
+        f"from .actuator.terms.{name} import {TERM_CLASSES[name]} as {TERM_CLASSES[name]}\n" in stub
+    )
     for section in ("Parameters", "Raises", "Notes", "Examples"):
         assert f"{section}\n---" in inspect.cleandoc(term.__doc__ or ""), section
     for unit in term.units.values():

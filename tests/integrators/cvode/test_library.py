@@ -76,7 +76,7 @@ def test_an_empty_configuration_is_refused():
 @pytest.fixture
 def unavailable(monkeypatch):
     def load():
-        raise EngineUnavailable("SUNDIALS is of version 9", library.REMEDY)
+        raise EngineUnavailable("SUNDIALS is of version 9", library.LIBRARY_REMEDY)
 
     monkeypatch.setattr(library, "load", load)
 

@@ -348,7 +348,7 @@ def _root_of(mode, t, y, p, g, r):
         # y' = -sqrt(y) - 0.1 from 1: with s = sqrt(y), 2 (s - 0.1 log(s + 0.1)) falls with t.
         (_fades, _never, interface.NON_FINITE, 2.0 * (1.0 - 0.1 * math.log(11.0))),
         (_explodes, _never, -3, 1.0),
-        (_falls, _root_of, interface.NO_GUARD, 1.0),
+        (_falls, _root_of, interface.ROOT_FUNCTION_FAILED, 1.0),
     ],
 )
 def test_failures_have_their_codes_and_keep_what_was_done(flow, margins, code, end, engine):

@@ -19,7 +19,7 @@ from tests.hybrid.systems import BALL, ball, simulate
 @pytest.fixture
 def no_sundials(monkeypatch):
     def load():
-        raise EngineUnavailable("SUNDIALS is of version 9", library.REMEDY)
+        raise EngineUnavailable("SUNDIALS is of version 9", library.LIBRARY_REMEDY)
 
     monkeypatch.setattr(library, "load", load)
 
