@@ -261,7 +261,7 @@ def _followed(
 
     def falls(i: int, at: HybridState, length: float) -> None:
         nonlocal jumps
-        tells = batch[i][1].falls
+        tells = batch[i][1].discontinuity_check
         if not jumps and tells is not None and numbers is not None:
             with at_study_point(numbers[i]):
                 jumps = tells(at, length)

@@ -292,7 +292,7 @@ CROSSING = "crossing"  # of an eigenvalue that rotates, or of a multiplier -1
 UNEXPLAINED_STEP_RATIO = 0.01  # part of the largest step, in which what is not found is told
 
 
-class Event(Protocol):
+class LocatedPoint(Protocol):
     """A special point of a branch, as far as its kind is asked for."""
 
     @property
@@ -300,7 +300,7 @@ class Event(Protocol):
         """What happens there."""
 
 
-X = TypeVar("X", bound=Event)
+X = TypeVar("X", bound=LocatedPoint)
 
 
 class Bifurcation(NamedTuple, Generic[P]):

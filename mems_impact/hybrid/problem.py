@@ -80,9 +80,10 @@ class Problem:
         default.
     refusal : str
         Why it cannot be run, if it cannot: the functions of its automaton are elsewhere.
-    falls : callable or None
-        ``falls(at, length)`` is called where a step of a run has become very short though no event
-        is in reach, with where it began; returns whether the flow jumps there, which it tells.
+    discontinuity_check : callable or None
+        ``discontinuity_check(at, length)`` is called where a step of a run becomes very short with
+        no event in reach, with the state where it begins; it warns of a jump of the flow there, and
+        returns whether there is one.
     """
 
     automaton: Automaton
@@ -93,7 +94,7 @@ class Problem:
     options: Options = field(default_factory=Options)
     time_scale: float | None = None
     unavailable_reason: str = ""
-    falls: Callable[[HybridState, float], bool] | None = field(
+    discontinuity_check: Callable[[HybridState, float], bool] | None = field(
         default=None, compare=False, repr=False
     )
 
@@ -255,6 +256,12 @@ def _module(form: str, options: Options) -> Any:
     return import_module(f"mems_impact.integrators.{FOLDERS[str(options.method)]}.{form}")
 
 
+def _engine_class(form: str, options: Options) -> Any:
+    """Return the class of an engine, such as `CompiledCvode` in ``cvode/compiled.py``."""
+    name = f"{form.capitalize()}{FOLDERS[str(options.method)].capitalize()}"
+    return getattr(_module(form, options), name)
+
+
 def _compiled(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
 ) -> EngineBinding:
@@ -264,7 +271,7 @@ def _compiled(
     module = _module("compiled", options)
     module.prepare()
     try:
-        engine = module.Engine(equations, options, max_step)
+        engine = _engine_class("compiled", options)(equations, options, max_step)
     except Exception as error:  # numba raises what it likes
         from mems_impact.hybrid.diagnostics.failures import explain_compile_error
 
@@ -325,7 +332,7 @@ def _look_for_fault(engine: Any, automaton: Automaton) -> None:
 def _interpreted(
     automaton: Automaton, equations: Equations, options: Options, max_step: float
 ) -> EngineBinding:
-    engine = _module("interpreted", options).Engine(equations, options, max_step)
+    engine = _engine_class("interpreted", options)(equations, options, max_step)
 
     def call(function: Callable[..., Any], *rest: Any) -> Any:
         result = function(engine, *rest)
@@ -407,8 +414,8 @@ class LoopMemory:
                 "scale": problem.time_scale or problem.period,
                 "rtol": options.rtol,
                 "atol": options.atol,
-                "fresh": 1,
-                "pending": workspace.NONE,
+                "first_arc": 1,
+                "pending_guard": workspace.NONE,
                 "stop": np.inf,
                 "max_steps": options.max_steps,
                 "max_events": options.max_events,
@@ -423,15 +430,15 @@ class LoopMemory:
         """Write the state."""
         self.table[workspace.Y][: len(y)] = np.asarray(y, dtype=float).tolist()
 
-    def take_fall(self) -> tuple[HybridState, float] | None:
+    def take_step_collapse(self) -> tuple[HybridState, float] | None:
         """Return where a very short step began, and its length, once; None if there is none."""
-        clock, length = self.clock, float(self.clock["fallen"])
+        clock, length = self.clock, float(self.clock["collapse_length"])
         if length == 0.0:
             return None
-        clock["fallen"] = 0.0
-        y = np.array(self.table[workspace.FALLEN][: clock["n"]], dtype=float)
-        cycle, mode = int(clock["fallen_cycle"]), int(clock["fallen_mode"])
-        return HybridState(cycle, float(clock["fallen_time"]), mode, y), length
+        clock["collapse_length"] = 0.0
+        y = np.array(self.table[workspace.COLLAPSE_STATE][: clock["n"]], dtype=float)
+        cycle, mode = int(clock["collapse_cycle"]), int(clock["collapse_mode"])
+        return HybridState(cycle, float(clock["collapse_time"]), mode, y), length
 
     @property
     def local(self) -> Floats:

@@ -464,13 +464,13 @@ class Simulation:
 
     def go(self) -> Trajectory:
         """Call the loop until it is done, draining its events in between."""
-        falls = None if self.quiet else self.problem.falls
+        falls = None if self.quiet else self.problem.discontinuity_check
         try:
             status = workspace.PAUSED
             while status in (workspace.PAUSED, workspace.BUFFER_FULL):
                 status = self.bound.call(loop.run_steps, self.clock, self.bound.steps_per_call)
                 self._drain()
-                fall = self.memory.take_fall()
+                fall = self.memory.take_step_collapse()
                 if fall is not None and falls is not None and falls(*fall):
                     falls = None  # once in a run
                 if self.progress is not None:
@@ -493,7 +493,7 @@ class Simulation:
     @property
     def samples(self) -> Samples:
         """The samples taken so far."""
-        rows = self.memory.samples[: self.clock["taken"]]
+        rows = self.memory.samples[: self.clock["samples_written"]]
         integer = rows[:, :3].astype(np.int64)
         return Samples(integer[:, 0], rows[:, 1].copy(), integer[:, 2], rows[:, 3:].copy())
 
@@ -503,13 +503,13 @@ class Simulation:
         return float(self.clock["cycle"] + elapsed)
 
     def _drain(self) -> None:
-        rows = self.events[: self.clock["rows"]]
+        rows = self.events[: self.clock["events_written"]]
         self.latest = np.concatenate([self.latest, rows[-LOOKED_AT:]])[-LOOKED_AT:]
         if self.consume is not None:
             self.consume(Events.from_rows(rows))
         else:
             self.kept.append(rows.copy())
-        self.clock["rows"] = 0
+        self.clock["events_written"] = 0
 
     def _trajectory(self, *, ended: bool = False) -> Trajectory:
         width = self.events.shape[1]
@@ -544,7 +544,7 @@ class Simulation:
 
     def _failure(self, status: int) -> RunError:
         clock, options = self.clock, self.problem.options
-        failure, instant = int(clock["failure"]), int(clock["instant"])
+        failure, instant = int(clock["failure"]), int(clock["transitions_now"])
         automaton = self.problem.automaton
         name = self._name_of(failure) if status in GUARD_FAILURES else ""
         reason, remedy = {

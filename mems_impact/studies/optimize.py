@@ -43,7 +43,7 @@ CLOSEST_APPROACH = "closest approach"
 
 
 @dataclass(frozen=True)
-class Constraint:
+class QuantityBounds:
     """Between which values a quantity must stay.
 
     Attributes
@@ -88,7 +88,7 @@ class Constraint:
 
 def limits_of(
     orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
-) -> tuple[Constraint, ...]:
+) -> tuple[QuantityBounds, ...]:
     """Return the limits on an orbit: those that are given, stability, and no penetration.
 
     A pair of None limits nothing; the quantity is only shown.
@@ -108,7 +108,7 @@ def limits_of(
         size = max((abs(bound) for bound in (low, high) if math.isfinite(bound)), default=0.0)
         if size == 0.0 and name in known:
             size = abs(known[name](orbit))
-        found.append(Constraint(name, low, high, size if 0.0 < size < math.inf else 1.0))
+        found.append(QuantityBounds(name, low, high, size if 0.0 < size < math.inf else 1.0))
     return tuple(found)
 
 
@@ -325,7 +325,7 @@ class Objective:
     quantity: Quantity
     sign: float
     scale: float
-    limits: tuple[Constraint, ...]
+    limits: tuple[QuantityBounds, ...]
     limited: tuple[Quantity, ...]
 
     @classmethod

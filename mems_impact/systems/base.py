@@ -484,7 +484,7 @@ class HybridSystem(Result, ABC):
             automaton=self.automaton,
             section=self.section,
             options=options,
-            falls=self.discontinuity_check,
+            discontinuity_check=self.discontinuity_check,
             **self._checked_numbers._asdict(),
         )
 

@@ -318,7 +318,7 @@ class System(HybridSystem):
     @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
         """What warns of a jump of the flow where steps become very short."""
-        return partial(checks.tell_of_fall, self, self.definition)
+        return partial(checks.warn_of_discontinuity, self, self.definition)
 
     @property
     def automaton(self) -> Automaton:

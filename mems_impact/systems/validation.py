@@ -44,7 +44,14 @@ from mems_impact.hybrid.state import HybridState
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Observable
 
-__all__ = ["check_end", "check_parted", "dry_run", "mode_monitor", "tell_of_fall", "tell_of_side"]
+__all__ = [
+    "check_end",
+    "check_parted",
+    "dry_run",
+    "mode_monitor",
+    "tell_of_side",
+    "warn_of_discontinuity",
+]
 
 # --- Whether functions keep what they do to themselves: none changes a variable from elsewhere.
 
@@ -140,7 +147,7 @@ LASTS = 0.5  # part of the difference that is left of a jump then; of a steep sl
 JUMP_ROUNDING_RATIO = 0.1  # part of the difference that rounding of state and time may make
 
 
-def tell_of_fall(
+def warn_of_discontinuity(
     system: HybridSystem, definition: Definition, at: HybridState, length: float
 ) -> bool:
     """Warn if the flow jumps where the steps of a run have become very short.

@@ -57,7 +57,7 @@ def test_sampling_does_not_change_the_run(case, engine, periods):
         final = sampled._trajectory()
         assert same(run_.events, final.events)
         assert np.array_equal(run_.final.y, final.final.y)
-        assert sampled.clock["taken"] == per_period * periods + 1
+        assert sampled.clock["samples_written"] == per_period * periods + 1
 
 
 @pytest.mark.parametrize(("engine", "periods"), CHOICES)

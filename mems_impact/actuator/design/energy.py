@@ -43,7 +43,7 @@ __all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_
 # --- The arcs of a run or an orbit: where each begins, how long it lasts, and what ends it.
 
 
-class Arc(NamedTuple):
+class EnergyArc(NamedTuple):
     """A stretch of the motion within one mode.
 
     Attributes
@@ -63,7 +63,7 @@ class Arc(NamedTuple):
     row: int
 
 
-def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Arc]:
+def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[EnergyArc]:
     """Return the arcs of a run from the one on in which the period `first` begins.
 
     Each begins as it did in the run, so that a chaotic motion stays what it was.
@@ -81,11 +81,11 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[Arc]:
                 if log.after[row, V1] == 0.0:
                     length = min(length, _slip(trajectory.problem, start))
             v2 = float(log.before[row, V2]), float(log.after[row, V2])
-            yield Arc(start, length, v2, row)
+            yield EnergyArc(start, length, v2, row)
         begin = HybridState(cycle, time, int(log.mode_after[row]), log.after[row])
     final = trajectory.final
     length = (final.cycle - begin.cycle) * period + (final.time - begin.time)
-    yield Arc(begin, length, (0.0, 0.0), -1)
+    yield EnergyArc(begin, length, (0.0, 0.0), -1)
 
 
 def _touching(problem: Problem, begin: HybridState, code: int) -> HybridState:
@@ -102,7 +102,7 @@ def _slip(problem: Problem, start: HybridState) -> float:
     return speed / slowing if speed * slowing > 0.0 else math.inf
 
 
-def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Arc]:
+def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
     """Return the arcs of an orbit once round; rows are those of its own event log."""
     found = orbit.found
     cyclic = list(found.problem.automaton.cyclic)
@@ -116,7 +116,7 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[Arc]:
         last = found.point.arcs[i].end
         after = last if event is None else event.after
         v2 = float(last[V2]), float(after[V2])
-        yield Arc(
+        yield EnergyArc(
             HybridState(segment.cycle, start, segment.mode, y), end - start, v2,
             -1 if event is None else row,
         )  # fmt: skip
@@ -227,7 +227,7 @@ class ArcNotes:
 def summed(
     system: ActuatorSystem,
     options: Options,
-    arcs: Iterator[Arc],
+    arcs: Iterator[EnergyArc],
     window: tuple[float, float],
     blows: set[int],
 ) -> WorkSums:
@@ -238,7 +238,7 @@ def summed(
     system : ActuatorSystem
     options : Options
         By which arcs are integrated.
-    arcs : iterator of Arc
+    arcs : iterator of EnergyArc
     window : tuple of float
         Forcing periods between which works and losses count.
     blows : set of int
@@ -289,7 +289,7 @@ def summed(
     )
 
 
-def _cuts(arc: Arc, low: float, high: float, period: float) -> list[float]:
+def _cuts(arc: EnergyArc, low: float, high: float, period: float) -> list[float]:
     """Return where an arc is cut, in periods since that in which it begins: where periods begin."""
     first = arc.begin.time / period
     last = first + arc.length / period

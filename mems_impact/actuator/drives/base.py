@@ -60,7 +60,8 @@ class Drive(Checked, ABC):
     units : mapping of str to str
         The SI unit of every field that is not a pure number: "V", "s", "rad/s" or "Hz" (see
         `mems_impact.actuator.units.KNOWN_UNITS`). It determines `scaled`, and the heading of the
-        field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that unit.
+        field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that
+        unit.
 
     Methods
     -------

@@ -45,12 +45,12 @@ from mems_impact.explorer.snapshot import (
 from mems_impact.explorer.view.controls import Controls
 from mems_impact.explorer.view.panels import (
     EVERY,
-    Bifurcation,
+    BifurcationPanel,
     CyclesPanel,
-    Device,
-    Multipliers,
-    Portrait,
-    Series,
+    DevicePanel,
+    MultiplierPanel,
+    PortraitPanel,
+    TimeSeriesPanel,
     frames_of,
 )
 
@@ -132,11 +132,11 @@ class Page:
         self.frames = ColumnDataSource({"t": []})
         self.about = ColumnDataSource({"per_period": [1]})
         count = len(series_shown(subject.system, setting))
-        self.series = Series(count)
-        self.portrait = Portrait()
-        self.cycles, self.multipliers = CyclesPanel(), Multipliers()
-        self.bifurcation = Bifurcation() if self.dials else None
-        self.device = Device() if actuator else None
+        self.series = TimeSeriesPanel(count)
+        self.portrait = PortraitPanel()
+        self.cycles, self.multipliers = CyclesPanel(), MultiplierPanel()
+        self.bifurcation = BifurcationPanel() if self.dials else None
+        self.device = DevicePanel() if actuator else None
         self.title = _text(subject.title, **{"font-size": "20px", "font-weight": "600"})
         self.status = _text(FIRST_STATUS, color="#555")
         self.message = _text("", color="#a33b00")

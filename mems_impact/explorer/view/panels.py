@@ -22,7 +22,15 @@ from mems_impact.explorer.snapshot import (
 from mems_impact.plotting.style import color, wearing
 from mems_impact.systems.base import HybridSystem
 
-__all__ = ["Bifurcation", "CyclesPanel", "Device", "Multipliers", "Portrait", "Series", "frames_of"]
+__all__ = [
+    "BifurcationPanel",
+    "CyclesPanel",
+    "DevicePanel",
+    "MultiplierPanel",
+    "PortraitPanel",
+    "TimeSeriesPanel",
+    "frames_of",
+]
 
 # --- What the panels of the page share: a figure, colours, units.
 
@@ -95,7 +103,7 @@ def unit_for(system: HybridSystem, name: str, values: Any) -> tuple[float, str]:
 # --- The bifurcation diagram, and where the run stands in it.
 
 
-class Bifurcation:
+class BifurcationPanel:
     """Crossings of the section over a parameter, varied up and down; the run's own in black."""
 
     def __init__(self) -> None:
@@ -226,7 +234,7 @@ EVERY = 2  # sample that is played
 WALKED = 0.4  # gaps that the frame seems to walk in a period
 
 
-class Device:
+class DevicePanel:
     """A drawing in gaps d, which the browser moves; the eye goes with the frame.
 
     The frame's steps are too small to be seen, so that the ground is drawn to pass by as many times
@@ -339,7 +347,7 @@ LEAST, MOST = 1.3, 50.0  # how far the axes go
 TITLE_CHARACTERS = 64  # of a line of the title, in characters
 
 
-class Multipliers:
+class MultiplierPanel:
     """Multipliers in the complex plane: inside the circle the orbit is stable."""
 
     def __init__(self) -> None:
@@ -370,7 +378,7 @@ class Multipliers:
 # --- The phase portrait, the Poincaré section, and the point that moves.
 
 
-class Portrait:
+class PortraitPanel:
     """One state over another, in the last part of a run; crossings of the section as diamonds."""
 
     def __init__(self) -> None:
@@ -427,7 +435,7 @@ STATE_CAPTIONS = {"x2": "x2, block in frame", "x1": "x1, frame"}
 HEIGHTS = (190, 140)
 
 
-class Series:
+class TimeSeriesPanel:
     """One or two states over the last forcing periods of a run.
 
     Parameters

@@ -310,7 +310,7 @@ class AttractorMapper:
                 )
             except FunctionError:  # told by who runs the point again
                 status = workspace.PAUSED
-            fall = self._loop.take_fall()
+            fall = self._loop.take_step_collapse()
             if fall is not None and falls is not None:
                 falls(int(work["point"]), *fall)
             if watch is not None:

@@ -314,7 +314,7 @@ def map_points(engine: Any, s: Any, w: Any, quota: int) -> int:
                     w.outcome = APERIODIC
                 elif status not in (DONE, PAUSED, BUFFER_FULL):
                     w.outcome = FAILED
-            if s.fallen > 0.0 and w.outcome != FAILED:
+            if s.collapse_length > 0.0 and w.outcome != FAILED:
                 return PAUSED
         if w.failed == 1:
             w.outcome = FAILED
@@ -351,34 +351,34 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
     whole = math.floor(w.transient + w.length)
     s.end_cycle = whole
     s.end_phase = s.t + (w.transient + w.length - whole) * s.period
-    s.fresh = 1
-    s.pending = NONE
+    s.first_arc = 1
+    s.pending_guard = NONE
     s.stop = math.inf
     s.cycle = 0
     s.restart = 0
-    s.instant = 0
+    s.transitions_now = 0
     s.steps = 0
     s.arc_steps = 0
     s.arcs = 0
     s.cycle_events = 0
     s.events_from = 0
-    s.rows = 0
+    s.events_written = 0
     s.failure = 0
     s.mark_mode = 0
-    s.side = 0
-    s.apart = 0.0
-    s.pace = 0.0
-    s.paced = 0.0
-    s.turning = 0.0
-    s.lifted = 0
-    s.doubt = 0
-    s.stride = 0.0
-    s.cut = 0
-    s.fallen = 0.0
+    s.section_side = 0
+    s.section_distance = 0.0
+    s.section_speed = 0.0
+    s.section_step = 0.0
+    s.section_bend = 0.0
+    s.starts_negative = 0
+    s.negative_by_error = 0
+    s.recent_step = 0.0
+    s.step_cut = 0
+    s.collapse_length = 0.0
     s.arc_start = 0.0
     s.sample_cycle = 0
     s.sample = math.ceil(s.t / s.period - 1e-12)
-    s.taken = 0
+    s.samples_written = 0
     w.begun = 1
     w.outcome = UNDECIDED
     w.returns = 0
@@ -404,7 +404,7 @@ def start_point(engine: Any, s: Any, w: Any) -> None:
 def process_events(engine: Any, s: Any, w: Any) -> None:
     """Read what the event loop has written, in the order in which it happened."""
     taken, n, y, sizes = 0, s.n, table_row(s, STATE), scratch_row(w, SIZES)
-    for i in range(s.rows):
+    for i in range(s.events_written):
         event = event_at(s, i)
         when = event[CYCLE] * s.period + event[TIME]
         taken = close_periods(engine, s, w, taken, when - 8.0 * EPS * abs(when))
@@ -421,8 +421,8 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
                 y[j] = event[HEAD + n + j]
             close_return(engine, s, w, when, int(event[MODE_AFTER]), y)
     close_periods(engine, s, w, taken, math.inf)
-    s.rows = 0
-    s.taken = 0
+    s.events_written = 0
+    s.samples_written = 0
     for j in range(n):
         y[j] = table_row(s, Y)[j] + table_row(s, OFFSET)[j]
         if table_row(s, CYCLIC)[j] == 0.0:
@@ -435,7 +435,7 @@ def process_events(engine: Any, s: Any, w: Any) -> None:
 def close_periods(engine: Any, s: Any, w: Any, taken: int, until: float) -> int:
     """End the forcing periods before an instant; return how many samples have been read."""
     y = table_row(s, STATE)
-    while w.return_kind == STROBOSCOPIC and taken < s.taken and w.outcome == UNDECIDED:
+    while w.return_kind == STROBOSCOPIC and taken < s.samples_written and w.outcome == UNDECIDED:
         sample = sample_at(s, taken)
         when = sample[0] * s.period + sample[1]
         if when >= until:
@@ -569,7 +569,7 @@ def extend_approach(s: Any, w: Any) -> bool:
     more = min(needed, 2.0 * done)
     ahead = math.ceil(more - done)
     s.end_cycle += ahead
-    s.fresh = 1
+    s.first_arc = 1
     return True
 
 

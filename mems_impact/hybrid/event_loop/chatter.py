@@ -98,7 +98,7 @@ def complete_chatter(engine: Any, s: Any, y: Any, guard: int) -> bool:
     for j in range(s.n):
         y[j] = left[j]
     if t > s.t:
-        s.instant = 0
+        s.transitions_now = 0
     s.t = t
     return True
 
@@ -143,7 +143,7 @@ def remaining_chatter_time(
     interval = t - since
     hit_begin[guard], hit_interval[guard], hit_speed[guard] = t, interval, speed
     hit_mode[guard] = s.mode
-    if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.instant > 1):
+    if interval == math.inf or before <= 0.0 or (interval == 0.0 and s.transitions_now > 1):
         return math.inf, interval
     ratio = speed / before
     # Three impacts make a sequence, so that a run taken up before them knows as much.

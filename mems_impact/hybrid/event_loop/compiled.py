@@ -64,13 +64,13 @@ def _row(s, i):  # type: ignore[no-untyped-def]
 @overload(workspace.event_row, jit_options={**JIT, **INNER})
 def _event_row(s):  # type: ignore[no-untyped-def]
     if _is_clock(s):
-        return lambda s: pointer(s.events + WORD * (workspace.HEAD + 2 * s.n) * s.rows)
+        return lambda s: pointer(s.events + WORD * (workspace.HEAD + 2 * s.n) * s.events_written)
 
 
 @overload(workspace.sample_row, jit_options={**JIT, **INNER})
 def _sample_row(s):  # type: ignore[no-untyped-def]
     if _is_clock(s):
-        return lambda s: pointer(s.samples + WORD * (3 + s.n) * s.taken)
+        return lambda s: pointer(s.samples + WORD * (3 + s.n) * s.samples_written)
 
 
 @overload(workspace.event_at, jit_options={**JIT, **INNER})

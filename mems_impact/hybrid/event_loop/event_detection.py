@@ -380,8 +380,8 @@ def first_event_in_step(
                 guard, t_event = i, t_crossing
             else:
                 # It is left alone until it has risen, or a step ends where it falls.
-                s.doubt = 1
-                s.lifted = 1
+                s.negative_by_error = 1
+                s.starts_negative = 1
                 depth = abs(table_row(s, MARGINS_AT)[i])
                 interface.set_bias(engine, i, bias + depth + 2.0 * rounding_error(s, i))
     return guard, t_event
@@ -532,10 +532,10 @@ def init_section(engine: Any, s: Any, y: Any) -> None:
     """
     if s.section < 0:
         return
-    s.apart = y[s.section] - s.level
-    s.pace = rate_at(engine, s, s.t, y)
-    s.paced = s.turning = 0.0
-    s.side = sign(s.apart if s.apart != 0.0 else s.pace)
+    s.section_distance = y[s.section] - s.level
+    s.section_speed = rate_at(engine, s, s.t, y)
+    s.section_step = s.section_bend = 0.0
+    s.section_side = sign(s.section_distance if s.section_distance != 0.0 else s.section_speed)
 
 
 def detect_crossings(engine: Any, s: Any, before: float, y: Any, told: int) -> None:
@@ -550,29 +550,29 @@ def detect_crossings(engine: Any, s: Any, before: float, y: Any, told: int) -> N
     if s.section < 0 or not h > 0.0:
         return
     apart = y[s.section] - s.level
-    pace = (apart - s.apart) / h
+    pace = (apart - s.section_distance) / h
     # The pace of a step is the rate in its middle; where an arc begins it is the rate there.
-    turned = pace - s.pace
+    turned = pace - s.section_speed
     # The first steps of an arc may be so short that rounding alone makes their paces.
     if abs(turned) * h <= ROUNDINGS * EPS * (abs(s.level) + abs(apart)):
         turned = 0.0
-    bend = turned / (0.5 * (h + s.paced))
-    s.turning = max(abs(bend), 0.5 * s.turning)
+    bend = turned / (0.5 * (h + s.section_step))
+    s.section_bend = max(abs(bend), 0.5 * s.section_bend)
     end = 0.0 if told != 0 else apart
-    if s.side == 0:
-        s.side = sign(apart)
+    if s.section_side == 0:
+        s.section_side = sign(apart)
     elif bend != 0.0 and not certify_no_crossing(
-        s.side * s.apart,
-        s.side * (pace - 0.5 * h * bend),
-        s.side * end,
-        s.side * (pace + 0.5 * h * bend),
+        s.section_side * s.section_distance,
+        s.section_side * (pace - 0.5 * h * bend),
+        s.section_side * end,
+        s.section_side * (pace + 0.5 * h * bend),
         h,
-        CAUTION * s.turning,
+        CAUTION * s.section_bend,
     ):
         scan_step(engine, s, before, end)
-    s.apart, s.pace, s.paced = end, pace, h
+    s.section_distance, s.section_speed, s.section_step = end, pace, h
     if told != 0 or apart != 0.0:
-        s.side = told if told != 0 else sign(apart)
+        s.section_side = told if told != 0 else sign(apart)
 
 
 def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
@@ -583,7 +583,7 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
     """
     t, y = s.t, table_row(s, STATE)
     interface.interpolate(engine, before, y)
-    a, g_a, r_a = before, s.apart, rate_at(engine, s, before, y)
+    a, g_a, r_a = before, s.section_distance, rate_at(engine, s, before, y)
     rounding = ROUNDINGS * EPS * (abs(s.level) + max(abs(g_a), abs(end)))
     finest = max(MIN_SUBSTEP_RATIO * (t - before), 8.0 * EPS * abs(t))
     width, curved, left = t - before, 0.0, MAX_CROSSINGS_PER_STEP
@@ -591,7 +591,7 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
         b = a + width if a + 1.5 * width < t else t
         interface.interpolate(engine, b, y)
         g_b, r_b = y[s.section] - s.level if b < t else end, rate_at(engine, s, b, y)
-        h, side = b - a, s.side
+        h, side = b - a, s.section_side
         curved = max(curved, abs(r_b - r_a) / h)
         over = side * g_b < -rounding
         if over:
@@ -611,10 +611,10 @@ def scan_step(engine: Any, s: Any, before: float, end: float) -> None:
         if over:
             b = bisect_section(engine, s, a, b)
             interface.interpolate(engine, b, y)
-            s.side = -side
+            s.section_side = -side
             g_b, r_b = 0.0, rate_at(engine, s, b, y)
-            if s.direction * s.side >= 0:
-                log_event(s, b, SECTION_CROSSING, s.side, s.mode, y, y)
+            if s.direction * s.section_side >= 0:
+                log_event(s, b, SECTION_CROSSING, s.section_side, s.mode, y, y)
                 left -= 1
         else:
             width *= 2.0
@@ -632,7 +632,7 @@ def bisect_section(engine: Any, s: Any, inside: float, outside: float) -> float:
         if middle <= inside or middle >= outside:
             break
         interface.interpolate(engine, middle, y)
-        if s.side * (y[s.section] - s.level) > 0.0:
+        if s.section_side * (y[s.section] - s.level) > 0.0:
             inside = middle
         else:
             outside = middle
@@ -650,7 +650,7 @@ def bisect_section_rate(engine: Any, s: Any, a: float, b: float) -> float:
         if middle <= a or middle >= b:
             break
         interface.interpolate(engine, middle, y)
-        if s.side * rate_at(engine, s, middle, y) < 0.0:
+        if s.section_side * rate_at(engine, s, middle, y) < 0.0:
             a = middle
         else:
             b = middle

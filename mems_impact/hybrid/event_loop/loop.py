@@ -36,6 +36,7 @@ from mems_impact.hybrid.event_loop.workspace import (
     APPROACH,
     BELOW_ZERO,
     BUFFER_FULL,
+    COLLAPSE_STATE,
     CYCLE_MARK,
     CYCLIC,
     CYCLING,
@@ -45,7 +46,6 @@ from mems_impact.hybrid.event_loop.workspace import (
     EPS,
     EVENT_BUDGET,
     FAILED,
-    FALLEN,
     HANDOVER,
     HIT_BEGIN,
     HIT_TIME,
@@ -101,19 +101,19 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     Returns
     -------
     int
-        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `workspace`). ``s.fallen`` is above
-        zero where the last step was so short that the flow may jump. ``s.failure`` is the engine's
+        PAUSED, BUFFER_FULL, DONE, or what ended the run (see `workspace`). ``s.collapse_length`` is
+        above zero where the last step was so short that the flow may jump. ``s.failure`` is the engine's
         code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the mode
         after NO_SUCH_MODE.
     """
     y = table_row(s, Y)
     while True:
-        if s.rows + ROOM + s.m > s.event_rows:
+        if s.events_written + ROOM + s.m > s.event_rows:
             return BUFFER_FULL
         if quota <= 0:
             return PAUSED
-        if s.fresh == 1:
-            s.fresh = 0
+        if s.first_arc == 1:
+            s.first_arc = 0
             s.failure = inadmissible_gap(engine, s, s.t, y)
             if s.failure != NONE:
                 return INADMISSIBLE
@@ -126,8 +126,8 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
                 return status
-        elif s.pending != NONE:
-            status = resolve_instant(engine, s, y, s.pending)
+        elif s.pending_guard != NONE:
+            status = resolve_instant(engine, s, y, s.pending_guard)
             if status != DONE:
                 return status
         if s.restart == 1:
@@ -138,7 +138,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         if status == interface.HANDOVER:
             log_event(s, s.t, HANDOVER, interface.method_memory(engine, s.mode), s.mode, y, y)
             s.restart = 1
-            s.fresh = s.doubt  # a margin in doubt is looked at again
+            s.first_arc = s.negative_by_error  # a margin in doubt is looked at again
             continue
         s.steps += 1
         s.arc_steps += 1
@@ -148,7 +148,7 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
             interface.state(engine, y)
             log_event(s, s.t, REBASE, 0, s.mode, y, y)
             s.restart = 1
-            s.fresh = s.doubt
+            s.first_arc = s.negative_by_error
             continue
         if status < 0 or s.arc_steps > s.max_steps:
             if s.arc_steps > 1:  # else y is where the arc, and its first step, began
@@ -159,16 +159,16 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         before = s.t
         t = interface.time(engine)
         something = update_margins(engine, s, status, before, t)
-        if s.lifted == 1:
+        if s.starts_negative == 1:
             clear_bias(engine, s)
 
         guard, t_event = NONE, t
         if something:
             guard, t_event = first_event_in_step(engine, s, status, before, t)
-        if s.doubt == 1 and guard == NONE and status != interface.STOPPED:
+        if s.negative_by_error == 1 and guard == NONE and status != interface.STOPPED:
             interface.state(engine, y)
             guard = first_violated_guard(engine, s, s.mode, t, y, NONE, NONE)
-            s.doubt = any_margin_below(s)
+            s.negative_by_error = any_margin_below(s)
 
         end = (s.end_cycle - s.cycle) * s.period + s.end_phase
         write_samples(engine, s, min(t_event, end), t_event >= end)
@@ -187,13 +187,13 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
         if rooted:
             log_root_events(engine, s, t, y)
         if guard == NONE and status == interface.STEPPED and falls(s, t - before):
-            interface.interpolate(engine, before, table_row(s, FALLEN))
-            s.fallen = t - before
-            s.fallen_cycle = s.cycle
-            s.fallen_time = before
-            s.fallen_mode = s.mode
+            interface.interpolate(engine, before, table_row(s, COLLAPSE_STATE))
+            s.collapse_length = t - before
+            s.collapse_cycle = s.cycle
+            s.collapse_time = before
+            s.collapse_mode = s.mode
             quota = 0  # lest the next one be told in its place
-        s.cut = int(status != interface.STEPPED)
+        s.step_cut = int(status != interface.STEPPED)
         if guard != NONE:
             status = resolve_instant(engine, s, y, guard)
             if status != DONE:
@@ -232,7 +232,7 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
     # has been recorded falls no second time, though rounding may have left it above zero; and below
     # zero is where it may be.
     m, passed = s.m, table_row(s, BELOW_ZERO)
-    s.lifted = 0
+    s.starts_negative = 0
     for i in range(m):
         bend[i] = 0.0
         clear = False
@@ -247,14 +247,14 @@ def begin_arc(engine: Any, s: Any, y: Any) -> None:
         hair = TINY_BIAS if lift else -TINY_BIAS
         interface.set_bias(engine, i, -now[i] * (1.0 + 1e-9) + hair if lift or fallen else 0.0)
         if clear and not below:
-            s.lifted = 1
+            s.starts_negative = 1
     sharpen(engine, s, y)
     interface.restart(engine, s.mode, s.t, y, s.stop)
     init_section(engine, s, y)
     s.restart = 0
-    s.doubt = 0
-    s.stride = 0.0
-    s.cut = 0
+    s.negative_by_error = 0
+    s.recent_step = 0.0
+    s.step_cut = 0
     s.arc_start = s.t
     s.arc_steps = 0
     s.arcs += 1
@@ -279,14 +279,14 @@ def clear_bias(engine: Any, s: Any) -> None:
 
 def falls(s: Any, h: float) -> bool:
     """Return whether a step of the method's own length is so short that it is to be told."""
-    if s.cut == 1:
+    if s.step_cut == 1:
         return False
-    short = h < SHORT * s.stride
-    s.stride = h if short else max(h, FORGOTTEN * s.stride)
+    short = h < SHORT * s.recent_step
+    s.recent_step = h if short else max(h, FORGOTTEN * s.recent_step)
     if not short:
         return False
-    s.falls += 1
-    return bool(s.falls <= FEW_FALLS or s.falls & (s.falls - 1) == 0)
+    s.collapses += 1
+    return bool(s.collapses <= FEW_FALLS or s.collapses & (s.collapses - 1) == 0)
 
 
 def any_margin_below(s: Any) -> int:
@@ -308,10 +308,10 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
     looked, past, passed = table_row(s, MARGINS_AT), table_row(s, PAST), table_row(s, BELOW_ZERO)
     s.restart = 1
     while guard != NONE:
-        s.pending = guard
-        if s.rows + ROOM > s.event_rows:
+        s.pending_guard = guard
+        if s.events_written + ROOM > s.event_rows:
             return BUFFER_FULL
-        s.pending = NONE
+        s.pending_guard = NONE
         for i in range(s.n):
             past[i] = y[i]
         mode = s.mode
@@ -343,7 +343,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
         log_event(s, s.t, kind, guard, mode, past, y)
         if kind == TRANSITION:
             passed[guard] = table_row(s, RECORDS)[guard]
-        s.instant += 1
+        s.transitions_now += 1
         s.cycle_events += 1
         if s.cycle_events > s.max_events:
             return EVENT_BUDGET
@@ -357,7 +357,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
         guard, mode = first_violated_guard(engine, s, s.mode, s.t, y, NONE, after), s.mode
         if kind == TRANSITION and impact and complete_chatter(engine, s, y, struck):
             if not 0 <= s.mode < s.modes:
-                s.rows -= 1  # the end of the sequence, which led nowhere
+                s.events_written -= 1  # the end of the sequence, which led nowhere
                 s.failure, s.mode = s.mode, mode
                 return ENDED if s.failure == ENDS else NO_SUCH_MODE
             if not finite(s, y):
@@ -369,7 +369,7 @@ def resolve_instant(engine: Any, s: Any, y: Any, guard: int) -> int:
                 s.failure = guard
                 return WITHOUT_EFFECT
             guard = NONE
-    s.instant = 0
+    s.transitions_now = 0
     return DONE
 
 
@@ -378,10 +378,10 @@ def is_cycling(s: Any, y: Any) -> bool:
 
     One of them is remembered, and replaced whenever their number has doubled.
     """
-    same = s.instant > 1 and s.mode == s.mark_mode
+    same = s.transitions_now > 1 and s.mode == s.mark_mode
     for i in range(s.n):
         same = same and y[i] == table_row(s, CYCLE_MARK)[i]
-    if s.instant & (s.instant - 1) == 0:
+    if s.transitions_now & (s.transitions_now - 1) == 0:
         s.mark_mode = s.mode
         for i in range(s.n):
             table_row(s, CYCLE_MARK)[i] = y[i]
@@ -410,7 +410,7 @@ def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
     if s.per_period == 0:
         return
     y = table_row(s, SAMPLE)
-    while s.taken < s.sample_rows:
+    while s.samples_written < s.sample_rows:
         phase = (s.sample % s.per_period) * s.period / s.per_period
         cycle = s.sample_cycle + s.sample // s.per_period
         t = (cycle - s.cycle) * s.period + phase
@@ -425,5 +425,5 @@ def write_samples(engine: Any, s: Any, limit: float, last: bool) -> None:
         sample[2] = s.mode
         for i in range(s.n):
             sample[3 + i] = y[i] + table_row(s, OFFSET)[i]
-        s.taken += 1
+        s.samples_written += 1
         s.sample += 1

@@ -92,7 +92,7 @@ G, STATE, MARGINS_AT, STATE_SHIFTED, STATE_AHEAD, STAGE, SLOPE, SUM, PAST, ENTER
 SIZE, GAIN, TIMED = 29, 30, 31
 HIT_BEGIN, HIT_MODE, HIT_OTHERS = 32, 33, 34
 # The state from which a step was taken that had become very short.
-FALLEN, ROWS = 35, 36
+COLLAPSE_STATE, ROWS = 35, 36
 
 # All that the loop remembers between two calls, and where it finds and writes the rest.
 LOOP_STATE = np.dtype(
@@ -116,10 +116,10 @@ LOOP_STATE = np.dtype(
         ("atol", np.float64),
         ("end_cycle", np.int64),  # where the run ends
         ("end_phase", np.float64),
-        ("fresh", np.int64),  # 1 before the first arc: guards may be violated at the start
+        ("first_arc", np.int64),  # 1 before the first arc: guards may be violated at the start
         ("restart", np.int64),  # 1 if the next step begins an arc
-        ("instant", np.int64),  # transitions of this instant so far, 0 where it has settled
-        ("pending", np.int64),  # the guard for which there was no room in the buffer, or NONE
+        ("transitions_now", np.int64),  # transitions of this instant so far, 0 where it has settled
+        ("pending_guard", np.int64),  # the guard for which there was no room in the buffer, or NONE
         ("mark_mode", np.int64),  # with MARK: a state of this instant, to be known again
         ("stop", np.float64),  # next switching time of the drive
         ("steps", np.int64),
@@ -129,7 +129,7 @@ LOOP_STATE = np.dtype(
         ("max_events", np.int64),
         ("cycle_events", np.int64),  # events since `events_from`, against the budget
         ("events_from", np.int64),
-        ("rows", np.int64),  # rows written to the event buffer
+        ("events_written", np.int64),  # rows written to the event buffer
         ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
         ("arc_start", np.float64),
         (
@@ -138,24 +138,30 @@ LOOP_STATE = np.dtype(
         ),  # its component, NONE without a section; the level; and the direction
         ("level", np.float64),  # in which it is crossed, 0 for both
         ("direction", np.int64),
-        ("side", np.int64),  # of the section, 1 or -1; 0 where that is not known
-        ("apart", np.float64),  # its component less the level, where the last step ended
-        ("pace", np.float64),  # at which that changed, over a step of this length
-        ("paced", np.float64),
-        ("turning", np.float64),  # how much the pace has changed of late, in a unit of time
-        ("lifted", np.int64),  # 1 in an arc with a margin that started clearly negative
-        ("doubt", np.int64),  # 1 while a margin is negative by the integration error alone
-        ("stride", np.float64),  # length of the steps of late, 0 where an arc begins
-        ("cut", np.int64),  # 1 if the last step ended early: at a root, or at a switch
-        ("falls", np.int64),  # how often steps have become very short, with no event in reach
-        ("fallen", np.float64),  # length of such a step that is to be told, else 0; where it began
-        ("fallen_cycle", np.int64),
-        ("fallen_time", np.float64),
-        ("fallen_mode", np.int64),
+        ("section_side", np.int64),  # of the section, 1 or -1; 0 where that is not known
+        ("section_distance", np.float64),  # its component less the level, where the last step ended
+        ("section_speed", np.float64),  # at which that changed, over a step of this length
+        ("section_step", np.float64),
+        ("section_bend", np.float64),  # how much the pace has changed of late, in a unit of time
+        ("starts_negative", np.int64),  # 1 in an arc with a margin that started clearly negative
+        (
+            "negative_by_error",
+            np.int64,
+        ),  # 1 while a margin is negative by the integration error alone
+        ("recent_step", np.float64),  # length of the steps of late, 0 where an arc begins
+        ("step_cut", np.int64),  # 1 if the last step ended early: at a root, or at a switch
+        ("collapses", np.int64),  # how often steps have become very short, with no event in reach
+        (
+            "collapse_length",
+            np.float64,
+        ),  # length of such a step that is to be told, else 0; where it began
+        ("collapse_cycle", np.int64),
+        ("collapse_time", np.float64),
+        ("collapse_mode", np.int64),
         ("per_period", np.int64),  # samples per period, 0 for none
         ("sample_cycle", np.int64),
         ("sample", np.int64),
-        ("taken", np.int64),  # rows written to the sample buffer
+        ("samples_written", np.int64),  # rows written to the sample buffer
     ]
 )
 
@@ -167,12 +173,12 @@ def table_row(s: Any, i: int) -> Any:
 
 def event_row(s: Any) -> Any:
     """Return the next row of the event buffer."""
-    return s.events[s.rows]
+    return s.events[s.events_written]
 
 
 def sample_row(s: Any) -> Any:
     """Return the next row of the sample buffer."""
-    return s.samples[s.taken]
+    return s.samples[s.samples_written]
 
 
 def event_at(s: Any, i: int) -> Any:
@@ -221,4 +227,4 @@ def log_event(s: Any, t: float, kind: int, guard: int, mode: int, past: Any, y: 
     for i in range(n):
         event[HEAD + i] = past[i] + offset[i]
         event[HEAD + n + i] = y[i] + offset[i]
-    s.rows += 1
+    s.events_written += 1

@@ -215,9 +215,9 @@ class LyapunovIntegrator:
                     grown,
                     self._bound.steps_per_call,
                 )
-                fall = self._memory.take_fall()
-                if fall is not None and self.problem.falls is not None:
-                    self.problem.falls(*fall)
+                fall = self._memory.take_step_collapse()
+                if fall is not None and self.problem.discontinuity_check is not None:
+                    self.problem.discontinuity_check(*fall)
                 if progress is not None:
                     progress(float(clock["cycle"] + clock["t"] / clock["period"] - begin))
         finally:

@@ -895,11 +895,11 @@ def stretch(engine: Any, s: Any, w: Any, at: Any, setup: Any, lengths: Any, grow
                 return PAUSED
             status = run_loop(s, w)
             quota -= BITE
-            for i in range(s.rows):
+            for i in range(s.events_written):
                 if not propagate_to_event(engine, event_at(s, i), at, setup):
                     w.lost = 1
                     return FAILED
-            s.rows = 0
+            s.events_written = 0
             if status == DONE:
                 w.begun = 0
             elif status not in (PAUSED, BUFFER_FULL):
@@ -924,7 +924,7 @@ def begin(s: Any, length: float) -> None:
     ahead = whole_periods(s.end_phase, s.period)
     s.end_phase -= ahead * s.period
     s.end_cycle += whole + ahead
-    s.fresh = 1
+    s.first_arc = 1
 
 
 def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
@@ -934,7 +934,7 @@ def follow(engine: Any, s: Any, at: Any, setup: Any) -> bool:
     motions do. Put back too late, it would jump, and columns along the flow would no longer be.
     """
     far = ahead_of(at, s.cycle, s.t, setup) >= MAX_LEAD_RATIO * at.length[0]
-    if s.pending != NONE or not far:
+    if s.pending_guard != NONE or not far:
         return True
     went = propagate(engine, s.cycle, s.t, at, setup)
     load_state(table_row(s, Y), 0, at, setup)

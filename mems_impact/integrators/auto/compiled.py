@@ -42,17 +42,19 @@ def prepare() -> None:
     cvode.prepare()
 
 
-class Engine(CompiledEngine):
+class CompiledAuto(CompiledEngine):
     """A handle for both engines, which share its parameters and biases.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         width = max(equations.n, equations.modes)
         super().__init__(HANDLE, equations, {"rows": ROWS * width})
-        self._explicit = onestep.Engine(equations, replace(options, method="dop853"), max_step)
-        self._implicit = cvode.Engine(equations, replace(options, method="bdf"), max_step)
+        self._explicit = onestep.CompiledDop853(
+            equations, replace(options, method="dop853"), max_step
+        )
+        self._implicit = cvode.CompiledCvode(equations, replace(options, method="bdf"), max_step)
         handle = self.handle
         for one in (self._explicit, self._implicit):
             one.handle["parameters"], one.handle["bias"] = handle["parameters"], handle["bias"]

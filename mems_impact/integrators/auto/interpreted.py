@@ -15,20 +15,22 @@ from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import Fault, Functions
 
 
-class Engine(Functions):
+class InterpretedAuto(Functions):
     """Two engines that share parameters and biases; the text of `switching` says which is at work.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`. The attributes
-    are the fields of `compiled.HANDLE`.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`. The
+    attributes are the fields of `compiled.HANDLE`.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
         super().__init__(equations)
-        self.explicit = onestep.Engine(equations, replace(options, method="dop853"), max_step)
-        self.implicit = cvode.Engine(equations, replace(options, method="bdf"), max_step)
+        self.explicit = onestep.InterpretedDop853(
+            equations, replace(options, method="dop853"), max_step
+        )
+        self.implicit = cvode.InterpretedCvode(equations, replace(options, method="bdf"), max_step)
         for one in (self.explicit, self.implicit):
             one.parameters, one.bias = self.parameters, self.bias
-        self.at_work: onestep.Engine | cvode.Engine = self.explicit
+        self.at_work: onestep.InterpretedDop853 | cvode.InterpretedCvode = self.explicit
         self.rows = [[0.0] * max(equations.n, equations.modes) for _ in range(ROWS)]
         self.rtol, self.atol = float(options.rtol), float(options.atol)
         self.modes = equations.modes

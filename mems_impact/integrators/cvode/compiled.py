@@ -8,7 +8,7 @@ From Python the functions are ctypes functions (`call`). From code compiled by n
 external symbols (`symbol`), whose addresses are handed to LLVM under a prefixed name, so that
 compiled code can be cached on disk: no address is ever baked into it.
 
-`Engine` owns the memory of one CVODE object, whose callbacks are those of
+`CompiledCvode` owns the memory of one CVODE object, whose callbacks are those of
 `integrators.jit.kernels`. The contract of `mems_impact.integrators.interface` gets overloads here,
 so that a loop compiled by numba calls CVODE directly, without Python.
 """
@@ -297,11 +297,11 @@ def prepare() -> None:
     load()
 
 
-class Engine(CompiledEngine):
+class CompiledCvode(CompiledEngine):
     """One CVODE object whose callbacks are compiled; its memory is freed with it.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`. Adams runs with
-    fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`. Adams runs
+    with fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:

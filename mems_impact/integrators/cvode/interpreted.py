@@ -48,7 +48,7 @@ class _Failure(Exception):
     """Raised through CVODE by one of its callbacks, with CVODE's code for it."""
 
 
-class Engine(Functions):
+class InterpretedCvode(Functions):
     """CVODE with Python callbacks, behind the contract of `mems_impact.integrators.interface`.
 
     Parameters

@@ -66,11 +66,11 @@ def prepare() -> None:
     check_numba()
 
 
-class Engine(CompiledEngine):
+class CompiledDop853(CompiledEngine):
     """A handle for the compiled stepper.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`; an explicit
-    method has no use for the Jacobian.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`; an
+    explicit method has no use for the Jacobian.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:

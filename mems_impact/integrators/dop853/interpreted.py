@@ -12,11 +12,11 @@ from mems_impact.integrators.options import Options
 from mems_impact.integrators.python_functions import Functions, scalars
 
 
-class Engine(Functions):
+class InterpretedDop853(Functions):
     """The text of `stepper` over lists, behind the contract of `mems_impact.integrators.interface`.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.Engine`; an explicit
-    method has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`; an
+    explicit method has no use for the Jacobian. The attributes are the fields of `compiled.HANDLE`.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:

@@ -5,7 +5,7 @@ decimal that is read as the very same float), and a list for a tuple. Everything
 of one entry that says what it is, ``float`` (nan, inf, -inf), ``list``, ``dict``, ``table`` or
 ``array``, or of an entry ``is`` with the short name of a class, beside the parts of the object. An
 array of more than `MAX_INLINE_NUMBERS` numbers is a member of the file by itself, whose name stands
-there. An object that occurs a second time is a reference, ``same``, to the number ``#`` of the first.
+there. An object that occurs again is a reference, ``same``, to the number ``#`` of the first one.
 """
 
 from __future__ import annotations

@@ -165,14 +165,14 @@ def test_an_estimate_of_the_spectral_radius_does_not_hang_on_units():
 
 
 def _engine(flow, n, p):
-    from mems_impact.integrators.auto.interpreted import Engine
+    from mems_impact.integrators.auto.interpreted import InterpretedAuto
     from mems_impact.integrators.interface import Equations
     from mems_impact.integrators.options import Options
 
     automaton = system(flow, n)
     equations = Equations(flow=flow, margins=automaton.margins, transition=automaton.transition,
                           n=n, m=0, parameters=p)  # fmt: skip
-    return Engine(equations, Options(**PLAIN), 1.0)
+    return InterpretedAuto(equations, Options(**PLAIN), 1.0)
 
 
 # Handing over all the time, at every event and in between, must not be seen in any of them.

@@ -129,7 +129,8 @@ def make(kind=compiled, method="adams"):
         m=2,
         parameters=stop(d=9.0),
     )
-    return kind.Engine(equations, Options(method=method), 0.1)
+    engine = kind.CompiledCvode if kind is compiled else kind.InterpretedCvode
+    return engine(equations, Options(method=method), 0.1)
 
 
 def resident():

@@ -39,7 +39,7 @@ def advance(solver, events=1, **how):
 
 
 def test_the_event_log_is_kept_across_restarts():
-    """Hence `Engine.step` clears _i, _t and _y before every step."""
+    """Hence `InterpretedCvode.step` clears _i, _t and _y before every step."""
     cvode, events = solver()
     for restart in range(1, 4):
         cvode.init_step(0.0, [1.0, 0.0])
@@ -159,7 +159,7 @@ def test_a_step_may_go_back_within_the_last_one():
 
 
 def test_going_back_forgets_which_roots_were_found():
-    """Hence `Engine.interpolate` shows CVODE constant root functions and leads it back."""
+    """Hence `InterpretedCvode.interpolate` shows CVODE constant root functions, and leads back."""
     cvode, events = solver()
     cvode.init_step(0.0, [1.0, 0.0])
     root = float(np.ravel(advance(cvode).t)[-1])

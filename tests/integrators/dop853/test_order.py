@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mems_impact.integrators.dop853 import stepper
-from mems_impact.integrators.dop853.interpreted import Engine
+from mems_impact.integrators.dop853.interpreted import InterpretedDop853
 from mems_impact.integrators.dop853.stepper import DENSE_STAGES, ERROR_5, STAGES, WEIGHTS_3, A, C, D
 from mems_impact.integrators.interface import Equations
 from mems_impact.integrators.options import Options
@@ -150,7 +150,9 @@ def engine(tolerance=1e-9):
     equations = Equations(
         flow=_flow, margins=_margins, transition=_transition, n=3, m=1, parameters=()
     )
-    return Engine(equations, Options(method="dop853", rtol=tolerance, atol=tolerance), 1.0)
+    return InterpretedDop853(
+        equations, Options(method="dop853", rtol=tolerance, atol=tolerance), 1.0
+    )
 
 
 def slope_at_start(solver, t):
