@@ -1,7 +1,7 @@
-"""What a notebook shows of a result: its table, and beneath it its picture.
+"""Display of results in notebooks: the table of a result, and its figure beneath.
 
-Results lie below the rooms that draw them, so that it is not they who know their figures: IPython
-is told by name what to show of which class, when the package is imported in a session of it.
+Results lie in rooms below those that draw them. IPython therefore gets the formatter of each class
+by name, when the package is imported in one of its sessions.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""What a designer of an actuator asks: steps, speeds and voltages, a fit, the operating chart."""
+"""Design of actuators: steps, speeds, voltages, fits to measurements, operating charts."""

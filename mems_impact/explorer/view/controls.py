@@ -1,4 +1,4 @@
-"""What the user moves: a slider for each parameter, and what of the motion is shown."""
+"""Controls of the page: a slider for each parameter, and the selection of what is displayed."""
 
 from __future__ import annotations
 

@@ -102,9 +102,9 @@ def run_steps(engine: Any, s: Any, quota: int) -> int:
     -------
     int
         PAUSED, BUFFER_FULL, DONE, or what ended the run (see `workspace`). ``s.collapse_length`` is
-        above zero where the last step was so short that the flow may jump. ``s.failure`` is the engine's
-        code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the mode
-        after NO_SUCH_MODE.
+        above zero where the last step was so short that the flow may jump. ``s.failure`` is the
+        engine's code after FAILED, the guard after INADMISSIBLE, WITHOUT_EFFECT and NOT_FINITE, the
+        mode after NO_SUCH_MODE.
     """
     y = table_row(s, Y)
     while True:

@@ -132,30 +132,21 @@ LOOP_STATE = np.dtype(
         ("events_written", np.int64),  # rows written to the event buffer
         ("failure", np.int64),  # the engine's code, after FAILED; or a guard, or a mode
         ("arc_start", np.float64),
-        (
-            "section",
-            np.int64,
-        ),  # its component, NONE without a section; the level; and the direction
-        ("level", np.float64),  # in which it is crossed, 0 for both
-        ("direction", np.int64),
+        ("section", np.int64),  # its component; NONE without a section
+        ("level", np.float64),
+        ("direction", np.int64),  # in which the section is crossed, 0 for both
         ("section_side", np.int64),  # of the section, 1 or -1; 0 where that is not known
         ("section_distance", np.float64),  # its component less the level, where the last step ended
-        ("section_speed", np.float64),  # at which that changed, over a step of this length
-        ("section_step", np.float64),
-        ("section_bend", np.float64),  # how much the pace has changed of late, in a unit of time
+        ("section_speed", np.float64),  # at which that changed over the last step
+        ("section_step", np.float64),  # length of that step
+        ("section_bend", np.float64),  # recent change of that speed in a unit of time
         ("starts_negative", np.int64),  # 1 in an arc with a margin that started clearly negative
-        (
-            "negative_by_error",
-            np.int64,
-        ),  # 1 while a margin is negative by the integration error alone
+        ("negative_by_error", np.int64),  # 1 while a margin is negative by the error of a step
         ("recent_step", np.float64),  # length of the steps of late, 0 where an arc begins
         ("step_cut", np.int64),  # 1 if the last step ended early: at a root, or at a switch
         ("collapses", np.int64),  # how often steps have become very short, with no event in reach
-        (
-            "collapse_length",
-            np.float64,
-        ),  # length of such a step that is to be told, else 0; where it began
-        ("collapse_cycle", np.int64),
+        ("collapse_length", np.float64),  # of such a step that is still to be reported, else 0
+        ("collapse_cycle", np.int64),  # where that step begins
         ("collapse_time", np.float64),
         ("collapse_mode", np.int64),
         ("per_period", np.int64),  # samples per period, 0 for none

@@ -300,8 +300,9 @@ def prepare() -> None:
 class CompiledCvode(CompiledEngine):
     """One CVODE object whose callbacks are compiled; its memory is freed with it.
 
-    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`. Adams runs
-    with fixed-point iteration, which needs no matrix; BDF with Newton's method and a dense matrix.
+    The parameters are those of `mems_impact.integrators.cvode.interpreted.InterpretedCvode`.
+    Adams runs with fixed-point iteration, which needs no matrix; BDF with Newton's method and a
+    dense matrix.
     """
 
     def __init__(self, equations: Equations, options: Options, max_step: float) -> None:
