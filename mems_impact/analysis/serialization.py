@@ -21,7 +21,7 @@ from mems_impact.continuation.codim1_curve import CurveEvent, CurvePoint, OrbitC
 from mems_impact.continuation.equilibrium_branch import Equilibria, EquilibriumEvent
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import TestFunction
+from mems_impact.continuation.test_functions import ORBIT_TESTS
 from mems_impact.hybrid.definition import Typical
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
@@ -117,14 +117,14 @@ register(
 register_run(run.Run)
 KINDS: tuple[type, ...] = (
     Options, HybridState, Events, Arc, Event, AdmissibilityViolation, PeriodicOrbit,
-    ShootingEvaluation, ParameterPoint, Segment, Phase, TestFunction,
+    ShootingEvaluation, ParameterPoint, Segment, Phase,
     BranchPoint, OrbitBranch, CurvePoint, OrbitCurve,
     observables.TimeWindow, orbit.Orbit, branch.Branch, special_points.SpecialPoint,
     special_points.CodimensionTwo, curve.Curve, verification.Verification, EquilibriumEvaluation,
     EquilibriumState, Equilibria, EquilibriumEvent, equilibrium.Equilibrium,
     equilibrium.EquilibriumPoint, equilibria.EquilibriumBranch, lyapunov.LyapunovSpectrum,
 )  # fmt: skip
-for kind in KINDS:
+for kind in (*KINDS, *ORBIT_TESTS):
     register(kind)
 register(BranchEvent)
 register(CurveEvent)

@@ -16,6 +16,7 @@ from mems_impact.analysis.orbit import Orbit
 from mems_impact.continuation import grazing
 from mems_impact.continuation.orbit_branch import follow
 from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import ClosestApproachTest, ContactSpeedTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.periodic_orbit import PeriodicOrbit
 from mems_impact.systems.base import HybridSystem
@@ -134,7 +135,7 @@ class SpecialPoint(Result):
         There everything is smooth, while on the side of the impact multipliers are infinite.
         """
         found = self.found
-        if found.monitor.role != "rate" or self.beyond is None:
+        if not isinstance(found.monitor, ContactSpeedTest) or self.beyond is None:
             return found
         away = found.value - self.beyond.family.values[self.parameter]
         width = GRAZING_SEARCH_RATIO * abs(found.value)
@@ -146,7 +147,7 @@ class SpecialPoint(Result):
             direction=math.copysign(1.0, away),
             reconnecting=False,
         )
-        touching = [s for s in other.special_points if s.monitor.role == "approach"]
+        touching = [s for s in other.special_points if isinstance(s.monitor, ClosestApproachTest)]
         return touching[0] if touching else found
 
 
@@ -229,7 +230,7 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     """
     check_kind(special, "special", SpecialPoint, "a special point of a branch")
     found = special.without_impact
-    if special.label != "G" or found.monitor.role != "approach":
+    if special.label != "G" or not isinstance(found.monitor, ClosestApproachTest):
         raise InvalidParameter("special", special.kind, "a grazing of an orbit without impacts")
     return GrazingType(grazing.grazing_type(found.orbit, found.monitor))
 

@@ -14,7 +14,7 @@ import numpy as np
 from mems_impact._util.arrays import Floats
 from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import CHATTER_ONSET, ORBIT_LABELS, TestFunction
+from mems_impact.continuation.test_functions import CHATTER_ONSET, ORBIT_LABELS, SegmentLengthTest
 from mems_impact.hybrid.event_loop.workspace import ACCUMULATION
 from mems_impact.hybrid.simulation import run
 from mems_impact.hybrid.state import HybridState
@@ -54,6 +54,7 @@ def chatter_onset(met: BranchEvent, parameter: str) -> BranchEvent | None:
     of the onset and not on the other. The orbit is the last one that rests, with its own sequence
     of impacts. None if runs rest on both sides.
     """
+    assert isinstance(met.monitor, SegmentLengthTest)
     orbit, i = met.orbit, met.monitor.segment
     m, onward = orbit.shooting.m, float(np.sign(met.direction[-1]))
     if onward == 0.0 or orbit.segments[i].code == BOUNDARY:
@@ -121,6 +122,7 @@ def _with_orbit(
     unknowns, values = shooting.pack(guess), np.array([onset.value])
     shooting.pin(shooting.evaluate(unknowns, values))
     orbit = make_orbit(shooting, solve(shooting, unknowns, values))
+    assert isinstance(onset.monitor, SegmentLengthTest)
     code = onset.orbit.segments[onset.monitor.segment - 1].code
     places = [i for i, s in enumerate(guess.segments) if guess.segments[i - 1].code == code]
     if not places or not orbit.admissible:
@@ -131,5 +133,5 @@ def _with_orbit(
         onset,
         orbit=orbit,
         direction=along if along[-1] * onset.direction[-1] > 0.0 else -along,
-        monitor=TestFunction(onset.monitor.kind, "length", shortest),
+        monitor=SegmentLengthTest(onset.monitor.kind, shortest),
     )

@@ -19,39 +19,37 @@ from mems_impact.continuation.arclength import (
     StepControl,
     reason_of,
 )
-from mems_impact.continuation.grazing import contact_coefficient
-from mems_impact.continuation.orbit_branch import OrbitProblem, oriented, renumbered
+from mems_impact.continuation.grazing import DegenerateGrazingTest
+from mems_impact.continuation.orbit_branch import OrbitProblem, oriented
 from mems_impact.continuation.special_points import BranchEvent
 from mems_impact.continuation.test_functions import (
-    CONTACT,
-    CUSP,
     FOLD,
     FOLLOWED_NAMES,
     GRAZING,
-    NEIMARK_SACKER,
     NEUTRAL_RESONANCES,
+    ClosestApproachTest,
+    ContactSpeedTest,
+    CuspTest,
     DefiningSystem,
-    FoldCondition,
+    ModeChoiceTest,
+    MultiplierTest,
     TestFunction,
     closest_approach,
-    condition_of,
-    is_zero,
-    monitors,
-    multiplier_tests,
-    name_of,
-    value_of,
+    curve_tests,
+    orbit_tests,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.orbits.limit_cycle import rebase_phase
 from mems_impact.orbits.newton import Solution, newton
-from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit, reduced_monodromy
+from mems_impact.orbits.periodic_orbit import PeriodicOrbit, make_orbit
 from mems_impact.orbits.shooting import Shooting, ShootingEvaluation
 
 __all__ = ["CurveEvent", "CurvePoint", "OrbitCurve", "follow_curve"]
 
 MAX_CURVE_ITERATIONS = 10
 COINCIDENT = 1e-7  # distance on the curve below which two losses are one
-Tests = dict[str | TestFunction, float]  # test functions by their name, or by the margin
+Tests = dict[TestFunction, float]
+MARGIN_TESTS = (ClosestApproachTest, ContactSpeedTest)
 CONTINUOUS = 1e-3  # part of its values beside it of a test function at a zero that is no jump
 
 
@@ -148,7 +146,7 @@ def follow_curve(
     orbit, steps = special.orbit, steps or StepControl()
     try:
         shooting = orbit.equations(curve.parameters)
-        condition = condition_of(shooting, special.monitor)
+        condition = special.monitor.equation(shooting)
         values = np.array([orbit.family.values[name] for name in curve.parameters])
         near = shooting.evaluate(orbit.point.unknowns, values)
         gradient = condition.gradient(near)
@@ -188,7 +186,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self.condition = condition
         self._linear: tuple[ShootingEvaluation, Floats] | None = None  # the condition's gradient
         # What a touched guard takes with it is zero all along, and no point of codimension two.
-        touched = monitors(self.shooting, point, np.zeros(1))
+        touched = orbit_tests(self.shooting, point, np.zeros(1))
         self.zero = {other for other, value in touched.items() if abs(value) < 1e-6}
         # The guard of the impacts that the orbit has, or of the one that it comes closest to.
         self.guard = self._main_guard(special.orbit)
@@ -207,15 +205,15 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         """Begin a cycle elsewhere; return the same point of the curve, and its direction."""
         shooting, unknowns, first = rebase_phase(self.shooting, point)
         count = len(self.shooting.segments)
-        monitor = renumbered(self.monitor, count, first)
-        condition = condition_of(shooting, monitor)
+        monitor = self.monitor.rebased(count, first)
+        condition = monitor.equation(shooting)
         near = shooting.evaluate(unknowns, point.values)
         gradient, start = condition.gradient(near), np.concatenate([unknowns, point.values])
         across = _null_vector(near, gradient)
         there = correct_condition(shooting, condition, gradient, start, across, start).point
         self._linear = there, condition.gradient(there)
         self.shooting, self.monitor, self.condition = shooting, monitor, condition
-        self.zero = {renumbered(other, count, first) for other in self.zero}
+        self.zero = {other.rebased(count, first) for other in self.zero}
         return there, oriented(_null_vector(*self._linear), along, 2)
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
@@ -226,7 +224,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
     def _orbit(self, point: ShootingEvaluation) -> PeriodicOrbit:
         """Return the orbit of a point. Where two modes may follow, either is the automaton's."""
         orbit = make_orbit(self.shooting, point)
-        if self.monitor.role != "choice":
+        if not isinstance(self.monitor, ModeChoiceTest):
             return orbit
         here = self.monitor.segment
         kept = (d for d in orbit.defects if (d.kind, d.segment) != ("mode", here))
@@ -259,44 +257,32 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
     def tests(self, point: ShootingEvaluation, along: Floats) -> Tests:
         """Return the test functions for points of codimension two."""
-        names = [
-            *multiplier_tests(self.monitor.kind),
-            *([CUSP] if self.monitor.kind == FOLD else []),
-            *([CONTACT] if self.monitor.role == "approach" else []),
-        ]
-        named = {name: self._test(name, point) for name in names}
-        tests: Tests = {name: value for name, value in named.items() if value is not None}
-        for other, value in monitors(self.shooting, point, np.zeros(1)).items():
-            if other.role in ("approach", "rate") and other not in self.zero:
+        named: list[TestFunction] = [*curve_tests(self.monitor.kind)]
+        if isinstance(self.monitor, ClosestApproachTest):
+            named.append(DegenerateGrazingTest(self.monitor.kind))
+        found = {test: test.on_curve(self.condition, point) for test in named}
+        tests: Tests = {test: value for test, value in found.items() if value is not None}
+        for other, value in orbit_tests(self.shooting, point, np.zeros(1)).items():
+            if isinstance(other, MARGIN_TESTS) and other not in self.zero:
                 tests[other] = value
         return tests
 
-    def _test(self, test: str | TestFunction, point: ShootingEvaluation) -> float | None:
-        """Return one of them; None where it has no meaning."""
-        if isinstance(test, TestFunction):
-            return monitors(self.shooting, point, np.zeros(1)).get(test)
-        if test == CUSP:
-            assert isinstance(self.condition, FoldCondition)
-            return self.condition.curvature(point)
-        if test == CONTACT:
-            return contact_coefficient(self.shooting, point, self.monitor, 1)
-        multipliers = np.linalg.eigvals(reduced_monodromy(self.shooting, point)).astype(complex)
-        return value_of(self.monitor.kind, test, multipliers)
-
-    def _kind(self, test: str | TestFunction) -> str:
+    def _kind(self, test: TestFunction) -> str:
         """Return what it is called where `test` is zero on this curve."""
-        if isinstance(test, str):
-            return name_of(self.monitor.kind, test)
+        if not isinstance(test, MARGIN_TESTS):
+            assert isinstance(test, MultiplierTest | CuspTest | DegenerateGrazingTest)
+            return test.name
         name = self.shooting.automaton.guards[test.guard].name
         if test.kind == GRAZING and self.monitor.kind == FOLD:
             # Folds of orbits with an impact set in where its speed is zero; those without, where
             # the grazing orbit has a multiplier +1.
-            what = "degenerate grazing" if test.role == "rate" else "grazing-fold"
+            what = "degenerate grazing" if isinstance(test, ContactSpeedTest) else "grazing-fold"
             return what if test.guard == self.guard else f"{what} ({name})"
         what, own = test.kind, FOLLOWED_NAMES.get(self.monitor.kind, self.monitor.kind)
-        if what == GRAZING and test.guard not in (self.guard, self.monitor.guard):
+        own_guard = getattr(self.monitor, "guard", -1)
+        if what == GRAZING and test.guard not in (self.guard, own_guard):
             what = f"{GRAZING} ({name})"
-        if not self.monitor.role:
+        if not self.monitor.ends_orbits:
             return f"{what}-{own}"
         return f"double {what}" if what == own else f"{own}-{what}"
 
@@ -304,11 +290,11 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self,
         step: PredictorStep[ShootingEvaluation],
         length: float,
-        before: Mapping[str | TestFunction, float],
-        after: Mapping[str | TestFunction, float],
+        before: Mapping[TestFunction, float],
+        after: Mapping[TestFunction, float],
     ) -> LocatedEvents[ShootingEvaluation, CurveEvent]:
         """Locate points of codimension two in a step, up to one that ends the curve."""
-        found: list[tuple[float, str | TestFunction, CurveEvent]] = []
+        found: list[tuple[float, TestFunction, CurveEvent]] = []
         for test, value in before.items():
             if test in after and value * after[test] < 0.0:
                 located = self._locate(test, step, length, (value, after[test]))
@@ -322,7 +308,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         first = min(
             (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
             key=lambda item: (
-                isinstance(item[1], TestFunction) and item[1].kind != GRAZING,
+                isinstance(item[1], MARGIN_TESTS) and item[1].kind != GRAZING,
                 item[0],
             ),
         )
@@ -338,11 +324,11 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         self.branch.points.append(CurvePoint(located.loss.orbit, located.loss.values))
         return located.reason
 
-    def _beyond(self, test: str | TestFunction, after: Mapping[str | TestFunction, float]) -> str:
+    def _beyond(self, test: TestFunction, after: Mapping[TestFunction, float]) -> str:
         """Return why the curve ends where `test` is zero; empty if it goes on."""
-        if isinstance(test, TestFunction):
+        if test.ends_orbits:
             return "the automaton has no such orbit" if after[test] < 0.0 else ""
-        if self.monitor.kind == NEIMARK_SACKER and test in NEUTRAL_RESONANCES:
+        if isinstance(test, MultiplierTest) and test.test in NEUTRAL_RESONANCES:
             return "the two multipliers of product 1 are real, those of neutral saddles"
         return ""
 
@@ -351,7 +337,7 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
 
     def _locate(
         self,
-        test: str | TestFunction,
+        test: TestFunction,
         step: PredictorStep[ShootingEvaluation],
         length: float,
         ends: tuple[float, float],
@@ -362,21 +348,21 @@ class _CurveProblem(OrbitProblem[CurvePoint, CurveEvent]):
         """
 
         def value(point: ShootingEvaluation) -> float:
-            found = self._test(test, point)
+            found = test.on_curve(self.condition, point)
             if found is None:
-                raise KeyError(test)
+                raise ValueError(test)
             return found
 
         kind = self._kind(test)
         try:
             position = step.zero(value, length)
             point = step.at(position).point
-        except (KeyError, ValueError) as error:
+        except ValueError as error:
             raise OrbitError(f"{kind} could not be located", "take a shorter step") from error
         orbit = self._orbit(point)
-        if isinstance(test, str) and not is_zero(self.monitor.kind, test, orbit.multipliers):
+        if isinstance(test, MultiplierTest) and not test.is_zero(orbit.multipliers):
             return None
-        if test == CUSP and abs(value(point)) > CONTINUOUS * min(map(abs, ends)):
+        if isinstance(test, CuspTest) and abs(value(point)) > CONTINUOUS * min(map(abs, ends)):
             return None  # the derivative by the first parameter has changed its sign
         values = (float(point.values[0]), float(point.values[1]))
         return position, CurveEvent(kind, values, orbit)

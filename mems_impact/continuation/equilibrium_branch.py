@@ -35,6 +35,9 @@ from mems_impact.continuation.test_functions import (
     FOLD,
     MULTIPLIER_TOLERANCE,
     UNEXPLAINED,
+    BoundaryTest,
+    BranchPointTest,
+    TestFunction,
 )
 from mems_impact.errors import OrbitError
 from mems_impact.orbits.equilibrium import (
@@ -49,9 +52,6 @@ HOPF, BOUNDARY = "Hopf", "boundary equilibrium"
 EQUILIBRIUM_LABELS = {FOLD: "LP", HOPF: "H", BRANCH_POINT: "BP", BOUNDARY: "BE", UNEXPLAINED: "?"}
 ROTATING = 1e-6  # least part of an eigenvalue that is imaginary where a cycle is born
 SAME_EQUILIBRIUM_DISTANCE = 1e-5  # difference between the unknowns of one equilibrium, met twice
-
-Test = tuple[str, int]  # what happens where a test function is zero, and to which guard, or -1
-BRANCHING = (BRANCH_POINT, -1)
 
 
 @dataclass(frozen=True)
@@ -203,43 +203,48 @@ class _EquilibriumProblem(
         branch.special_points += located.events
         branch.points += [each.equilibrium for each in located.events]
 
-    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[Test, float]:
+    def tests(self, point: EquilibriumEvaluation, along: Floats) -> dict[TestFunction, float]:
         """Return the test functions, zero where something happens."""
-        tests = {BRANCHING: regularity(point, tangent(point, along))}
+        tests: dict[TestFunction, float] = {
+            BranchPointTest(): regularity(point, tangent(point, along))
+        }
         guards = self.family.automaton.guards
         for j, margin in enumerate(self.equations.margins(point).tolist()):
             if np.isfinite(margin) and not guards[j].records:
-                tests[BOUNDARY, j] = margin
+                tests[BoundaryTest(BOUNDARY, j)] = margin
         return tests
 
     def locate(
         self,
         step: PredictorStep[EquilibriumEvaluation],
         length: float,
-        before: Mapping[Test, float],
-        after: Mapping[Test, float],
+        before: Mapping[TestFunction, float],
+        after: Mapping[TestFunction, float],
     ) -> LocatedEvents[EquilibriumEvaluation, EquilibriumEvent]:
         """Locate what happens within a step, in order."""
         found = []
-        ends = before[BRANCHING], after[BRANCHING]
+        ends = before[BranchPointTest()], after[BranchPointTest()]
         for place, kind, there, _ in self.bifurcations.within(step, length, *ends):
             found.append((place, self._event(there, HOPF if kind == CROSSING else kind)))
-        for kind, guard in before:
-            test = kind, guard
-            if guard >= 0 and test in after and (before[test] < 0.0) != (after[test] < 0.0):
+        for test in before:
+            if not isinstance(test, BoundaryTest) or test not in after:
+                continue
+            if (before[test] < 0.0) != (after[test] < 0.0):
                 place = self._zero(step, length, test)
-                found.append((place, self._event(step.at(place).point, kind, guard)))
+                found.append((place, self._event(step.at(place).point, test.kind, test.guard)))
         found.sort(key=lambda item: item[0])
         return LocatedEvents([each for _, each in found if self.low <= each.value <= self.high])
 
-    def _zero(self, step: PredictorStep[EquilibriumEvaluation], length: float, test: Test) -> float:
+    def _zero(
+        self, step: PredictorStep[EquilibriumEvaluation], length: float, test: BoundaryTest
+    ) -> float:
         def value(here: EquilibriumEvaluation) -> float:
-            return self.tests(here, step.along)[test]
+            return test.value(self.equations, here, step.along)
 
         try:
             return step.zero(value, length)
         except ValueError as error:
-            raise OrbitError(f"a {test[0]} could not be located", SHORTER_STEP_REMEDY) from error
+            raise OrbitError(f"a {test.kind} could not be located", SHORTER_STEP_REMEDY) from error
 
     def _event(
         self, balance: EquilibriumEvaluation, kind: str, guard: int = -1

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,12 @@ from mems_impact.continuation.arclength import CONTINUATION_ERRORS, tangent
 from mems_impact.continuation.special_points import IN_NO_TIME, BranchEvent
 from mems_impact.continuation.test_functions import (
     ClosestApproach,
+    ClosestApproachTest,
+    ContactSpeedTest,
     DefiningSystem,
+    SegmentLengthTest,
     TestFunction,
     closest_approach,
-    condition_of,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE, TRANSITION
@@ -49,8 +52,26 @@ SIGN_PERIODS = 200  # periods over which the signs are looked at
 CONTINUOUS, JUMP, DEAD = "continuous", "jump", "died earlier"
 
 
+@dataclass(frozen=True)
+class DegenerateGrazingTest(TestFunction):
+    """The first coefficient of the impacts that follow a grazing, on a curve of grazings."""
+
+    @property
+    def name(self) -> str:
+        """What a zero is called."""
+        return f"degenerate {self.kind}"
+
+    def value(self, equations: Any, point: Any, along: Floats) -> None:
+        """Return None: it is defined on a curve of grazings."""
+
+    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
+        """Return that coefficient."""
+        assert isinstance(condition.monitor, ClosestApproachTest)
+        return contact_coefficient(condition.shooting, point, condition.monitor, 1)
+
+
 def contact_coefficient(
-    shooting: Shooting, point: ShootingEvaluation, monitor: TestFunction, k: int
+    shooting: Shooting, point: ShootingEvaluation, monitor: ClosestApproachTest, k: int
 ) -> float | None:
     """Return xi_k = grad h . M^k kick: positive if the kick leads away from the stopper.
 
@@ -65,7 +86,7 @@ def contact_coefficient(
 
 
 def contact_coefficients(
-    shooting: Shooting, point: ShootingEvaluation, monitor: TestFunction, count: int
+    shooting: Shooting, point: ShootingEvaluation, monitor: ClosestApproachTest, count: int
 ) -> Floats | None:
     """Return xi_1 .. xi_count, or None if the orbit has events, or the kick goes along it.
 
@@ -175,9 +196,9 @@ def grazing_type(orbit: PeriodicOrbit, monitor: TestFunction) -> str:
         "continuous" (all xi_k positive and the orbit stable: the paper's type II), "jump" (some
         xi_k negative: type I), "died earlier" (a multiplier beyond +1: type III).
     """
-    if monitor.role != "approach":
+    if not isinstance(monitor, ClosestApproachTest):
         raise InvalidParameter(
-            field="monitor", value=monitor.role, allowed="the closest approach of a free orbit"
+            field="monitor", value=monitor, allowed="the closest approach of a free orbit"
         )
     if not orbit.stable:
         return DEAD
@@ -222,8 +243,8 @@ def change_signature(
     orbit : PeriodicOrbit
         Located at a zero of `monitor`.
     monitor : TestFunction
-        With the role "approach" (an event comes in), "rate" (one drops out) or "length" (one moves
-        into another period, or past another event).
+        A closest approach (an event comes in), a contact speed (one drops out) or the length of a
+        segment (one moves into another period, or past another event).
 
     Returns
     -------
@@ -239,7 +260,7 @@ def change_signature(
     unknowns = shooting.pack(guess)
     value = orbit.family.values[parameter]
     shooting.pin(shooting.evaluate(unknowns, np.array([value])))
-    condition = condition_of(shooting, wanted)
+    condition = wanted.equation(shooting)
     point = _at_level(shooting, unknowns, value, condition, level)
     direction = tangent(point)
     gain = float(condition.gradient(point) @ direction)
@@ -256,16 +277,17 @@ def guess_beyond(
     OrbitError
         If no other signature is known to join.
     """
-    if monitor.role == "length":
+    if isinstance(monitor, SegmentLengthTest):
         # The orbit is only cut elsewhere.
         guess, grows = move_event_across_period(orbit, monitor.segment) or swap_adjacent_events(
             orbit, monitor.segment
         )
-        return guess, TestFunction(monitor.kind, "length", grows), MIN_GRAZING_SEPARATION
-    if monitor.role == "rate":
+        return guess, replace(monitor, segment=grows), MIN_GRAZING_SEPARATION
+    if isinstance(monitor, ContactSpeedTest):
         # Where it happened: what is left may touch the guard elsewhere at the same value.
-        there = TestFunction(monitor.kind, "approach", monitor.segment, monitor.guard)
+        there = ClosestApproachTest(monitor.kind, monitor.guard, monitor.segment)
         return remove_event(orbit, monitor), there, DEPTH
+    assert isinstance(monitor, ClosestApproachTest)
     touch = closest_approach(orbit.shooting, orbit.point, monitor.guard)
     if touch is None or not touch.inside:
         raise OrbitError(
@@ -273,7 +295,7 @@ def guess_beyond(
             "find an orbit beyond and follow that",
         )
     guess = insert_event(orbit, monitor.guard, touch)
-    return guess, TestFunction(monitor.kind, "rate", touch.segment, monitor.guard), ENTRY_RATE
+    return guess, ContactSpeedTest(monitor.kind, monitor.guard, touch.segment), ENTRY_RATE
 
 
 def changed_guard(one: Shooting, other: Shooting) -> int:
@@ -423,7 +445,7 @@ def insert_event(orbit: PeriodicOrbit, guard: int, touch: ClosestApproach) -> Or
     return OrbitGuess(segments, new_states, times)
 
 
-def remove_event(orbit: PeriodicOrbit, monitor: TestFunction) -> OrbitGuess:
+def remove_event(orbit: PeriodicOrbit, monitor: ContactSpeedTest) -> OrbitGuess:
     """Return a guess without the event, and without what followed on it in no time.
 
     Raises

@@ -57,15 +57,19 @@ from mems_impact.continuation.stability import (
     Bifurcations,
 )
 from mems_impact.continuation.test_functions import (
-    BRANCH_POINT,
     FOLD,
     GRAZING,
     NEIMARK_SACKER,
     ORBIT_LABELS,
     PERIOD_DOUBLING,
+    BranchPointTest,
+    ClosestApproachTest,
+    ModeChoiceTest,
+    SegmentLengthTest,
     TestFunction,
+    bifurcation_test,
     kind_of,
-    monitors,
+    orbit_tests,
 )
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
@@ -104,13 +108,6 @@ def oriented(onward: Floats, along: Floats, parameters: int = 1) -> Floats:
     """
     same = float(onward[-1 - parameters :] @ along[-1 - parameters :]) >= 0.0
     return onward if same else -onward
-
-
-def renumbered(monitor: TestFunction, segments: int, first: int) -> TestFunction:
-    """Return the test function of a cycle of so many segments, begun in its piece `first`."""
-    if not 0 <= monitor.segment < segments - 1:
-        return monitor
-    return replace(monitor, segment=(monitor.segment - first) % (segments - 1))
 
 
 # --- Periodic orbits as a problem of continuation: what branches and curves have in common.
@@ -328,7 +325,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
     def tests(self, point: ShootingEvaluation, along: Floats) -> dict[TestFunction, float]:
         """Return the test functions of an orbit."""
-        return monitors(self.shooting, point, tangent(point, along))
+        return orbit_tests(self.shooting, point, tangent(point, along))
 
     def record(self, point: ShootingEvaluation, along: Floats) -> None:
         """Append an orbit to the branch."""
@@ -359,7 +356,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         joined, reason = self._change_signature(lost)
         # An event that moves into the next period, or past another one, changes nothing.
         passing = False
-        if joined is not None and lost.monitor.role == "length":
+        if joined is not None and isinstance(lost.monitor, SegmentLengthTest):
             guard = changed_guard(lost.orbit.shooting, joined[0])
             passing = guard == NONE
             lost = self._named(lost, guard)
@@ -403,9 +400,11 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
         The point is called what it is, and where it is; orbits beyond it are taken back.
         """
-        i, segments = lost.monitor.segment, lost.orbit.segments
-        m = lost.orbit.shooting.m
-        if lost.monitor.role != "length" or not rests_after_chatter(segments, i, m):
+        segments, m = lost.orbit.segments, lost.orbit.shooting.m
+        if not isinstance(lost.monitor, SegmentLengthTest):
+            return ""
+        i = lost.monitor.segment
+        if not rests_after_chatter(segments, i, m):
             return ""
         if segments[i].code == BOUNDARY:
             # Nothing happens there: the orbit is only cut.
@@ -429,7 +428,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         """Return the branch that continues at `lost`, or None and why none is found."""
         parameter = self.branch.parameter
         try:
-            if lost.monitor.role != "choice":
+            if not isinstance(lost.monitor, ModeChoiceTest):
                 joined = change_signature(lost.orbit, lost.monitor, parameter)
                 if not defects(*joined[:2]):
                     return joined, ""
@@ -470,6 +469,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         changed = [_kind_of(complex(before.values[i])) for i, _ in passing]
         if met.direction[-1] * along[-1] < 0.0:
             changed.insert(0, FOLD)
+        assert isinstance(met.monitor, SegmentLengthTest)
         i, segments = met.monitor.segment, met.orbit.segments
         at_switch = 2 * met.orbit.shooting.m in (segments[i - 1].code, segments[i].code)
         # By what it is: points are compared by their arrays, which have no one truth.
@@ -477,7 +477,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
         if at_switch and changed:
             self.branch.special_points.append(met)
         elif changed:
-            here = TestFunction(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
+            here = bifurcation_test(changed[0]), met.orbit.shooting, met.orbit.point, met.direction
             special = classify(*here)
             self.branch.special_points += [special] if special else []
 
@@ -504,7 +504,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
 
         # Back to what the automaton has, nothing is lost.
         lost = crossed(
-            {m: v for m, v in after.items() if m.role and before.get(m, 0.0) > 0.0}, length
+            {m: v for m, v in after.items() if m.ends_orbits and before.get(m, 0.0) > 0.0}, length
         )
         first, reach, here = None, length, step.at(length).point
         if lost:
@@ -512,7 +512,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
                 (item for item in lost if item[0] <= lost[0][0] + COINCIDENT),
                 key=lambda item: priority(item[1]),
             )
-            if first[1].monitor.role == "approach" and first[1].kind != GRAZING:
+            if isinstance(first[1].monitor, ClosestApproachTest) and first[1].kind != GRAZING:
                 first = locate_choice(shooting, step, first[0]) or first
             # Beyond, the test functions may jump, and what they say is of no interest.
             reach = max(lost[0][0] - COINCIDENT, 0.0)
@@ -522,7 +522,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
                 first, reach = unseen, max(unseen[0] - COINCIDENT, 0.0)
         if reach < length:
             here = step.at(reach).point
-            after = monitors(shooting, here, tangent(here, step.along))
+            after = orbit_tests(shooting, here, tangent(here, step.along))
         special_points = self._bifurcations(shooting, step, reach, before, after)
         if first is None:
             halved = special_points[-1:]
@@ -531,7 +531,7 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             return LocatedEvents(special_points)
         lost_here = self._admissible(shooting, step, *first)
         # Where an event meets a switch the branch has a corner, and derivatives are of either side.
-        corner = lost_here.monitor.role == "length"
+        corner = isinstance(lost_here.monitor, SegmentLengthTest)
         if corner:
             lost_here = replace(lost_here, direction=tangent(here, step.along))
         loss = lost_here if self.reconnecting else None
@@ -581,12 +581,12 @@ class _BranchProblem(OrbitProblem[BranchPoint, BranchEvent]):
             self.bifurcations = Bifurcations(
                 shooting, CIRCLE, partial(reduced_monodromy, shooting), short
             )
-        first, last = (test[TestFunction(BRANCH_POINT)] for test in (before, after))
+        first, last = (test[BranchPointTest()] for test in (before, after))
         if max(abs(first), abs(last)) < NOISE:
             first = last = 0.0
         found = []
         for _, kind, here, value in self.bifurcations.within(step, length, first, last):
-            monitor = TestFunction(_kind_of(value) if kind == CROSSING else kind)
+            monitor = bifurcation_test(_kind_of(value) if kind == CROSSING else kind)
             special = classify(monitor, shooting, here, tangent(here, step.along))
             if special is not None and self.low <= special.value <= self.high:
                 found.append(special)

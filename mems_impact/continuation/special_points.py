@@ -12,15 +12,20 @@ from mems_impact.continuation.test_functions import (
     AT_ZERO,
     BRANCH_POINT,
     FOLD,
+    MEETING,
     MULTIPLIER_TOLERANCE,
     NEIMARK_SACKER,
     ORBIT_LABELS,
     PERIOD_DOUBLING,
+    ClosestApproachTest,
+    ContactSpeedTest,
+    FoldTest,
+    ModeChoiceTest,
+    SegmentLengthTest,
     TestFunction,
     choice_margins,
     closest_approach,
     kind_of,
-    monitors,
 )
 from mems_impact.errors import OrbitError
 from mems_impact.hybrid.event_loop.workspace import NONE
@@ -82,12 +87,15 @@ def locate_zero(
     """
 
     def test(here: ShootingEvaluation) -> float:
-        return monitors(shooting, here, tangent(here, step.along))[monitor]
+        value = monitor.value(shooting, here, tangent(here, step.along))
+        if value is None:
+            raise ValueError(monitor)
+        return value
 
     try:
         position = step.zero(test, length)
         here = step.at(position).point
-    except (KeyError, ValueError) as error:
+    except ValueError as error:
         raise OrbitError(f"a {monitor.kind} could not be located", "take a shorter step") from error
     special = classify(monitor, shooting, here, tangent(here, step.along))
     return None if special is None else (position, special)
@@ -115,17 +123,18 @@ def locate_defect(
             kept = middle
     defect = defects(shooting, step.at(lost).point)[0]
     i, guards = defect.segment, shooting.automaton.guards
+    monitor: TestFunction
     if defect.kind in ("missed", "reversed"):
         j = [guard.name for guard in guards].index(defect.guard)
-        role, within = ("approach", -1) if defect.kind == "missed" else ("rate", i)
-        monitor = TestFunction(kind_of(guards[j]), role, within, j)
+        kind = kind_of(guards[j])
+        missed = defect.kind == "missed"
+        monitor = ClosestApproachTest(kind, j) if missed else ContactSpeedTest(kind, j, i)
     elif defect.kind == "order":
-        monitor = TestFunction("simultaneous events", "length", i)
+        monitor = SegmentLengthTest(MEETING, i)
     else:
         guard = shooting.segments[i].guard(shooting.m)
-        monitor = TestFunction(
-            kind_of(guards[guard]) if guard != NONE else defect.guard, "choice", i
-        )
+        kind = kind_of(guards[guard]) if guard != NONE else defect.guard
+        monitor = ModeChoiceTest(kind, NONE, i)
     return locate_choice(shooting, step, kept) or _event_at(shooting, step, kept, monitor)
 
 
@@ -153,7 +162,7 @@ def locate_choice(
             sure = np.minimum(np.abs(before), np.abs(after)) > AT_ZERO
             turned = np.flatnonzero(sure & (before * after < 0.0))
             if turned.size:
-                monitor = TestFunction(kind, "choice", i, int(turned[0]), mode)
+                monitor = ModeChoiceTest(kind, int(turned[0]), i, mode)
                 return _turn(shooting, step, position, monitor)
     return None
 
@@ -162,7 +171,7 @@ def _turn(
     shooting: Shooting,
     step: PredictorStep[ShootingEvaluation],
     position: float,
-    monitor: TestFunction,
+    monitor: ModeChoiceTest,
 ) -> tuple[float, BranchEvent]:
     def margin(point: ShootingEvaluation) -> float:
         return float(choice_margins(shooting, point, monitor.segment, monitor.mode)[monitor.guard])
@@ -210,7 +219,7 @@ def classify(
     kind = monitor.kind
     # The branch of a doubled orbit turns round where that of half the period crosses it.
     if kind in (FOLD, BRANCH_POINT) and is_double_cover(orbit):
-        kind, monitor = PERIOD_DOUBLING, TestFunction(FOLD)
+        kind, monitor = PERIOD_DOUBLING, FoldTest()
     label, value = ORBIT_LABELS.get(kind, kind), float(here.values[0])
     return BranchEvent(kind, label, value, orbit, direction, monitor)
 
@@ -223,12 +232,13 @@ def priority(special: BranchEvent) -> tuple[int, bool, int]:
     vanishes there. Where an event meets another one, its margin is zero at an end of a segment.
     """
     monitor, point = special.monitor, special.orbit.point
-    if monitor.role == "rate":
+    if isinstance(monitor, ContactSpeedTest):
         i = monitor.segment
         return 0, bool(point.ends[i] - point.starts[i] < IN_NO_TIME), i
-    if monitor.role == "approach":
+    if isinstance(monitor, ClosestApproachTest):
         touch = closest_approach(special.orbit.shooting, point, monitor.guard)
         return 1 if touch is not None and touch.inside else 3, False, monitor.guard
+    assert isinstance(monitor, SegmentLengthTest | ModeChoiceTest)
     return 2, False, monitor.segment
 
 

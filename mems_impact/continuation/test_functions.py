@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,9 +22,6 @@ from mems_impact.orbits.shooting import (
     rate_gradient,
     touch_gradient,
 )
-
-# --- Test functions: quantities whose zeros along a branch are the points where something
-# happens.
 
 GRAZING, FOLD, PERIOD_DOUBLING, NEIMARK_SACKER, BRANCH_POINT, UNEXPLAINED = (
     "grazing",
@@ -48,33 +46,8 @@ ORBIT_LABELS = {
     UNEXPLAINED: "?",
     CHATTER_ONSET: "CC",
 }
-
-
-@dataclass(frozen=True)
-class TestFunction:
-    """One test function.
-
-    Attributes
-    ----------
-    kind : str
-        "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch crosses),
-        "grazing" (of a guard with impacts), or the name of another guard whose margin is touched.
-    role : str
-        For a guard: "approach" (its smallest margin along the orbit, or in a segment), "rate" (the
-        speed at which the guard that ends a segment is reached), "length" (of a segment, zero
-        where two events meet) or "choice" (the margin after the event that ends a segment, in a
-        mode to which that may lead).
-    segment, guard, mode : int
-        -1 where it is none or any.
-    """
-
-    __test__ = False  # for pytest: this is no test
-
-    kind: str
-    role: str = ""
-    segment: int = -1
-    guard: int = -1
-    mode: int = -1
+MEETING = "simultaneous events"
+FOLLOW_OTHER = "follow another point, or take shorter steps"
 
 
 @dataclass(frozen=True)
@@ -139,30 +112,6 @@ def closest_approach(
     return min(found, key=lambda c: c.value, default=None)
 
 
-def monitors(
-    shooting: Shooting, point: ShootingEvaluation, direction: Floats
-) -> dict[TestFunction, float]:
-    """Return all test functions at `point`; positive margins and falling rates are admissible."""
-    values = {TestFunction(FOLD): float(direction[-1])}
-    if direction.size == point.unknowns.size + 1:  # on a branch, not on a curve
-        values[TestFunction(BRANCH_POINT)] = regularity(point, direction)
-    automaton, m = shooting.automaton, shooting.m
-    for i, segment in enumerate(shooting.segments):
-        event = point.events[i]
-        values[TestFunction("simultaneous events", "length", i)] = float(
-            point.ends[i] - point.starts[i]
-        )
-        guard = segment.guard(m)
-        if event is not None and guard != NONE:
-            kind = kind_of(automaton.guards[guard])
-            values[TestFunction(kind, "rate", i, guard)] = -float(event.rates[guard])
-    for j, each in enumerate(automaton.guards):
-        smallest = closest_approach(shooting, point, j)
-        if smallest is not None:
-            values[TestFunction(kind_of(each), "approach", -1, j)] = smallest.value
-    return values
-
-
 def choice_margins(shooting: Shooting, point: ShootingEvaluation, i: int, mode: int) -> Floats:
     """Return the margins in `mode` after the event that ends segment `i`, shape (m,)."""
     event = point.events[i]
@@ -176,10 +125,247 @@ def kind_of(guard: Guard) -> str:
     return GRAZING if guard.impact else guard.name
 
 
+# --- Test functions of orbits and equilibria. They are values, which can be compared, stored and
+# evaluated at any point of a branch. To add one, add a subclass and list it where it applies.
+
+
+@dataclass(frozen=True)
+class TestFunction(ABC):
+    """A quantity that is zero at special points of one kind.
+
+    Attributes
+    ----------
+    kind : str
+        What a zero is called: "fold", "grazing" (a guard with impacts is touched), …, or the name
+        of another guard whose margin is touched.
+    """
+
+    __test__ = False  # for pytest: this is no test
+
+    kind: str
+
+    ends_orbits: ClassVar[bool] = False
+    """Whether the automaton has no such orbit where the value is negative."""
+
+    @abstractmethod
+    def value(self, equations: Any, point: Any, along: Floats) -> float | None:
+        """Return the value at a solution of the equations; None where it has no meaning.
+
+        Parameters
+        ----------
+        equations : Shooting or EquilibriumEquations
+        point : ShootingEvaluation or EquilibriumEvaluation
+        along : float array
+            Tangent of the branch.
+        """
+
+    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float | None:
+        """Return the value at a point of the curve on which a condition holds."""
+        return self.value(condition.shooting, point, np.zeros(1))
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the test function as one more equation, for curves in two parameters."""
+        raise OrbitError(f"a curve of points of kind {self.kind!r} has no equation", FOLLOW_OTHER)
+
+    def rebased(self, segments: int, first: int) -> Self:
+        """Return the test function of a cycle of so many segments, begun in its piece `first`."""
+        return self
+
+
+@dataclass(frozen=True)
+class FoldTest(TestFunction):
+    """The parameter's component of the tangent, zero where the branch turns round."""
+
+    kind: str = FOLD
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return that component."""
+        return float(along[-1])
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the bordered equations, singular at a fold."""
+        return FoldCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class PeriodDoublingTest(TestFunction):
+    """The characteristic polynomial of the multipliers at -1."""
+
+    kind: str = PERIOD_DOUBLING
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return it, in parts of the matrix."""
+        return self.equation(equations).value(point)
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return it as an equation."""
+        return PeriodDoublingCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class NeimarkSackerTest(TestFunction):
+    """The product of a pair of multipliers, less one."""
+
+    kind: str = NEIMARK_SACKER
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return it for the pair that is closest to a product of one."""
+        return self.equation(equations).value(point)
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return it as an equation."""
+        return NeimarkSackerCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class BranchPointTest(TestFunction):
+    """The regularity of the equations with the tangent, zero where another branch crosses."""
+
+    kind: str = BRANCH_POINT
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return the smallest singular value with the sign of the determinant."""
+        return regularity(point, along)
+
+
+@dataclass(frozen=True)
+class UnexplainedTest(TestFunction):
+    """No quantity: a change of stability for which no other test function has a zero."""
+
+    kind: str = UNEXPLAINED
+
+    def value(self, equations: Any, point: Any, along: Floats) -> None:
+        """Return None."""
+
+
+class SegmentTest(TestFunction):
+    """A test function of one segment."""
+
+    segment: int
+    ends_orbits: ClassVar[bool] = True
+
+    def rebased(self, segments: int, first: int) -> Self:
+        """Return the test function of a cycle of so many segments, begun in its piece `first`."""
+        if not 0 <= self.segment < segments - 1:
+            return self
+        return type(self)(**{**vars(self), "segment": (self.segment - first) % (segments - 1)})
+
+
+@dataclass(frozen=True)
+class ClosestApproachTest(SegmentTest):
+    """The smallest margin of a guard along the orbit, or in one segment."""
+
+    guard: int
+    segment: int = NONE
+
+    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+        """Return that margin."""
+        smallest = closest_approach(equations, point, self.guard, self.segment)
+        return None if smallest is None else smallest.value
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the margin as an equation."""
+        return GrazingCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class ContactSpeedTest(SegmentTest):
+    """The speed at which the guard that ends a segment is reached."""
+
+    guard: int
+    segment: int
+
+    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+        """Return that speed, positive towards the guard."""
+        event = point.events[self.segment]
+        return None if event is None else -float(event.rates[self.guard])
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the speed as an equation."""
+        return ContactSpeedCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class SegmentLengthTest(SegmentTest):
+    """The length of a segment, zero where two events meet."""
+
+    segment: int
+
+    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float:
+        """Return that length."""
+        return float(point.ends[self.segment] - point.starts[self.segment])
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the length as an equation."""
+        return SegmentLengthCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class ModeChoiceTest(SegmentTest):
+    """The margin after the event that ends a segment, in a mode to which that may lead."""
+
+    guard: int
+    segment: int
+    mode: int = NONE
+
+    def value(self, equations: Shooting, point: ShootingEvaluation, along: Floats) -> float | None:
+        """Return that margin."""
+        if self.guard == NONE or point.events[self.segment] is None:
+            return None
+        return float(choice_margins(equations, point, self.segment, self.mode)[self.guard])
+
+    def equation(self, shooting: Shooting) -> DefiningSystem:
+        """Return the margin as an equation."""
+        return ModeChoiceCondition(shooting, self)
+
+
+@dataclass(frozen=True)
+class BoundaryTest(TestFunction):
+    """The margin of a guard at an equilibrium."""
+
+    guard: int
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return that margin."""
+        return float(equations.margins(point)[self.guard])
+
+
+BIFURCATION_TESTS: tuple[TestFunction, ...] = (
+    FoldTest(), PeriodDoublingTest(), NeimarkSackerTest(), BranchPointTest(), UnexplainedTest(),
+)  # fmt: skip
+GUARD_TESTS = (ClosestApproachTest, ContactSpeedTest, SegmentLengthTest, ModeChoiceTest)
+ORBIT_TESTS = (*map(type, BIFURCATION_TESTS), *GUARD_TESTS)
+
+
+def bifurcation_test(kind: str) -> TestFunction:
+    """Return the test function of a bifurcation of orbits by its kind."""
+    return next(each for each in BIFURCATION_TESTS if each.kind == kind)
+
+
+def orbit_tests(
+    shooting: Shooting, point: ShootingEvaluation, along: Floats
+) -> dict[TestFunction, float]:
+    """Return the test functions of an orbit with their values there.
+
+    Closest approaches, contact speeds and lengths are positive where the automaton has the orbit.
+    """
+    tests: list[TestFunction] = [FoldTest()]
+    if along.size == point.unknowns.size + 1:  # on a branch, not on a curve
+        tests.append(BranchPointTest())
+    guards = shooting.automaton.guards
+    for i, segment in enumerate(shooting.segments):
+        tests.append(SegmentLengthTest(MEETING, i))
+        guard = segment.guard(shooting.m)
+        if guard != NONE:
+            tests.append(ContactSpeedTest(kind_of(guards[guard]), guard, i))
+    tests += [ClosestApproachTest(kind_of(each), j) for j, each in enumerate(guards)]
+    values = {test: test.value(shooting, point, along) for test in tests}
+    return {test: value for test, value in values.items() if value is not None}
+
+
 # --- Points of codimension two: what else happens on a curve of special points, and its name.
 
 PLUS, MINUS, PAIR = "multiplier +1", "multiplier -1", "pair of multipliers on the circle"
-CUSP, CONTACT = "cusp", "contact"
 COSINES = {"1:1": 1.0, "1:2": -1.0, "1:3": -0.5, "1:4": 0.0}
 """Of the angle of a pair on the unit circle, by its resonance."""
 
@@ -199,66 +385,95 @@ CODIMENSION_TWO_NAMES = {
 """Those that are not put together of what is followed and what is met."""
 
 
-def multiplier_tests(kind: str) -> tuple[str, ...]:
-    """Return the names of the test functions of multipliers on a curve of a kind."""
-    return (PLUS, MINUS, PAIR, *(COSINES if kind == NEIMARK_SACKER else ()))
+@dataclass(frozen=True)
+class MultiplierTest(TestFunction):
+    """A test function of the multipliers on a curve, for its points of codimension two.
 
-
-def name_of(kind: str, test: str) -> str:
-    """Return what a zero of a test function is called on a curve of a kind."""
-    if test in COSINES:
-        return f"{test} resonance"
-    if test == CUSP:
-        return CUSP
-    if test == CONTACT:
-        return f"degenerate {kind}"
-    return CODIMENSION_TWO_NAMES.get(
-        (kind, test), f"{FOLLOWED_NAMES.get(kind, kind)}-{MULTIPLIER_NAMES[test]}"
-    )
-
-
-def value_of(kind: str, test: str, multipliers: Complexes) -> float:
-    """Return a test function of multipliers, without those that the curve has throughout.
-
-    Of order one however many multipliers there are, and however large.
+    Attributes
+    ----------
+    kind : str
+        Of the points that make up the curve.
+    test : str
+        `PLUS`, `MINUS`, `PAIR`, or a resonance.
     """
-    if kind == NEIMARK_SACKER:
-        i, j, _ = neutral_pair(multipliers)
-        if test in COSINES:
-            return 0.5 * float((multipliers[i] + multipliers[j]).real) - COSINES[test]
-        multipliers = np.delete(multipliers, [i, j])
-    if test == PAIR:
-        products = np.array([a * b for a, b in itertools.combinations(multipliers.tolist(), 2)])
-        factors = (products - 1.0) / (1.0 + np.abs(products))
-        sizes = np.abs(factors)
-        if not sizes.all():
-            return 0.0
-        return float(np.prod(factors / sizes).real * sizes.min(initial=1.0))
-    target, own = (1.0, FOLD) if test == PLUS else (-1.0, PERIOD_DOUBLING)
-    factors = (multipliers - target) / (1.0 + np.abs(multipliers))
-    if kind != own:
-        return float(np.prod(factors).real)
-    # The derivative of the characteristic polynomial, zero where the root is a double one.
-    others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
-    return float(np.sum(others).real)
+
+    test: str
+
+    @property
+    def name(self) -> str:
+        """What a zero is called."""
+        if self.test in COSINES:
+            return f"{self.test} resonance"
+        followed, met = FOLLOWED_NAMES.get(self.kind, self.kind), MULTIPLIER_NAMES[self.test]
+        return CODIMENSION_TWO_NAMES.get((self.kind, self.test), f"{followed}-{met}")
+
+    def value(self, equations: Any, point: Any, along: Floats) -> float:
+        """Return the value at an orbit of the curve."""
+        matrix = reduced_monodromy(equations, point)
+        return self.of(np.linalg.eigvals(matrix).astype(complex))
+
+    def of(self, multipliers: Complexes) -> float:
+        """Return the value, without the multipliers that the curve has throughout.
+
+        Of order one however many multipliers there are, and however large.
+        """
+        if self.kind == NEIMARK_SACKER:
+            i, j, _ = neutral_pair(multipliers)
+            if self.test in COSINES:
+                return 0.5 * float((multipliers[i] + multipliers[j]).real) - COSINES[self.test]
+            multipliers = np.delete(multipliers, [i, j])
+        if self.test == PAIR:
+            products = np.array([a * b for a, b in itertools.combinations(multipliers.tolist(), 2)])
+            factors = (products - 1.0) / (1.0 + np.abs(products))
+            sizes = np.abs(factors)
+            if not sizes.all():
+                return 0.0
+            return float(np.prod(factors / sizes).real * sizes.min(initial=1.0))
+        target, own = (1.0, FOLD) if self.test == PLUS else (-1.0, PERIOD_DOUBLING)
+        factors = (multipliers - target) / (1.0 + np.abs(multipliers))
+        if self.kind != own:
+            return float(np.prod(factors).real)
+        # The derivative of the characteristic polynomial, zero where the root is a double one.
+        others = [np.prod(np.delete(factors, k)) for k in range(factors.size)]
+        return float(np.sum(others).real)
+
+    def is_zero(self, multipliers: Complexes) -> bool:
+        """Return whether a change of sign is a zero.
+
+        The value may pass through infinity, or the product of two real multipliers through one.
+        """
+        if self.test == PAIR:
+            if self.kind == NEIMARK_SACKER:
+                multipliers = np.delete(multipliers, neutral_pair(multipliers)[:2])
+            rotating = multipliers[np.abs(multipliers.imag) > MULTIPLIER_TOLERANCE]
+            return bool(np.any(np.abs(np.abs(rotating) - 1.0) < MULTIPLIER_TOLERANCE))
+        targets = {PLUS: 1.0, MINUS: -1.0}
+        if self.test not in targets:
+            return True
+        return bool(np.abs(multipliers - targets[self.test]).min() < MULTIPLIER_TOLERANCE)
 
 
-def is_zero(kind: str, test: str, multipliers: Complexes) -> bool:
-    """Return whether a sign change of a test function is a zero.
+@dataclass(frozen=True)
+class CuspTest(TestFunction):
+    """The quadratic coefficient of a fold, zero at a cusp."""
 
-    It may have passed through infinity, or the product of two real multipliers through one.
-    """
-    if test == PAIR:
-        if kind == NEIMARK_SACKER:
-            multipliers = np.delete(multipliers, neutral_pair(multipliers)[:2])
-        rotating = multipliers[
-            np.abs(multipliers.imag) > MULTIPLIER_TOLERANCE
-        ]  # no double one at 1 or -1
-        return bool(np.any(np.abs(np.abs(rotating) - 1.0) < MULTIPLIER_TOLERANCE))
-    targets = {PLUS: 1.0, MINUS: -1.0}
-    return test not in targets or bool(
-        np.abs(multipliers - targets[test]).min() < MULTIPLIER_TOLERANCE
-    )
+    kind: str = FOLD
+    name: ClassVar[str] = "cusp"
+
+    def value(self, equations: Any, point: Any, along: Floats) -> None:
+        """Return None: it is defined on a curve of folds."""
+
+    def on_curve(self, condition: DefiningSystem, point: ShootingEvaluation) -> float:
+        """Return that coefficient."""
+        assert isinstance(condition, FoldCondition)
+        return condition.curvature(point)
+
+
+def curve_tests(kind: str) -> tuple[MultiplierTest | CuspTest, ...]:
+    """Return the test functions of multipliers, and of the cusp, on a curve of a kind."""
+    names = (PLUS, MINUS, PAIR, *(COSINES if kind == NEIMARK_SACKER else ()))
+    found = tuple(MultiplierTest(kind, name) for name in names)
+    return (*found, CuspTest()) if kind == FOLD else found
 
 
 def neutral_pair(multipliers: Any) -> tuple[int, int, float]:
@@ -278,19 +493,6 @@ GRADIENT_STEP = 1e-6  # step of the differences that give the gradient of a test
 NULL_VECTOR_STEP = 1e-4  # of those of the equations' derivatives along their null vector
 
 
-def condition_of(shooting: Shooting, monitor: TestFunction) -> DefiningSystem:
-    """Return what is zero where `monitor` is."""
-    by_role = {
-        "approach": GrazingCondition,
-        "rate": ContactSpeedCondition,
-        "length": SegmentLengthCondition,
-        "choice": Choice,
-    }
-    if monitor.role:
-        return by_role[monitor.role](shooting, monitor)
-    return {FOLD: FoldCondition, PERIOD_DOUBLING: Flip}.get(monitor.kind, Torus)(shooting, monitor)
-
-
 class DefiningSystem:
     """A test function as one more equation; its gradient is taken by differences.
 
@@ -307,9 +509,9 @@ class DefiningSystem:
 
     def value(self, point: ShootingEvaluation) -> float:
         """Return what is zero on the curve."""
-        value = monitors(self.shooting, point, np.zeros(1)).get(self.monitor)
+        value = self.monitor.value(self.shooting, point, np.zeros(1))
         if value is None:
-            raise OrbitError("the closest approach is gone", "take a shorter step")
+            raise OrbitError(f"no {self.monitor.kind} is left to follow", FOLLOW_OTHER)
         return value
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
@@ -331,29 +533,22 @@ class GrazingCondition(DefiningSystem):
     """A guard's closest approach, whose derivatives the columns of the arc carry with them."""
 
     derived = True
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return the smallest margin."""
-        touch = self._touch(point)
-        if touch is None:
-            raise OrbitError("the closest approach is gone", "take a shorter step")
-        return touch.value
+    monitor: ClosestApproachTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return its derivatives."""
-        touch = self._touch(point)
+        guard = self.monitor.guard
+        touch = closest_approach(self.shooting, point, guard, self.monitor.segment)
         if touch is None or not touch.inside:
             return super().gradient(point)
-        return touch_gradient(self.shooting, point, touch.segment, self.monitor.guard)
-
-    def _touch(self, point: ShootingEvaluation) -> ClosestApproach | None:
-        return closest_approach(self.shooting, point, self.monitor.guard, self.monitor.segment)
+        return touch_gradient(self.shooting, point, touch.segment, guard)
 
 
 class ContactSpeedCondition(DefiningSystem):
     """The speed at which the guard that ends a segment is reached."""
 
     derived = True
+    monitor: ContactSpeedTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return its derivatives."""
@@ -364,13 +559,14 @@ class SegmentLengthCondition(DefiningSystem):
     """The length of a segment."""
 
     derived = True
+    monitor: SegmentLengthTest
 
     def gradient(self, point: ShootingEvaluation) -> Floats:
         """Return its derivatives."""
         return length_gradient(self.shooting, point, self.monitor.segment)
 
 
-class Flip(DefiningSystem):
+class PeriodDoublingCondition(DefiningSystem):
     """A period doubling: the determinant of the matrix that has the multipliers, plus one."""
 
     def value(self, point: ShootingEvaluation) -> float:
@@ -380,7 +576,7 @@ class Flip(DefiningSystem):
         return float(np.linalg.det(matrix + np.eye(len(matrix)))) / max(1.0, np.abs(matrix).max())
 
 
-class Torus(DefiningSystem):
+class NeimarkSackerCondition(DefiningSystem):
     """A Neimark-Sacker point: the product of a pair of multipliers is one."""
 
     def value(self, point: ShootingEvaluation) -> float:
@@ -388,15 +584,8 @@ class Torus(DefiningSystem):
         return neutral_pair(np.linalg.eigvals(reduced_monodromy(self.shooting, point)))[2]
 
 
-class Choice(DefiningSystem):
+class ModeChoiceCondition(DefiningSystem):
     """The margin that decides to which of two modes an event leads."""
-
-    def value(self, point: ShootingEvaluation) -> float:
-        """Return the margin."""
-        i, guard, mode = self.monitor.segment, self.monitor.guard, self.monitor.mode
-        if guard == NONE or point.events[i] is None:
-            raise OrbitError("no margin tells where the event leads", "follow another point")
-        return float(choice_margins(self.shooting, point, i, mode)[guard])
 
 
 class FoldCondition(DefiningSystem):

@@ -12,7 +12,7 @@ from mems_impact.continuation.arclength import StepControl, correct
 from mems_impact.continuation.grazing import change_signature
 from mems_impact.continuation.orbit_branch import OrbitBranch, _BranchProblem, follow
 from mems_impact.continuation.special_points import BranchEvent
-from mems_impact.continuation.test_functions import TestFunction, closest_approach
+from mems_impact.continuation.test_functions import FoldTest, SegmentLengthTest, closest_approach
 from mems_impact.errors import InvalidParameter, OrbitError
 from mems_impact.hybrid.simulation import run
 from mems_impact.orbits.orbit_search import find_periodic_orbit
@@ -256,7 +256,7 @@ def test_events_that_cannot_pass_each_other(segment, reason):
     drive = Square(amplitude=0.4, omega=1.0)
     orbit = mi.find_orbit(DEVICE, drive, guess=mi.kicked_state(DEVICE), transient=300).found
     assert orbit.segments[-1].code == 2 * orbit.shooting.m
-    meeting = TestFunction("simultaneous events", "length", segment)
+    meeting = SegmentLengthTest("simultaneous events", segment)
     with pytest.raises(OrbitError, match=reason):
         change_signature(orbit, meeting, "amplitude")
 
@@ -265,9 +265,9 @@ def test_events_that_cannot_pass_each_other(segment, reason):
 def test_what_changes_where_two_events_meet_is_listed_once(listed):
     """The meeting itself changes nothing; a fold in it is named, if it has not been already."""
     first = follow(silent_orbit(0.16, 0.5), "amplitude", low=0.16, high=0.16).points[0]
-    meeting = TestFunction("simultaneous events", "length", 0)
+    meeting = SegmentLengthTest("simultaneous events", 0)
     met = BranchEvent("fold", "CF", 0.16, first.orbit, first.direction, meeting)
-    fold = replace(met, monitor=TestFunction("fold"))
+    fold = replace(met, monitor=FoldTest())
     special = [fold, met] if listed else [met]
     found = OrbitBranch("amplitude", special_points=list(special))
     orbit = first.orbit

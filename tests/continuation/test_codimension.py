@@ -16,10 +16,8 @@ from mems_impact.continuation.test_functions import (
     PAIR,
     PERIOD_DOUBLING,
     PLUS,
-    is_zero,
-    multiplier_tests,
-    name_of,
-    value_of,
+    MultiplierTest,
+    curve_tests,
 )
 
 TURN = np.exp(2j)
@@ -115,15 +113,17 @@ def test_on_a_curve_of_period_doublings():
     ],
 )
 def test_the_name_follows_from_what_is_followed_and_what_is_met(kind, test, own, crosses, name):
-    assert name_of(kind, test) == name
+    met = MultiplierTest(kind, test)
+    assert met.name == name
     others = [1e-200, 0.5, -0.3, 2.7, 1e9, *np.linspace(-0.4, 0.4, 20)]
 
     def multipliers(size):
         return np.array([*own, *(size * value for value in crosses), *others], dtype=complex)
 
-    inside, outside = (value_of(kind, test, multipliers(size)) for size in (0.999, 1.001))
+    inside, outside = (met.of(multipliers(size)) for size in (0.999, 1.001))
     assert inside * outside < 0.0
-    assert is_zero(kind, test, multipliers(1.0 + 1e-6))
-    for other in set(multiplier_tests(kind)) - {test}:
-        same = value_of(kind, other, multipliers(0.999)), value_of(kind, other, multipliers(1.001))
-        assert same[0] * same[1] > 0.0 or not is_zero(kind, other, multipliers(1.0))
+    assert met.is_zero(multipliers(1.0 + 1e-6))
+    for other in curve_tests(kind):
+        if isinstance(other, MultiplierTest) and other != met:
+            same = other.of(multipliers(0.999)), other.of(multipliers(1.001))
+            assert same[0] * same[1] > 0.0 or not other.is_zero(multipliers(1.0))

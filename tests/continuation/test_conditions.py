@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from mems_impact.continuation.test_functions import (
-    FOLD,
+    ClosestApproachTest,
     DefiningSystem,
-    TestFunction,
-    condition_of,
-    monitors,
+    FoldTest,
+    SegmentLengthTest,
+    orbit_tests,
 )
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from mems_impact.orbits.shooting import Shooting
@@ -37,10 +37,10 @@ def test_gradients_of_guards_and_lengths(name):
     shooting = Shooting(orbit.family, orbit.segments, active, orbit.shooting.pinned)
     values = np.array([orbit.family.values[each] for each in active])
     point = shooting.evaluate(orbit.point.unknowns, values)
-    looked = [each for each in monitors(shooting, point, np.zeros(1)) if each.role]
-    assert {each.role for each in looked} >= {"approach", "length"}
+    looked = [each for each in orbit_tests(shooting, point, np.zeros(1)) if each.ends_orbits]
+    assert {type(each) for each in looked} >= {ClosestApproachTest, SegmentLengthTest}
     for monitor in looked:
-        condition = condition_of(shooting, monitor)
+        condition = monitor.equation(shooting)
         differences = DefiningSystem.gradient(condition, point)
         scale = max(1.0, float(np.abs(differences).max()))
         np.testing.assert_allclose(
@@ -55,7 +55,7 @@ def test_gradient_of_a_fold():
     active = ("amplitude", "omega")
     shooting = Shooting(orbit.family, orbit.segments, active, orbit.shooting.pinned)
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.15, 0.47]))
-    condition = condition_of(shooting, TestFunction(FOLD))
+    condition = FoldTest().equation(shooting)
     derived = condition.gradient(point)
     differences = DefiningSystem.gradient(condition, point)
     scale = float(np.abs(differences).max())

@@ -7,7 +7,13 @@ import pytest
 
 from mems_impact.continuation import special_points
 from mems_impact.continuation.arclength import PredictorStep, StepControl, budget_message
-from mems_impact.continuation.test_functions import NEIMARK_SACKER, ClosestApproach, TestFunction
+from mems_impact.continuation.test_functions import (
+    ClosestApproach,
+    ClosestApproachTest,
+    ContactSpeedTest,
+    NeimarkSackerTest,
+    SegmentLengthTest,
+)
 from mems_impact.orbits.newton import Solution
 
 
@@ -39,16 +45,20 @@ def test_a_zero_within_a_step_is_located_to_rounding():
 def test_order_of_losses_in_one_point(monkeypatch):
     """The rate, an approach inside a segment, what has neither, an approach at its end."""
 
-    def rank(role, inside=False):
+    def rank(monitor, inside=False):
         touch = ClosestApproach(value=0.0, segment=0, time=0.0, inside=inside)
         monkeypatch.setattr(special_points, "closest_approach", lambda *_: touch)
         point = SimpleNamespace(starts=[0.0], ends=[1.0])
         orbit = SimpleNamespace(shooting=None, point=point)
-        return special_points.priority(
-            SimpleNamespace(monitor=TestFunction("grazing", role, segment=0), orbit=orbit)
-        )
+        return special_points.priority(SimpleNamespace(monitor=monitor, orbit=orbit))
 
-    ranks = [rank("rate"), rank("approach", inside=True), rank("length"), rank("approach")]
+    approach = ClosestApproachTest("grazing", 0)
+    ranks = [
+        rank(ContactSpeedTest("grazing", 0, 0)),
+        rank(approach, inside=True),
+        rank(SegmentLengthTest("grazing", 0)),
+        rank(approach),
+    ]
     assert ranks == sorted(set(ranks))
 
 
@@ -59,7 +69,7 @@ def test_a_neimark_sacker_point_has_a_pair_on_the_circle(monkeypatch, angle, siz
     orbit = SimpleNamespace(multipliers=np.append(pair, 1.0))
     monkeypatch.setattr(special_points, "make_orbit", lambda *_: orbit)
     here = SimpleNamespace(values=np.array([0.7]))
-    found = special_points.classify(TestFunction(NEIMARK_SACKER), None, here, np.ones(2))
+    found = special_points.classify(NeimarkSackerTest(), None, here, np.ones(2))
     assert (found is not None) == (size == 1.0)
 
 

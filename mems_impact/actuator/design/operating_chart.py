@@ -36,6 +36,7 @@ from mems_impact.continuation.arclength import StepControl
 from mems_impact.continuation.codim1_curve import CurvePoint, OrbitCurve, follow_curve
 from mems_impact.continuation.orbit_branch import BranchPoint, OrbitBranch, points_of
 from mems_impact.continuation.special_points import BranchEvent
+from mems_impact.continuation.test_functions import ClosestApproachTest
 from mems_impact.errors import ChartInterrupted, InvalidParameter, OrbitError
 from mems_impact.integrators.options import Options
 from mems_impact.orbits.family import Family
@@ -836,7 +837,7 @@ class ChartBuilder:
 
 
 def _grazes(special: BranchEvent) -> bool:
-    return special.label == "G" and special.monitor.role == "approach"
+    return special.label == "G" and isinstance(special.monitor, ClosestApproachTest)
 
 
 def _slips(special: BranchEvent) -> bool:
