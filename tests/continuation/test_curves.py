@@ -8,9 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 from mems_impact.continuation.arclength import StepControl
-from mems_impact.continuation.codim1_curve import _CurveProblem, correct_condition, follow_curve
+from mems_impact.continuation.codim1_curve import correct_condition, follow_curve
 from mems_impact.continuation.orbit_branch import follow
-from mems_impact.continuation.test_functions import ClosestApproachTest, DefiningSystem
+from mems_impact.continuation.test_functions import DefiningSystem, MultiplierTest
 from mems_impact.errors import InvalidParameter
 from mems_impact.orbits.orbit_search import find_periodic_orbit
 from tests.continuation import free_block
@@ -177,10 +177,10 @@ def test_multipliers_of_plus_and_minus_one_in_closed_form():
     point = shooting.evaluate(orbit.point.unknowns, np.array([0.1, omega]))
     matrix = expm(np.array([[0.0, 1.0], [-k, -c]]) * 2.0 * np.pi / omega)
     size = float(np.prod(1.0 + np.abs(np.linalg.eigvals(matrix))))
-    curve = SimpleNamespace(shooting=shooting, monitor=ClosestApproachTest("grazing", 0))
     for test, multiplier in (("multiplier +1", 1.0), ("multiplier -1", -1.0)):
         expected = np.linalg.det(matrix - multiplier * np.eye(2)) / size
-        assert _CurveProblem._test(curve, test, point) == pytest.approx(expected, abs=1e-9)
+        value = MultiplierTest("grazing", test).value(shooting, point, np.zeros(1))
+        assert value == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.slow
