@@ -166,7 +166,10 @@ def text_on(word: str | None) -> str:
         from difflib import get_close_matches
 
         close = get_close_matches(
-            word, [*names, *COMMAND_NAMES, *(topic.name for topic in topics())], MAX_SUGGESTIONS, cutoff=0.5
+            word,
+            [*names, *COMMAND_NAMES, *(topic.name for topic in topics())],
+            MAX_SUGGESTIONS,
+            cutoff=0.5,
         )
         hint = f"; similar names: {', '.join(close)}" if close else ""
         raise click.UsageError(f"the documentation does not mention {word!r}{hint}")
