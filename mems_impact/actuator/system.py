@@ -61,6 +61,7 @@ from mems_impact.hybrid.problem import Problem, ProblemParameters, Section
 from mems_impact.hybrid.simulation import Events, Trajectory
 from mems_impact.hybrid.state import HybridState
 from mems_impact.hybrid.variational.flow import weight_of
+from mems_impact.integrators.options import Options
 from mems_impact.systems import arguments
 from mems_impact.systems.base import HybridSystem
 from mems_impact.systems.observables import Observable, Quantity, StatisticsAccumulator, TimeWindow
@@ -225,6 +226,18 @@ class ActuatorNumerics(HybridSystem):
         values = scaled_fields(self.actuator, PARAMETER_UNITS, self._scales)
         terms = tuple(term.scaled(self._scales) for term in self.actuator.terms)
         return self.actuator.replace_unchecked(**values, terms=terms, units="dimensionless")
+
+    def problem(self, options: Options) -> Problem:
+        """Return what the event loop integrates, dimensionless.
+
+        Raises
+        ------
+        InvalidParameter
+            If the tolerances do not resolve a term.
+        """
+        for term in self.actuator.terms:
+            term.check_resolved(options, self._scales)
+        return super().problem(options)
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
         """Return what of the problem depends on the parameters, dimensionless.

@@ -29,6 +29,7 @@ from mems_impact.errors import ValidityWarning
 from mems_impact.hybrid.problem import Problem
 from mems_impact.hybrid.simulation import Events
 from mems_impact.hybrid.state import HybridState
+from mems_impact.integrators.options import Options
 
 if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
@@ -295,6 +296,9 @@ class Term(Checked, ABC):
 
     def check_on(self, actuator: Actuator) -> None:
         """Raise InvalidParameter if it does not fit the other parameters of the actuator."""
+
+    def check_resolved(self, options: Options, scales: Scales) -> None:
+        """Raise InvalidParameter if the tolerances of a run do not resolve it."""
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:

@@ -45,7 +45,9 @@ class CompliantStopper(Term):
     Hunt and Crossley, "Coefficient of restitution interpreted as damping in vibroimpact", J. Appl.
     Mech. 42 (1975) 440: the force at the depth s is N = K s^n (1 + 3/2 a s'), where K is
     stiffness/depth^(n-1) and a the damping; never negative. Impacts are the beginnings of
-    contacts. The device's `e` is not used. State ``contact_loss`` [J] sums up what is lost.
+    contacts. The device's `e` is not used. State ``contact_loss`` [J] sums up what is lost. A block
+    that rests on a hard stopper makes the equations stiff, so that runs are made by method "auto"
+    unless another is asked for.
 
     Examples
     --------
@@ -65,6 +67,7 @@ class CompliantStopper(Term):
         "contact_loss": "J",
     }
     instead = "stopper"
+    stiff = True
 
     @classmethod
     def states(cls, shape: Shape) -> tuple[str, ...]:

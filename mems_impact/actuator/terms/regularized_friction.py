@@ -4,11 +4,19 @@ from __future__ import annotations
 
 import math
 
+from mems_impact._util.formatting import shown
+from mems_impact._util.units import Scales
 from mems_impact.actuator import equations as eq
 from mems_impact.actuator.parameter_base import Positive
 from mems_impact.actuator.terms.base import ParameterIndices, Shape, Term, TermContribution
+from mems_impact.errors import InvalidParameter
+from mems_impact.integrators.options import Options
 
 __all__ = ["RegularizedFriction"]
+
+RESOLVED = (
+    1e3  # absolute tolerances in a width: loads of a thousandth of friction still have a sign
+)
 
 
 class RegularizedFriction(Term):
@@ -24,7 +32,7 @@ class RegularizedFriction(Term):
     Raises
     ------
     InvalidParameter
-        If the value is out of range.
+        If the value is out of range; at a run, if its tolerances do not resolve it.
 
     See Also
     --------
@@ -34,7 +42,9 @@ class RegularizedFriction(Term):
     -----
     mu_d tanh(v1/width) times the normal force N; mu_s is not used. Under a constant load F the
     frame creeps at width artanh(F/(mu_d N)). All of its time it slips: ``share slipping`` is 1, and
-    a step goes on until the next impact. Narrow widths make the equations stiff.
+    a step goes on until the next impact. Narrow widths make the equations stiff. A frame that
+    creeps more slowly than the absolute tolerance would turn round by integration errors: the width
+    must be at least 1000 times `Options.atol`, which is in the units of the numerics.
 
     Examples
     --------
@@ -47,6 +57,19 @@ class RegularizedFriction(Term):
     units = {"width": "m/s"}  # noqa: RUF012 - ClassVar above
     instead = "friction"
     stiff = True
+
+    def check_resolved(self, options: Options, scales: Scales) -> None:
+        """Raise InvalidParameter if the frame would creep at less than the absolute tolerance."""
+        inner = scales.into(self.width, "m/s")
+        if inner < RESOLVED * options.atol:
+            least = float(scales.out(RESOLVED * options.atol, "m/s"))
+            told = f"{least:.3g}{' m/s' * scales.named}"
+            atol = 10.0 ** math.floor(math.log10(inner / RESOLVED))
+            allowed = (
+                f">= {told} at atol = {shown(options.atol)}, which does not tell slower creep from "
+                f"rest; take Options(atol={atol:.0e}) for this width"
+            )
+            raise InvalidParameter(f"{self.name()}.width", self.width, allowed)
 
     @classmethod
     def contribution(cls, at: ParameterIndices, shape: Shape) -> TermContribution:

@@ -18,6 +18,7 @@ STIFF = {
     "squeeze_film": AIR,
     "series_resistance": mi.SeriesResistance(resistance=1e4, parasitic=1e-13),
     "regularized_friction": mi.RegularizedFriction(width=1e-7),
+    "compliant_stopper": mi.CompliantStopper(stiffness=5e3, damping=50.0),
 }
 SLOW = mi.Sine(amplitude=100.0, omega=2.0 * math.pi)
 DRIVE = mi.Sine(amplitude=0.6, omega=0.5)

@@ -9,6 +9,7 @@ from scipy.integrate import quad, solve_ivp
 
 import mems_impact as mi
 from mems_impact.actuator.terms import RegularizedFriction, StribeckFriction
+from mems_impact.errors import InvalidParameter
 
 ZHAO = mi.load_actuator("zhao2004")
 SILENT = mi.Sine(amplitude=1e-9, omega=0.5)
@@ -168,3 +169,26 @@ def test_an_orbit_over_the_speed():
         columns.append((np.array(ends[0]) - np.array(ends[1])) / (2.0 * h))
     expected = np.sort(np.abs(np.linalg.eigvals(np.array(columns).T)))
     assert np.sort(np.abs(orbit.multipliers)) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("device", [ZHAO, mi.load_actuator("mita2003")], ids=["unit", "SI"])
+def test_a_width_that_the_tolerances_do_not_resolve_is_refused_with_those_that_do(device):
+    speed = device.scales.unit("m/s")
+    drive = mi.Sine(amplitude=0.24 * device.scales.unit("V"), omega=0.5 / device.scales.unit("s"))
+    narrow = device.adding(RegularizedFriction(width=1e-9 * speed))
+    refused = r"regularized_friction.width = .* at atol = 1e-11, .*Options\(atol=1e-1[23]\)"
+    with pytest.raises(InvalidParameter, match=refused):
+        mi.simulate(narrow, drive, 1)
+    with pytest.raises(InvalidParameter, match=refused):
+        mi.find_orbit(narrow.under(drive), options=mi.Options())
+
+
+def test_events_are_those_of_any_width_where_the_tolerances_resolve_it():
+    """Integration errors missed two events here, and ended runs at narrower widths."""
+    drive, counts = mi.Sine(amplitude=0.24, omega=0.5), set()
+    for width, atol in ((1e-6, 1e-11), (1e-8, 1e-11), (1e-9, 1e-12), (1e-10, 1e-13)):
+        device = ZHAO.adding(RegularizedFriction(width=width))
+        run = mi.simulate(device, drive, periods=4, options=mi.Options(atol=atol))
+        counts.add(tuple(run.events["event"]))
+        assert run.final.v1 / width == pytest.approx(-7.89672e-3, rel=1e-4)
+    assert len(counts) == 1
