@@ -1,7 +1,7 @@
 """Exceptions, interruptions and warnings of the package.
 
-Every exception survives pickling with all its attributes, because sweeps report failures from
-other processes. Every message is one line, because the command line prints it as it stands.
+Every exception keeps all its attributes when pickled, because studies report failures from other
+processes. Every message is one line, because the command line prints it unchanged.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ __all__ = [
     "WorkersLost",
 ]
 
-# --- The base of every exception, which survives pickling with all its attributes.
+# --- The base of every exception.
 
 
 class Picklable(BaseException):
-    """An exception that is pickled with all that it holds."""
+    """An exception that is pickled with all its attributes."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The inherited method calls the class with `args`, which fails for keyword-only arguments.
@@ -54,7 +54,7 @@ class Picklable(BaseException):
 
 
 class MemsImpactError(Picklable, Exception):
-    """Base of every exception that the package raises on purpose.
+    """Base of the package's exceptions.
 
     See Also
     --------
@@ -80,25 +80,24 @@ def _restore(
     return error
 
 
-# --- What is wrong with what was given: a value, a file, a function.
+# --- Bad input: a value, a file, a function.
 
 
 class InvalidParameter(MemsImpactError, ValueError):
-    """A parameter has a value that the model does not allow, is missing, or is unknown.
+    """A parameter is missing or unknown, or its value is not allowed.
 
     Parameters
     ----------
     field : str
         Name of the parameter.
     value : object
-        The value that was given; None if the parameter is missing.
+        The given value; None if the parameter is missing.
     allowed : str
-        What is allowed, worded to follow "must be": ``"between 0 and d = 1 (exclusive)"``.
+        Allowed values, worded to follow "must be": ``"between 0 and d = 1 (exclusive)"``.
     source : str or os.PathLike, optional
-        The file that the value came from.
+        The file that contains the value.
     problem : str, optional
-        What is wrong, where "must be `allowed`" does not say it (a missing or unknown parameter).
-        `allowed` is then not shown.
+        Message that replaces "must be `allowed`", for example for a missing or unknown parameter.
 
     Attributes
     ----------
@@ -142,23 +141,23 @@ class InvalidParameter(MemsImpactError, ValueError):
         super().__init__(message)
 
     def located(self, source: str | PathLike[str] = "", *, owner: str = "") -> InvalidParameter:
-        """Return the same error, of a parameter of `owner`, of a value from the file `source`."""
+        """Return the same error for a parameter of `owner` and a value from the file `source`."""
         field = f"{owner}.{self.field}" if owner else self.field
         place = source or self.source
         return InvalidParameter(field, self.value, self.allowed, place, problem=self.problem)
 
 
 class InvalidFile(MemsImpactError, ValueError):
-    """A file cannot be read, is not what it should be, or cannot stand where it is wanted.
+    """A file cannot be read or written, or its content is invalid.
 
     Parameters
     ----------
     path : str or os.PathLike
         The file, as the user named it.
     reason : str
-        What is wrong with it.
+        The problem.
     remedy : str
-        What to do about it.
+        How to solve it.
 
     Attributes
     ----------
@@ -189,24 +188,25 @@ class InvalidFile(MemsImpactError, ValueError):
 
 
 class FunctionError(MemsImpactError, TypeError):
-    """A function of a system does not do what the package asks of it.
+    """A function of a system violates its contract.
 
     Parameters
     ----------
     role : str
-        What the function is of the system, and its name: ``"flow 'fall'"``.
+        Role of the function in the system, and its name: ``"flow 'fall'"``.
     problem : str
-        What it does, worded to follow `role`.
+        The violation, worded to follow `role`.
     remedy : str
-        What to do about it.
+        How to solve it.
     file : str, optional
-        Where the function, or the line that fails, stands.
+        File of the function or of the line that fails.
     line : int, optional
+        Line of the function, or the line that fails.
 
     Attributes
     ----------
     trajectory : object
-        The run after which it was found out, None where there was none.
+        The run in which the problem was detected, or None.
 
     See Also
     --------
@@ -232,19 +232,19 @@ class FunctionError(MemsImpactError, TypeError):
 
     @property
     def reason(self) -> str:
-        """The sentence without its remedy."""
+        """The message without its remedy."""
         name = self.file.replace("\\", "/").rpartition("/")[2]
         place = f" ({label(name)}, line {self.line})" if name else ""
         return " ".join(f"{self.role}{place} {self.problem}".split())
 
 
 class FunctionsMissing(MemsImpactError, RuntimeError):
-    """What is asked for needs the functions of a system, and a result was loaded without them.
+    """An operation needs the functions of a system, but the result was loaded without them.
 
     Parameters
     ----------
     reason : str
-        Which file does not hold which functions.
+        The file and the functions that it lacks.
 
     Attributes
     ----------
@@ -269,16 +269,16 @@ class FunctionsMissing(MemsImpactError, RuntimeError):
 
 
 class FileNotWritten(MemsImpactError):
-    """A file could not be written, though its place is a good one: the disk is full, for example.
+    """A file could not be written, for example because the disk is full.
 
     Parameters
     ----------
     path : str or os.PathLike
-        The file. What stood there before stands there still.
+        The file. An earlier version of it is unchanged.
     reason : str
-        What happened.
+        The problem.
     remedy : str
-        What to do about it.
+        How to solve it.
 
     See Also
     --------
@@ -303,22 +303,22 @@ class FileNotWritten(MemsImpactError):
         super().__init__(f"{label(self.path)}: cannot be written ({reason}); {remedy}")
 
 
-# --- What goes wrong on the way: a run, an engine, workers, an orbit.
+# --- Failures of a computation: a run, an engine, workers, an orbit.
 
 _MOST_STATES = 8
 
 
 class RunError(MemsImpactError, RuntimeError):
-    """A run cannot go on.
+    """A run failed before its end.
 
     Parameters
     ----------
     reason : str
-        What happened.
+        The problem.
     remedy : str
-        What to do about it.
+        How to solve it.
     cycle : int
-        Number of forcing periods completed before this one.
+        Number of completed forcing periods.
     phase_time : float
         Time since the beginning of the current forcing period, in the unit of the run.
     mode : str
@@ -326,7 +326,7 @@ class RunError(MemsImpactError, RuntimeError):
     state : mapping of str to float
         The state, by name.
     trajectory : object, optional
-        What was computed up to here.
+        The trajectory up to the failure.
 
     Attributes
     ----------
@@ -371,9 +371,9 @@ class RunError(MemsImpactError, RuntimeError):
         super().__init__(self._message())
 
     def convert(self, out: Callable[[str, float], float], units: Mapping[str, str]) -> None:
-        """Tell all in the units of the user; once, whoever asks again.
+        """Convert time and state to the units of the user; later calls have no effect.
 
-        `out` converts what stands under a heading, `units` has its unit.
+        `out` converts a value by the name of its quantity, `units` holds the unit of each name.
         """
         if self._units is None:
             self.phase_time = float(out("time", self.phase_time))
@@ -399,9 +399,9 @@ class EngineUnavailable(MemsImpactError, ImportError):
     Parameters
     ----------
     reason : str
-        What is missing or does not fit.
+        The missing or incompatible component.
     remedy : str
-        What to do about it.
+        How to solve it.
 
     See Also
     --------
@@ -425,16 +425,16 @@ class EngineUnavailable(MemsImpactError, ImportError):
 
 
 class WorkersLost(MemsImpactError, RuntimeError):
-    """The workers of a study died, and no others can be had; what was done is kept.
+    """The workers of a study died and cannot be replaced; the exception holds the partial result.
 
     Parameters
     ----------
     reason : str
-        What happened.
+        The problem.
     table : object
-        The table of the chunks that were done.
+        The table of the finished chunks.
     done, total : int
-        Number of points that were done, and of all.
+        Number of finished points, and of all points.
 
     See Also
     --------
@@ -459,22 +459,23 @@ class WorkersLost(MemsImpactError, RuntimeError):
         self.done = done
         self.total = total
         super().__init__(
-            f"the workers are lost after {done} of {total} points, which are in .table "
-            f"({self.reason}); give as executor a function that makes one, and can make it anew"
+            f"the workers died after {done} of {total} points, which are in .table "
+            f"({self.reason}); pass as executor a function that creates one, so that it can be "
+            "replaced"
         )
 
 
 class OrbitError(MemsImpactError, RuntimeError):
-    """No periodic orbit could be found or followed.
+    """A periodic orbit could not be found or continued.
 
     Parameters
     ----------
     reason : str
-        What went wrong.
+        The problem.
     remedy : str
-        What to do about it.
+        How to solve it.
     partial : object, optional
-        What had been computed.
+        The partial result.
 
     See Also
     --------
@@ -498,20 +499,20 @@ class OrbitError(MemsImpactError, RuntimeError):
         super().__init__(f"{reason}; {remedy}")
 
 
-# --- What Ctrl-C raises: each kind of long work says how far it came, and holds what was done.
+# --- Interruptions by Ctrl-C: each kind of computation has its own, with the partial result.
 
 
 class Interrupted(Picklable, KeyboardInterrupt):
-    """Work was interrupted (Ctrl-C); what was done is kept.
+    """Ctrl-C interrupted a computation; the exception holds the partial result.
 
-    A kind of it names its ``work``, and in ``kept`` the attribute that holds what was done.
+    Each subclass names its ``work``, and in ``kept`` the attribute that holds the partial result.
 
     Parameters
     ----------
     after : str
-        How far it had come, worded to follow "after".
+        The progress made, worded to follow "after".
     **done : object
-        What was done, by the attributes that hold it.
+        The partial result, by the attributes that hold it.
 
     Attributes
     ----------
@@ -546,14 +547,14 @@ class Interrupted(Picklable, KeyboardInterrupt):
 
 
 class RunInterrupted(Interrupted):
-    """A run was interrupted (Ctrl-C); what was done is kept.
+    """Ctrl-C interrupted a run; the exception holds the trajectory so far.
 
     Parameters
     ----------
     trajectory : object
-        What was computed up to the interruption.
+        The trajectory up to the interruption.
     periods : float
-        Periods that were done.
+        Number of completed periods.
 
     See Also
     --------
@@ -582,14 +583,14 @@ class RunInterrupted(Interrupted):
 
 
 class SweepInterrupted(Interrupted):
-    """A sweep was interrupted (Ctrl-C); what was done is kept.
+    """Ctrl-C interrupted a sweep; the exception holds the finished values.
 
     Parameters
     ----------
     table : object
-        The table of the values that were done.
+        The table of the finished values.
     done, total : int
-        Number of values that were done, and of all.
+        Number of finished values, and of all values.
 
     See Also
     --------
@@ -619,14 +620,14 @@ class SweepInterrupted(Interrupted):
 
 
 class StudyInterrupted(Interrupted):
-    """A study was interrupted (Ctrl-C); what was done is kept.
+    """Ctrl-C interrupted a study; the exception holds the finished points.
 
     Parameters
     ----------
     table : object
-        The table of the chunks that were done.
+        The table of the finished chunks.
     done, total : int
-        Number of points that were done, and of all.
+        Number of finished points, and of all points.
 
     See Also
     --------
@@ -657,15 +658,15 @@ class StudyInterrupted(Interrupted):
 
 
 class ChartInterrupted(Interrupted):
-    """A chart was interrupted (Ctrl-C); what was done is kept.
+    """Ctrl-C interrupted a chart; the exception holds the boundaries so far.
 
     Parameters
     ----------
     chart : object
-        The chart with the boundaries that were done, and what there is of the next one.
+        The chart with the finished boundaries and the finished part of the next one.
     done, total : int
-        Number of boundaries that were done, and of all; the latter is 0 as long as the types of
-        the range, and so their number, were not known.
+        Number of finished boundaries, and of all boundaries; `total` is 0 if the types of the
+        range, and thus the number of boundaries, were not yet known.
 
     See Also
     --------
@@ -697,14 +698,14 @@ class ChartInterrupted(Interrupted):
 
 
 class OptimizationInterrupted(Interrupted):
-    """A search was interrupted (Ctrl-C); what was found is kept.
+    """Ctrl-C interrupted an optimization; the exception holds the best point so far.
 
     Parameters
     ----------
     optimum : object
-        The best point so far, and all before it.
+        The best point so far, and the iterations before it.
     points : int
-        Number of points that it took.
+        Number of evaluated points.
 
     See Also
     --------
@@ -733,11 +734,11 @@ class OptimizationInterrupted(Interrupted):
         super().__init__(f"{points} points", optimum=optimum, points=points)
 
 
-# --- The warnings of the package: what is computed all the same, and may not be what was wanted.
+# --- Warnings.
 
 
 class DiscontinuityWarning(UserWarning):
-    """The flow of a system jumps where nothing declares it: no step across the jump is accurate.
+    """The flow of a system has an undeclared jump, across which no step is accurate.
 
     See Also
     --------
@@ -758,7 +759,7 @@ class DiscontinuityWarning(UserWarning):
 
 
 class EngineFallbackWarning(UserWarning):
-    """The engine that was asked for is unavailable, and a slower one does its work.
+    """The requested engine is unavailable; a slower one replaces it.
 
     See Also
     --------
@@ -775,7 +776,7 @@ class EngineFallbackWarning(UserWarning):
 
 
 class FitWarning(UserWarning):
-    """A fit does not reach what was measured, or the data do not determine what was fitted.
+    """A fit misses its targets, or the data do not determine the fitted parameters.
 
     See Also
     --------
@@ -796,7 +797,7 @@ class FitWarning(UserWarning):
 
 
 class PluginWarning(UserWarning):
-    """What another package adds cannot be had, and is left out.
+    """An extension from another package fails to load and is omitted.
 
     See Also
     --------
@@ -813,12 +814,11 @@ class PluginWarning(UserWarning):
 
 
 class UnitsWarning(UserWarning):
-    """Numbers of a device, a drive or a target look like ones in other units.
+    """Numbers of a device, a drive or a target look like numbers in other units.
 
-    A device file that looks like SI and does not say so; or a number of a device in SI, of a term,
-    a drive or a target that is far from what such devices have. Of a frequency below a 300th of the
-    resonance it is asked whether kilohertz were meant, where the voltage does not pull the block
-    in.
+    Either a device file looks like SI but does not declare it, or a number of a device in SI, of a
+    term, a drive or a target is far outside the usual range. For a frequency below a 300th of the
+    resonance, the warning suggests kilohertz, unless the voltage pulls the block in.
 
     See Also
     --------
@@ -843,7 +843,7 @@ class UnitsWarning(UserWarning):
 
 
 class ScaleWarning(UserWarning):
-    """Numbers lie far from order one, and nothing was said of what is typical.
+    """Numbers are far from order one, and the system declares no typical values.
 
     See Also
     --------
@@ -865,7 +865,7 @@ class ScaleWarning(UserWarning):
 
 
 class StartWarning(UserWarning):
-    """A motion starts where a guard that moves the state has a negative margin.
+    """A motion starts where a guard with a state transition has a negative margin.
 
     See Also
     --------
@@ -892,7 +892,7 @@ class StartWarning(UserWarning):
 
 
 class ValidityWarning(UserWarning):
-    """A run went where a term of the model does not hold.
+    """A run left the range of validity of a term of the model.
 
     See Also
     --------

@@ -1,7 +1,7 @@
-"""Display of results in notebooks: the table of a result, and its figure beneath.
+"""Display of results in notebooks: the table of a result, and its figure below.
 
-Results lie in rooms below those that draw them. IPython therefore gets the formatter of each class
-by name, when the package is imported in one of its sessions.
+Classes of results do not import the modules that draw them. Therefore, when the package is imported
+in an IPython session, it registers a formatter for each class by name.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PICTURES = {
 
 
 def register() -> None:
-    """Tell IPython, if this is a session of it, how results are shown."""
+    """Register the formatters of results if this is an IPython session."""
     ipython = sys.modules.get("IPython")
     session = ipython.get_ipython() if ipython is not None else None
     if session is None:
@@ -46,7 +46,7 @@ def register() -> None:
 
 
 def with_picture(result: Any, drawn_by: str) -> str:
-    """Return the table of a result and its picture as HTML; the table alone if it has none.
+    """Return the table of a result and its figure as HTML; the table alone if it has no figure.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def with_picture(result: Any, drawn_by: str) -> str:
     draw = getattr(import_module("mems_impact"), drawn_by)
     try:
         drawn = draw(result)
-    except MemsImpactError:  # a run that kept no events, a branch of nothing
+    except MemsImpactError:  # a run without stored events, an empty branch
         return table
     axes = drawn if hasattr(drawn, "figure") else next(iter(drawn))
     data = base64.b64encode(axes.figure._repr_png_()).decode("ascii")

@@ -212,7 +212,7 @@ def when(cycle: NDArray[np.int64], time: Floats, period: float, labels: Labels) 
 
 
 def states(names: Sequence[str], y: Floats, suffix: str = "") -> dict[str, Any]:
-    """Return one column a component of the state."""
+    """Return one column per component of the state."""
     return {f"{name}{suffix}": y[:, i] for i, name in enumerate(names)}
 
 
@@ -261,8 +261,8 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
     Returns
     -------
     xarray.Dataset
-        One variable a column, with ``units`` in its ``attrs``; in the ``attrs`` of the dataset what
-        else the table tells of itself (``system``, version).
+        One variable per column, with ``units`` in its ``attrs``; the ``attrs`` of the dataset hold
+        the other attributes of the table (``system``, version).
 
     Raises
     ------
@@ -311,7 +311,7 @@ def to_xarray(table: pd.DataFrame, index: str | Sequence[str] | None = None) -> 
 
 
 def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) -> pd.DataFrame:
-    """Return one row an orbit of a branch.
+    """Return one row per orbit of a branch.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def branch(parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels) ->
 def special_points(
     parameter: str, rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row a special point of a branch; `rows` with ``label`` and ``kind`` as well."""
+    """Return one row per special point of a branch; `rows` with ``label`` and ``kind`` as well."""
     given = {
         "label": [row["label"] for row in rows],
         "kind": [row["kind"] for row in rows],
@@ -340,14 +340,14 @@ def special_points(
 def curve(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row an orbit of a curve; `rows` with ``values`` of the two `parameters`."""
+    """Return one row per orbit of a curve; `rows` with ``values`` of the two `parameters`."""
     return _table(_values(parameters, rows), rows, labels)
 
 
 def codimension_two(
     parameters: Sequence[str], rows: Sequence[Mapping[str, Any]], labels: Labels
 ) -> pd.DataFrame:
-    """Return one row a point of codimension two; as `curve`, with ``kind``."""
+    """Return one row per point of codimension two; as `curve`, with ``kind``."""
     given = {"kind": [row["kind"] for row in rows], **_values(parameters, rows)}
     return _table(given, rows, labels)
 
@@ -385,7 +385,7 @@ def _measures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
 def events(
     log: Events, period: float, labels: Labels, observed: Mapping[str, Floats]
 ) -> pd.DataFrame:
-    """Return one row a transition.
+    """Return one row per transition.
 
     Columns: when, what happened, the modes before and after, the state after, and `observed`.
     """
@@ -403,7 +403,7 @@ def events(
 
 
 def corners(log: Events, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row a transition: when, event, modes, impact, the states before and after."""
+    """Return one row per transition: when, event, modes, impact, the states before and after."""
     automaton = labels.automaton
     log = log[is_shown(log)]
     before, after = (states(automaton.states, y) for y in (log.before, log.after))
@@ -422,7 +422,7 @@ def corners(log: Events, period: float, labels: Labels) -> pd.DataFrame:
 def impacts(
     hits: Events, period: float, labels: Labels, observed: Mapping[str, Floats]
 ) -> pd.DataFrame:
-    """Return one row an impact: when, phase, which guard, states before and after, `observed`."""
+    """Return one row per impact: when, phase, which guard, states before and after, `observed`."""
     automaton = labels.automaton
     before, after = (states(automaton.states, y) for y in (hits.before, hits.after))
     columns: dict[str, Any] = {
@@ -436,7 +436,7 @@ def impacts(
 
 
 def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row a crossing of the Poincaré section: when, the state, the direction."""
+    """Return one row per crossing of the Poincaré section: when, the state, the direction."""
     columns = {
         **when(log.cycle, log.time, period, labels),
         **states(labels.automaton.states, log.after),
@@ -446,7 +446,7 @@ def section(log: Events, period: float, labels: Labels) -> pd.DataFrame:
 
 
 def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row a change of method: when, the mode, the method from then on."""
+    """Return one row per change of method: when, the mode, the method from then on."""
     columns = {
         **when(log.cycle, log.time, period, labels),
         "mode": words(labels.automaton.modes, log.mode_after),
@@ -456,7 +456,7 @@ def handovers(log: Events, period: float, labels: Labels) -> pd.DataFrame:
 
 
 def samples(grid: Samples, period: float, labels: Labels) -> pd.DataFrame:
-    """Return one row a sample: when, the state, the mode."""
+    """Return one row per sample: when, the state, the mode."""
     columns = {
         **when(grid.cycle, grid.time, period, labels),
         **states(labels.automaton.states, grid.y),
@@ -473,7 +473,7 @@ def segments(
     ends: Sequence[str],
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row a stretch of an orbit: its period, mode, start, end and what ends it."""
+    """Return one row per stretch of an orbit: its period, mode, start, end and what ends it."""
     columns = {
         "period": np.asarray(period, dtype=np.int64),
         "mode": words(labels.automaton.modes, np.asarray(mode, dtype=np.int64)),
@@ -485,7 +485,7 @@ def segments(
 
 
 def statistics(values: Mapping[str, float], labels: Labels) -> pd.Series:
-    """Return one number a row, in the order given."""
+    """Return one number per row, in the order given."""
     wide = table({name: np.array([value]) for name, value in values.items()}, labels)
     result = wide.iloc[0].astype(float).rename("statistics")
     result.attrs = wide.attrs
@@ -498,7 +498,7 @@ def verification(
     differences: Sequence[str],
     labels: Labels,
 ) -> pd.DataFrame:
-    """Return one row a kind of event in two runs: how often, and the largest differences.
+    """Return one row per kind of event in two runs: how often, and the largest differences.
 
     Parameters
     ----------
@@ -525,7 +525,7 @@ def verification(
     return table(columns, labels)
 
 
-# --- Tables of sweeps: all that was seen at every value of a parameter, and one row a value.
+# --- Tables of sweeps: all that was seen at every value of a parameter, and one row per value.
 
 # Columns of a sweep that are neither the parameter, which comes first, nor states nor statistics.
 DIRECTION, PERIOD, NUMBER, STATUS = "direction", "period", "number", "status"
@@ -543,7 +543,7 @@ def columns_of(
     statistics: Sequence[str],
     labels: Labels,
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of `sweep`, one row a crossing of the section.
+    """Return the columns of `sweep`, one row per crossing of the section.
 
     The parameters are those of `sweep`.
     """
@@ -582,7 +582,7 @@ def sweep(
     labels: Labels,
     quantities: Mapping[str, tuple[str, str]] = MappingProxyType({}),
 ) -> pd.DataFrame:
-    """Return one row a crossing of the section, or one with NaN for a point without any.
+    """Return one row per crossing of the section, or one with NaN for a point without any.
 
     Parameters
     ----------

@@ -12,59 +12,62 @@ from contextlib import contextmanager
 __all__ = ["ProgressLog", "Watch", "is_interactive", "parameter_progress", "progress_bar"]
 
 Watch = Callable[[float], None]
-"""What work calls now and then with how much is done; what it raises ends the work."""
+"""Called by a computation with its progress; an exception that it raises ends the computation."""
 
 _log = logging.getLogger("mems_impact")
 
-QUIET_SECONDS = 1.0  # s of work of which no bar is shown
-SOON = 3.0  # s after which the first line is due, and at least between two
+QUIET_SECONDS = 1.0  # s before a bar appears
+SOON = 3.0  # s before the first line, and the least time between two lines
 SELDOM = 30.0  # s after which a line is due
-UPDATE_SHARE = 0.1  # of all after which one is
+UPDATE_SHARE = 0.1  # share of the work after which a line is due
 
 
 @contextmanager
 def progress_bar(
-    progress: bool | Callable[[float], None], unit: str, total: float | None = None
+    progress: bool | Callable[[float], None], unit: str, total: float | None = None, work: str = ""
 ) -> Iterator[Watch | None]:
-    """Give what is called with all that is done so far; None where nobody listens.
+    """Yield a function to be called with the amount of finished work; None without listener.
 
     Parameters
     ----------
     progress : bool or callable
-        True: on a terminal a bar, elsewhere a line now and then, where the work takes over a
-        second, or three. A function is handed on.
+        True shows a bar after one second on a terminal, and elsewhere lines after three seconds.
+        A function is yielded itself.
     unit : str
-        What is counted.
+        Unit in which work is counted.
     total : float, optional
-        Where it ends, if that is known.
+        Amount of all work, if known.
+    work : str, optional
+        Name of the computation, shown with its progress.
     """
     if callable(progress) or not progress:
         yield progress or None
     elif is_interactive():
         from tqdm import tqdm
 
-        with tqdm(total=total and round(total, 3), delay=QUIET_SECONDS, unit=f" {unit}") as bar:
+        total = total and round(total, 3)
+        with tqdm(desc=work or None, total=total, delay=QUIET_SECONDS, unit=f" {unit}") as bar:
             yield lambda done: bar.update(done - bar.n) and None
     else:
-        yield ProgressLog(unit, total)
+        yield ProgressLog(unit, total, kind=work)
 
 
 @contextmanager
 def parameter_progress(
     progress: bool | Callable[[float], None], name: str, unit: str, out: Callable[[float], float]
 ) -> Iterator[Watch | None]:
-    """Give what is called with every value of a parameter that work passes, however many.
+    """Yield a function to be called with each value of a parameter that a continuation passes.
 
     Parameters
     ----------
     progress : bool or callable
-        As of `progress_bar`.
+        As in `progress_bar`.
     name : str
         The parameter.
     unit : str
-        What there is one of for each value.
+        Unit in which work is counted, one per value.
     out : callable
-        From the value in the units of the numerics to that of the user.
+        Converts a value from the units of the numerics to those of the user.
     """
     if callable(progress):
         yield lambda value: progress(out(value))
@@ -73,7 +76,7 @@ def parameter_progress(
     elif is_interactive():
         from tqdm import tqdm
 
-        with tqdm(delay=QUIET_SECONDS, unit=f" {unit}") as bar:
+        with tqdm(desc=f"continue in {name}", delay=QUIET_SECONDS, unit=f" {unit}") as bar:
 
             def show(value: float) -> None:
                 bar.set_postfix_str(f"{name} = {out(value):.6g}", refresh=False)
@@ -92,25 +95,25 @@ def parameter_progress(
 
 
 def is_interactive() -> bool:
-    """Return whether somebody may be watching standard error, which may be closed."""
+    """Return whether standard error is a terminal; it may be closed."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 
 class ProgressLog:
-    """Lines for a log, as that of a batch job: soon, then every 10 % or 30 s, and at the end.
+    """Progress lines for a log: after 3 s, then every 10 % or 30 s, and at the end.
 
-    Nothing is said of work that is done soon.
+    Work shorter than 3 s is not reported.
 
     Parameters
     ----------
     unit : str
-        What is counted.
+        Unit in which work is counted.
     total : float, optional
-        Where it ends, if that is known.
+        Amount of all work, if known.
     before : float, optional
-        What was done by earlier runs.
+        Work finished by earlier runs.
     kind : str, optional
-        What runs.
+        Name of the computation.
     """
 
     def __init__(
@@ -123,7 +126,7 @@ class ProgressLog:
         self.share = before
 
     def __call__(self, done: float, more: str = "") -> None:
-        """Say how far it is, if a line is due; `more` comes at its end."""
+        """Write a line if one is due; `more` is appended to it."""
         now = time.monotonic()
         since = now - self.told
         due = since >= SELDOM
@@ -136,7 +139,7 @@ class ProgressLog:
         _say(self.line(done, now - self.begin, more))
 
     def line(self, done: float, seconds: float, more: str = "") -> str:
-        """Return how far it is."""
+        """Return a progress line."""
         if self.total is None:
             parts = [f"{self.kind}{int(done)} {self.unit}"]
         else:
@@ -158,7 +161,7 @@ def _duration(seconds: float) -> str:
 
 
 def _say(text: str) -> None:
-    """Say it in the log if somebody keeps one, for it was asked for: else on standard error."""
+    """Write a line to the log if it has a handler, and otherwise to standard error."""
     if _log.hasHandlers() and _log.isEnabledFor(logging.INFO):
         _log.info(text)
     elif sys.stderr is not None:

@@ -300,7 +300,7 @@ def lyapunov(
     elif duration is not None:
         most = float(system.into("time", duration)) / problem.period
     start = _start(system, problem, initial, transient, options)
-    with progress_bar(progress, "periods", most) as report:
+    with progress_bar(progress, "periods", most, "Lyapunov exponents") as report:
         return _run_to_tolerance(system, problem, start, count, most, tolerance, report)
 
 

@@ -202,7 +202,7 @@ def simulate(
             _gatherer=LazyStatistics(begin, trajectory.events, lengths) if kept else gatherer,
         )
 
-    with progress_bar(progress, "periods", periods) as report:
+    with progress_bar(progress, "periods", periods, "simulate") as report:
         try:
             trajectory = integrate(problem, start, periods, consume=consume, progress=report)
         except (RunError, RunInterrupted) as error:

@@ -1,7 +1,7 @@
-"""The command line: one file a command, each loaded when it is asked for.
+"""The command line: one file per command, each loaded on demand.
 
-Nothing at module level here or in a command's file imports a numerical library, so that ``--help``
-answers at once; a command imports what it needs when it runs.
+Neither this module nor a command's file imports a numerical library at module level, so that
+``--help`` answers at once; a command imports its libraries when it runs.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class _Commands(click.Group):
         with past_click():
             try:
                 result = super().invoke(ctx)
-            except click.exceptions.Exit:  # a verdict that is not the one wanted
+            except click.exceptions.Exit:  # an unfavourable verdict
                 finish(ctx)
                 raise
             finish(ctx)
@@ -86,7 +86,7 @@ class _Commands(click.Group):
 
 
 def _added(name: str) -> click.Command | None:
-    """Return the command of that name of another package, if there is one."""
+    """Return the command of that name from another package, if one exists."""
     from mems_impact._util import plugins
 
     def is_command(found: Any) -> bool:
@@ -114,12 +114,16 @@ def _show_version(ctx: click.Context, _parameter: click.Parameter, asked: bool) 
     help="Show the version and exit.",
 )
 def main_group() -> None:
-    """Simulate impact microactuators: frames that walk by the blows of a block inside them.
+    """Simulate impact microactuators: a block inside a frame strikes it, and the frame walks.
 
-    A DEVICE is the name of a preset ("mems-impact devices" lists them) or the path of a TOML file.
-    Numbers are in the units of the device: SI, in the units that help pages give in brackets, or
-    dimensionless. Durations are counted in forcing periods.
-    """
+    \b
+    Example:
+      mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5
+
+    DEVICE is the name of a preset ("mems-impact devices" lists them) or the path of a TOML file.
+    Numbers are in the units of the device: SI, with the units in brackets, or dimensionless.
+    Durations are counted in forcing periods.
+    """  # noqa: D301 - click looks for the backspace itself
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -128,15 +132,15 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     Parameters
     ----------
     arguments : sequence of str, optional
-        By default those of the process.
+        Command-line arguments; by default those of the process.
 
     Notes
     -----
-    Exit statuses: 0, done; 1, the run could not go on, its verdict is not the one wanted, or the
-    disk or standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM;
-    141, nobody reads standard output.
+    Exit statuses: 0, done; 1, the run stopped early, its verdict is unfavourable, or the disk or
+    standard output is full; 2, bad input; 130 and 143, interrupted by Ctrl-C or SIGTERM; 141,
+    standard output was closed by its reader.
     """
-    # The interpreter would look through all that is there when it ends: a fifth of a short run.
+    # At exit the interpreter would scan all objects, which takes a fifth of a short run.
     atexit.register(gc.freeze)
     show_warnings_briefly()
     with interruptible() as signals:

@@ -1,4 +1,4 @@
-"""`mems-impact basins`: which attractor is reached from where."""
+"""`mems-impact basins`: basins of attraction."""
 
 from __future__ import annotations
 
@@ -29,24 +29,26 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 KIND = "basins"
-HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a screen leaves out
+HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that the screen omits
 
 
-@click.command(short_help="Tell which attractor is reached from where.")
+@click.command(short_help="Compute basins of attraction.")
 @device_options
 @axis_options(
-    "The component of the initial state to the right, x1, x2, v1 or v2.",
-    "The component upwards; one may be enough.",
+    "Component of the initial state on the horizontal axis: x1, x2, v1 or v2.",
+    "Component on the vertical axis; one axis is enough.",
 )
 @click.option(
     "--follow",
     type=AXIS_TYPE,
     metavar="NAME START STOP POINTS",
-    help="Follow the attractors over a parameter then, to where they begin and end.",
+    help="Then continue the attractors over a parameter, to the ends of their branches.",
 )
-@click.option("--shares", is_flag=True, help="With --follow, tell the shares at its values, too.")
+@click.option("--shares", is_flag=True, help="With --follow, also compute basin shares.")
 @ranges_option(
-    "--box", "v2=-1:1", "In place of --x and --y, a component between ends: states are drawn."
+    "--box",
+    "v2=-1:1",
+    "Instead of --x and --y: range of a component, from which initial states are sampled.",
 )
 @sample_options(1000, "random")
 @drive_options
@@ -58,11 +60,7 @@ HIDDEN = ("mean", "min", "max", "final", "std")  # columns of attractors that a 
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
-    """Tell what the motions of DEVICE come to from many initial states, and which are the same.
-
-    Shows the attractors with their shares, and writes them, every point, and a figure of the
-    basins. A sample of a box tells shares with bounds; a grid is a picture. With --follow the
-    branches of the attractors over a parameter, too. In place of DEVICE a study file may stand.
+    """Compute the basins of attraction of DEVICE.
 
     \b
     Examples:
@@ -70,6 +68,11 @@ def command(ctx: click.Context, /, **options: Any) -> None:
         --amplitude 0.2 --omega 0.5
       mems-impact basins zhao2004 --y v2 -1 1 40 --amplitude 0.2 --omega 0.5 \\
         --follow amplitude 0.15 0.25 41
+
+    The command shows the attractors with the shares of their basins, and writes the attractors,
+    one row per initial state, and a figure. A grid (--x, --y) draws the basins; a sample of a box
+    (--box) estimates shares with confidence bounds. --follow adds the branches of the attractors
+    over a parameter. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -104,7 +107,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 
 def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that say where motions start."""
+    """Return the arguments that describe the initial states."""
     from mems_impact.studies.engine.config import range_axis
 
     axes = {name: options[name] for name in ("x", "y") if options[name] is not None}
@@ -117,7 +120,7 @@ def _starts(options: Mapping[str, Any]) -> dict[str, Any]:
 def _follow(
     found: mi.Basins, options: Mapping[str, Any], given: Mapping[str, Any]
 ) -> mi.AttractorBranches:
-    """Follow the attractors as they were found, in a store within that of the basins."""
+    """Continue the attractors with the options of the basins, in a store within theirs."""
     import mems_impact as mi
     from mems_impact.studies.engine.config import range_axis
 

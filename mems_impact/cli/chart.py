@@ -1,4 +1,4 @@
-"""`mems-impact chart`: where a device switches on and off, over the frequency."""
+"""`mems-impact chart`: voltages at which a device switches on and off, over the frequency."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
 
 
-@click.command(short_help="Chart where a device switches on and off.")
+@click.command(short_help="Chart the switching voltages over the frequency.")
 @device_options
 @range_options(
     "Lowest omega [rad/s].",
@@ -43,11 +43,11 @@ MAX_FREQUENCY_ROWS = 9  # frequencies at which voltages are shown
     type=int,
     default=7,
     show_default=True,
-    help="Frequencies at which type III is simulated.",
+    help="Number of frequencies at which type III is simulated.",
 )
-@periods_option("Forcing periods for which an attractor has to persist there.", 2000)
+@periods_option("Forcing periods for which an attractor must persist there.", 2000)
 @orbit_integrator_options
-@workers_option("Threads.", show_default="one for each crisis, at most 4")
+@workers_option("Number of threads.", show_default="one per crisis, at most 4")
 @progress_option
 @output_options
 def command(
@@ -71,13 +71,13 @@ def command(
 ) -> None:
     """Chart the voltages at which DEVICE switches on and off over the frequency, as in Fig. 7.
 
-    Boundaries are followed as curves of grazings and folds; where the device switches off in a
-    crisis (type III), it is simulated. Shows both voltages at some frequencies, and writes
-    boundaries, types and points as CSV tables and the chart as a figure.
-
     \b
     Example:
       mems-impact chart zhao2004
+
+    Boundaries are continued as curves of grazings and folds; where the device switches off in a
+    crisis (type III), the voltage is found by simulation. The command shows both voltages at some
+    frequencies, and writes boundaries, types and points as CSV tables and the chart as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -116,7 +116,7 @@ def _tables(chart: mi.OperatingChart) -> dict[str, pd.DataFrame]:
 
 
 def _voltages(chart: mi.OperatingChart) -> pd.DataFrame:
-    """Return the voltages of both boundaries at a few frequencies, between points of the curves."""
+    """Return the voltages of all boundaries at a few frequencies, interpolated on the curves."""
     import numpy as np
     import pandas as pd
 

@@ -1,4 +1,4 @@
-"""`mems-impact completion`: what a shell needs to complete commands and options."""
+"""`mems-impact completion`: the shell script that completes commands and options."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from mems_impact.cli.runtime import PROGRAM
 SHELLS = ("bash", "zsh", "fish")
 
 
-@click.command(short_help="Show the script that lets a shell complete words.")
+@click.command(short_help="Print the script for shell completion.")
 @click.argument("shell", type=click.Choice(SHELLS))
 @click.pass_context
 def command(ctx: click.Context, *, shell: str) -> None:
-    """Show the script by which a shell completes commands, options and names of devices.
+    """Print the script by which a shell completes commands, options and device names.
+
+    \b
+    Example:
+      mems-impact completion bash
 
     \b
     In ~/.bashrc:                  eval "$(mems-impact completion bash)"

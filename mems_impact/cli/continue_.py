@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 
-@click.command(short_help="Follow a periodic orbit over a parameter.")
+@click.command(short_help="Continue a periodic orbit over a parameter.")
 @device_options
 @parameter_option
 @range_options(
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     "--back",
     type=float,
     show_default="that of --start",
-    help="Value at which it ends if it turns round, in the parameter's unit.",
+    help="Opposite bound, used if the branch folds back, in the parameter's unit.",
 )
 @drive_options
 @guess_options
@@ -48,10 +48,10 @@ if TYPE_CHECKING:
     "--through-grazing/--past-grazing",
     default=True,
     show_default=True,
-    help="Go on with the impact more or less at a grazing, or past it with orbits that the "
-    "device does not have.",
+    help="At a grazing, continue with one impact more or less, or continue past it with "
+    "inadmissible orbits.",
 )
-@click.option("--doubled", is_flag=True, help="Follow the orbits of twice the period as well.")
+@click.option("--doubled", is_flag=True, help="Also continue the period-doubled orbits.")
 @orbit_integrator_options
 @progress_option
 @output_options
@@ -77,14 +77,16 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Follow the periodic orbit that a run of DEVICE leads to over a parameter, stable or not.
-
-    Shows the grazings (G), cyclic folds (CF) and period doublings (PD) that it meets, and writes
-    branch and special points as CSV tables and a bifurcation diagram.
+    """Continue a periodic orbit of DEVICE, stable or unstable, over a parameter.
 
     \b
     Example:
-      mems-impact continue zhao2004 --parameter amplitude --start 0.24 --stop 0.16 --omega 0.5
+      mems-impact continue zhao2004 --parameter amplitude --start 0.24 \\
+        --stop 0.16 --omega 0.5
+
+    A run from the initial state leads to the first orbit. The command shows the grazings (G),
+    cyclic folds (CF) and period doublings (PD) on the branch, and writes branch and special points
+    as CSV tables and a bifurcation diagram.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -135,7 +137,7 @@ def _show(branch: mi.Branch) -> None:
     each = "one forcing period" if periods == 1 else f"{periods} forcing periods"
     show(
         f"{len(branch)} orbits of {each}, {branch.parameter} "
-        f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} of them stable; "
+        f"{low:.9g} to {high:.9g}{unit}, {int(table['stable'].sum())} stable; "
         f"{branch.ended}"
     )
     width = max([3, *(len(special.label) + 1 for special in branch.special_points)])
@@ -147,7 +149,7 @@ def _show(branch: mi.Branch) -> None:
 
 
 def _side(grazing: mi.SpecialPoint) -> str:
-    """Return what becomes of an orbit at a grazing, in words of the package and of the paper."""
+    """Return the type of a grazing, as the package and as the paper name it."""
     import mems_impact as mi
 
     try:
@@ -160,7 +162,7 @@ def _side(grazing: mi.SpecialPoint) -> str:
 
 
 def _summary(branches: list[mi.Branch]) -> pd.DataFrame:
-    """Return one row a branch."""
+    """Return a table with one row per branch."""
     import pandas as pd
 
     return pd.DataFrame(

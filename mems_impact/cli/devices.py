@@ -1,4 +1,4 @@
-"""`mems-impact devices`: the presets that come with the package."""
+"""`mems-impact devices`: the preset devices of the package."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.output import show, tell_tables
+from mems_impact.cli.output import filled, show, tell_tables
 
 
 @click.command(short_help="List the devices of the package.")
 def command() -> None:
-    """List the devices that come with the package, their parameters and their terms."""
+    """List the preset devices with their parameters and terms.
+
+    \b
+    Example:
+      mems-impact devices
+    """  # noqa: D301 - click looks for the backspace itself
     import pandas as pd
 
     from mems_impact.actuator.parameters import (
@@ -34,7 +39,7 @@ def command() -> None:
                 for key, value in dict(term).items()
             ]
         values = [f"{key} = {_shown(value)} {unit}".rstrip() for key, value, unit in told]
-        show(f"{name}: {', '.join(values)}")
+        show(filled(f"{name}: {', '.join(values)}"))
         rows += [(name, *each) for each in told]
     tell_tables({"devices": pd.DataFrame(rows, columns=["device", "parameter", "value", "unit"])})
 

@@ -44,15 +44,15 @@ class Topic(NamedTuple):
 def command(*, words: tuple[str, ...], text: bool) -> None:
     """Open the page on WORD: a public name, a command or a topic; by default the first page.
 
-    If the site has been built in this clone, the page opens in a browser, without a network.
-    Otherwise, or with --text, the terminal shows the text: the docstring of a name, the options of
-    a command, the answer on a topic and the names whose docstrings mention it.
-
     \b
     Examples:
       mems-impact docs find_orbit
       mems-impact docs sweep --text
       mems-impact docs quality factor
+
+    If the site has been built in this clone, the page opens in a browser, without a network.
+    Otherwise, or with --text, the terminal shows the text: the docstring of a name, the options of
+    a command, the answer on a topic and the names whose docstrings mention it.
     """  # noqa: D301 - click looks for the backspace itself
     word = " ".join(words) or None
     site = built_site()

@@ -1,4 +1,4 @@
-"""`mems-impact drive`: what a device sees of a voltage."""
+"""`mems-impact drive`: voltage and electrostatic force over a forcing period."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mems_impact.cli.options import (
 from mems_impact.cli.output import OutputValue, show, show_values
 
 
-@click.command(short_help="Show what a device sees of a voltage.")
+@click.command(short_help="Show voltage and force over a forcing period.")
 @device_options
 @drive_options
 @output_options
@@ -28,13 +28,14 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Show forcing period, switching times and force of a voltage on DEVICE.
-
-    Draws voltage and force at x2 = 0 over one forcing period.
+    """Show forcing period, switching times and electrostatic force of a voltage on DEVICE.
 
     \b
     Example:
-      mems-impact drive zhao2004 --drive square --amplitude 0.3 --omega 0.5 --duty 0.3
+      mems-impact drive zhao2004 --drive square --amplitude 0.3 --omega 0.5 \\
+        --duty 0.3
+
+    The figure shows voltage and force at x2 = 0 over one forcing period.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.plots import plot_drive, seen
     from mems_impact.cli.output import Output

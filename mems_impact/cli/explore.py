@@ -1,4 +1,4 @@
-"""`mems-impact explore`: a page in the browser whose sliders move a device or a system."""
+"""`mems-impact explore`: a page in the browser with a slider for each parameter."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 USUAL, USUAL_PORT = "zhao2004", 5006
 
 
-@click.command(short_help="Move a device or a system by sliders, in the browser.")
+@click.command(short_help="Explore a device or a system in the browser.")
 @device_argument(default=USUAL)
 @changes_option
 @drive_options
@@ -42,7 +42,7 @@ USUAL, USUAL_PORT = "zhao2004", 5006
     type=click.IntRange(0, 65535),
     default=USUAL_PORT,
     show_default=True,
-    help="Where the page is served, for this machine alone; 0 for any port that is free.",
+    help="Port of the page, which only this machine can reach; 0: any free port.",
 )
 @click.option(
     "--browser/--no-browser", default=True, show_default=True, help="Open the page in a browser."
@@ -58,19 +58,20 @@ def command(
     port: int,
     browser: bool,
 ) -> None:
-    """Explore DEVICE by sliders; zhao2004 by default.
-
-    In place of DEVICE a system of your own may stand: FILE.py:NAME or MODULE:NAME, whose Python
-    code is run, or one that another package adds.
-
-    The page has a slider for every parameter, and shows motion, phase portrait, bifurcation
-    diagram, steps and multipliers. Its address says all of it: who opens it sees the same. Without
-    options of the drive the device is under a sine, or under the drive of its file. Ctrl-C ends it.
+    """Explore DEVICE (zhao2004 by default) on a page in the browser.
 
     \b
     Examples:
       mems-impact explore zhao2004
       mems-impact explore oscillator.py:system --set A=0.5
+
+    The page has a slider for every parameter, and shows motion, phase portrait, bifurcation
+    diagram, steps and multipliers. Its address holds all settings and can be shared. Without
+    options of the drive, the drive is that of the device's file, or a sine. Ctrl-C ends the
+    server.
+
+    A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run,
+    or the name of a system that another package adds.
     """  # noqa: D301 - click looks for the backspace itself
     if importlib.util.find_spec("bokeh") is None:
         missing = "explore needs Bokeh, which is not installed"
@@ -82,12 +83,12 @@ def command(
 
     options = mi.Options(method=method, rtol=rtol, atol=atol, engine=engine)
     subject = _subject(device, changes, options)
-    # Here Ctrl-C is heard while functions are compiled, and what cannot be run is said at once.
+    # This thread receives Ctrl-C while functions are compiled, and reports a failing run at once.
     take_snapshot(subject, first_setting(subject))
 
     def ready(address: str) -> None:
         tell_values({"address": OutputValue(address)})
-        show(f"{subject.title}: {address} (Ctrl-C ends it)")
+        show(f"{subject.title}: {address} (Ctrl-C ends the server)")
         if browser and not webbrowser.open(address):
             say(f"no browser was found; open {address}")
 
@@ -108,7 +109,7 @@ def _subject(device: str, changes: dict[str, float], options: Options) -> Subjec
 
 
 def _usual(given: dict[str, Any], actuator: Actuator) -> dict[str, float]:
-    """Return what of a sine is not given, and has to be."""
+    """Return default values for the required parameters of a sine that are not given."""
     from mems_impact.explorer.session import usual_sine
 
     if drive_choice() != "sine":

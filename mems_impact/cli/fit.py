@@ -1,4 +1,4 @@
-"""`mems-impact fit`: parameters of a device from measured numbers."""
+"""`mems-impact fit`: parameters of a device from measurements."""
 
 from __future__ import annotations
 
@@ -31,24 +31,24 @@ if TYPE_CHECKING:
 TARGET = "QUANTITY=VALUE[+-TOLERANCE][ at NAME=NUMBER,…]"
 
 
-@click.command(short_help="Fit parameters of a device to measured numbers.")
+@click.command(short_help="Fit parameters of a device to measurements.")
 @device_options
 @click.option(
     "--target", "targets", multiple=True, required=True, metavar=TARGET,
-    help="A measured number, such as 'displacement per blow=20e-9' [m], 'mean speed' [m/s], "
-    "'pull-in voltage' [V], 'resonance' [rad/s], 2 pi times that in Hz. May be repeated.",
+    help="A measured value, such as 'displacement per blow=20e-9' [m], 'mean speed' [m/s], "
+    "'pull-in voltage' [V], 'resonance' [rad/s] (2 pi times that in Hz). May be repeated.",
 )  # fmt: skip
 @click.option(
     "--free", multiple=True, required=True, metavar="NAME",
-    help="A parameter of the device to be fitted. May be repeated.",
+    help="A parameter of the device to fit. May be repeated.",
 )  # fmt: skip
 @ranges_option(
-    "--bounds", "k=1:10", "Between which values it is looked for.",
+    "--bounds", "k=1:10", "Bounds of a fitted parameter.",
     show_default="a tenth to ten times the value of DEVICE",
 )  # fmt: skip
 @drive_options
-@transient_option("Forcing periods to wait in a run.", 2)
-@periods_option("Forcing periods to measure then.", 2)
+@transient_option("Forcing periods discarded in each run.", 2)
+@periods_option("Forcing periods measured after them.", 2)
 @initial_option
 @integrator_options
 @directory_option
@@ -70,26 +70,27 @@ def command(
     engine: str,
     output: str,
 ) -> None:
-    """Fit free parameters of DEVICE to what was measured; the search starts at its values.
-
-    \b
-    Measured under the voltage of the options:
-      displacement per blow, displacement per impact, displacement per period,
-      blows per period, impacts per period, mean speed
-    Of the device alone:
-      pull-in voltage, resting voltage, resonance
-
-    A sequence of impacts that ends in rest is one blow; every bounce is an impact. Periods are
-    forcing periods. The tolerance is the standard error of the value, 1 % of it by default. What
-    follows "at" changes the voltage for that target, such as "at amplitude=60".
-
-    Shows parameters and residuals and writes them as CSV tables. The exit status is 1 if a target
-    is missed by more than three tolerances or the data do not determine a parameter.
+    """Fit parameters of DEVICE to measurements.
 
     \b
     Example:
       mems-impact fit mita2003 --free k --amplitude 100 --frequency 1 \\
         --target "displacement per blow=15e-9+-1e-9"
+
+    \b
+    Quantities that depend on the voltage of the options:
+      displacement per blow, displacement per impact, displacement per period,
+      blows per period, impacts per period, mean speed
+    Quantities of the device alone:
+      pull-in voltage, resting voltage, resonance
+
+    A sequence of impacts that ends in sticking contact is one blow; every bounce is an impact.
+    Periods are forcing periods. The tolerance is the standard error of the value, by default 1 % of
+    it. Parameters after "at" change the voltage for that target, such as "at amplitude=60". The
+    search starts at the values of DEVICE.
+
+    The command shows parameters and residuals and writes them as CSV tables. The exit status is 1
+    if a residual exceeds three tolerances or the data do not determine a parameter.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -115,7 +116,7 @@ def command(
         show(f"{found}\n")
         fitted = {**changes, **{name: getattr(found.actuator, name) for name in free}}
         settings = " ".join(f"--set {name}={value!r}" for name, value in fitted.items())
-        show(f"The fitted device, for other commands: {device} {settings}\n")
+        show(f"Fitted device, for other commands: {device} {settings}\n")
         files.tell()
     if found.verdict != "good":
         ctx.exit(FAILED)
@@ -134,7 +135,7 @@ def _target(text: str) -> mi.Target:
         raise click.UsageError(f"--target {text!r} must be {TARGET}") from None
     if quantity not in OF_RUN:
         if under:
-            raise click.UsageError(f"--target {text!r}: {quantity} needs no voltage")
+            raise click.UsageError(f"--target {text!r}: {quantity} needs no drive")
         return mi.Target(quantity=quantity, value=value, tolerance=tolerance)
     drive = drive_from()
     changes = in_fields(dict(map(assignment, under.split(",")))) if under else {}

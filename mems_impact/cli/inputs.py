@@ -21,9 +21,9 @@ from mems_impact.cli.options import (
 if TYPE_CHECKING:
     import mems_impact as mi
 
-# --- What the commands that run studies share: study files, recurrence options, what computes.
+# --- Options shared by the commands that run studies.
 
-# What may stand beside a study file; all other options say what the study is.
+# Options allowed beside a study file; all others describe the study.
 EXCLUSIVE_OPTIONS = (
     *("device", "drive_allow_code", "store", "executor", "workers"),
     *("progress", "output", "figure", "no_figure"),
@@ -33,7 +33,7 @@ EXCLUSIVE_OPTIONS = (
 def from_file(
     ctx: click.Context, path: str, kind: str, beside: Collection[str] = ()
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
-    """Return system and arguments of a study file of a kind; `beside` may be said besides."""
+    """Return system and arguments of a study file of a kind; `beside` names allowed options."""
     import mems_impact as mi
 
     allowed = {*EXCLUSIVE_OPTIONS, *beside}
@@ -41,10 +41,12 @@ def from_file(
         source = ctx.get_parameter_source(parameter.name or "")
         if source is click.core.ParameterSource.COMMANDLINE and parameter.name not in allowed:
             option = parameter.opts[0]
-            raise click.UsageError(f"{option}: {path} says what the study is; leave it out")
+            raise click.UsageError(f"{option}: {path} describes the study; omit the option")
     study = mi.load_study(path, allow_code=code_is_allowed())
     if study.kind != kind:
-        raise click.UsageError(f"{path} holds a study of another kind: mems-impact {study.kind}")
+        raise click.UsageError(
+            f"{path} describes a study of another kind; run it by mems-impact {study.kind}"
+        )
     return study.system, study.arguments
 
 
@@ -57,7 +59,7 @@ def study_of(
     varied: Mapping[str, float] | None = None,
     beside: Collection[str] = (),
 ) -> tuple[mi.HybridSystem, dict[str, Any]]:
-    """Return system and arguments of the study that the options of a command tell.
+    """Return system and arguments of the study that the options of a command describe.
 
     Parameters
     ----------
@@ -66,13 +68,13 @@ def study_of(
         `device_options`, `initial_option`, `recurrence_options`, `study_integrator_options` and
         `study_options`, with their values.
     kind : str
-        Of the study.
+        Kind of the study.
     own : callable
-        Returns the arguments that are of this kind alone; not asked where there is a study file.
+        Returns the arguments specific to this kind; not called for a study file.
     varied : mapping of str to float, optional
-        Parameters that are varied, and the values to begin with.
+        Varied parameters and their first values.
     beside : collection of str, optional
-        Options of the command that may stand beside a study file.
+        Options of the command that are allowed beside a study file.
     """
     from mems_impact.actuator.system_files import holds_study
 
@@ -80,7 +82,7 @@ def study_of(
     if holds_study(device):
         system, given = from_file(ctx, device, kind, beside)
     else:
-        # The device may not have the term yet of which a parameter is varied.
+        # The device may lack the term whose parameter is varied.
         terms = {name: value for name, value in varied.items() if "." in name}
         actuator = actuator_from(device, {**terms, **options["changes"]})
         given = {**own(), **_recurrence_and_integrator(options)}
@@ -92,7 +94,7 @@ def study_of(
 
 
 def _recurrence_and_integrator(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that `recurrence_options` and those of the integrator make."""
+    """Return the arguments from `recurrence_options` and the options of the integrator."""
     import mems_impact as mi
 
     words = ("transient", "periods", "longest", "tolerance", "exponents", "chaos_persistence")
@@ -104,7 +106,7 @@ def _recurrence_and_integrator(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def add_running(given: dict[str, Any], options: Mapping[str, Any]) -> None:
-    """Add to the arguments of a verb what `study_options` say."""
+    """Add the values of `study_options` to the arguments of a study."""
     from mems_impact.studies.engine.config import executor_named
 
     for name in ("store", "workers"):
@@ -115,7 +117,7 @@ def add_running(given: dict[str, Any], options: Mapping[str, Any]) -> None:
 
 
 def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> Any:
-    """Run a study; what is done of one that ends early is kept before that is said."""
+    """Run a study; if it ends early, keep its partial result before raising."""
     import mems_impact as mi
 
     try:
@@ -126,22 +128,22 @@ def run_saving_partial(run: Callable[[], Any], keep: Callable[[Any], None]) -> A
         raise
 
 
-# --- What a command is about: a device under a voltage, or a system of the user's own.
+# --- The subject of a command: a device under a voltage, or a user's system.
 
 
 def load_subject(
     name: str, changes: Mapping[str, float], initial: Initial
 ) -> tuple[mi.HybridSystem, mi.State | None]:
-    """Return the system of a name or path, and where it starts; None for its own start.
+    """Return the system of a name or path, and its initial state; None for the default state.
 
     Parameters
     ----------
     name : str
-        Of a device, or of a system as `mems_impact.load_system` takes it.
+        Name of a device, or of a system as `mems_impact.load_system` takes it.
     changes : mapping of str to float
-        What ``--set`` changes.
+        Values of ``--set``.
     initial : mapping of str to float or "kicked"
-        What ``--initial`` says.
+        Value of ``--initial``.
     """
     from pathlib import Path
 
@@ -152,7 +154,7 @@ def load_subject(
         return actuator.under(drive_from()), state_from(initial, actuator)
     refuse_drive(name)
     if initial == KICKED:
-        raise click.UsageError(f"--initial {KICKED}: of devices; {name} takes NAME=NUMBER")
+        raise click.UsageError(f"--initial {KICKED}: for devices only; {name} takes NAME=NUMBER")
     assert isinstance(initial, dict)
     system = load_system(name).changed(**changes) if changes else load_system(name)
     if not initial:
@@ -169,4 +171,4 @@ def refuse_drive(name: str) -> None:
     """Refuse options of a drive beside a system of that name."""
     for option, value in click.get_current_context().meta.get(KEY, {}).items():
         if value is not False:  # a flag that was not given
-            raise click.UsageError(f"{option_of(option)}: of devices; {name} has no voltage")
+            raise click.UsageError(f"{option_of(option)}: for devices only; {name} has no voltage")

@@ -1,4 +1,4 @@
-"""`mems-impact map`: what motions come to over two parameters."""
+"""`mems-impact map`: attractors on a grid of two parameters."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ CURVES = ("amplitude", "omega")
 Axis = tuple[str, float, float, int]
 
 
-@click.command(short_help="Map what motions come to over two parameters.")
+@click.command(short_help="Compute attractors on a two-parameter grid.")
 @device_options
 @axis_options(
-    "The parameter to the right, of drive or device, or of a term.", "The parameter upwards."
+    "Parameter on the horizontal axis, of drive, device or term.",
+    "Parameter on the vertical axis.",
 )
 @drive_options
 @initial_option
@@ -47,35 +48,36 @@ Axis = tuple[str, float, float, int]
     "--column",
     metavar="NAME",
     show_default="kinds of motions",
-    help="What the figure shows: a column of the table, such as 'mean speed'.",
+    help="Column of the table that the figure shows, such as 'mean speed'.",
 )
 @click.option(
     "--curves",
     is_flag=True,
-    help="Draw over it where DEVICE switches on and off, followed as curves; of maps over "
-    "amplitude and omega.",
+    help="Overlay the switching curves of DEVICE, found by continuation; for maps over amplitude "
+    "and omega.",
 )
 @click.option(
-    "--energy", is_flag=True, help="Tell the energy that the drive gives, per period and impact."
+    "--energy", is_flag=True, help="Compute the work of the drive per period and per impact."
 )
 @study_options
 @progress_option
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
-    """Map what the motions of DEVICE come to over two parameters, each point from its own start.
-
-    Tells at every point whether the device is off, walks with period 1, 2, …, or never repeats
-    itself, with step and its standard deviation, speed, impacts and energy. Writes all of it
-    and a summary as CSV tables, and a figure. With --store nothing is lost that was done.
-
-    In place of DEVICE a study file may stand: TOML that names system, study and store.
+    """Compute the attractor of DEVICE at each point of a two-parameter grid.
 
     \b
     Examples:
-      mems-impact map zhao2004 --x amplitude 0.16 0.30 200 --y omega 0.44 0.51 200 \\
-        --workers 2 --store out/map
+      mems-impact map zhao2004 --x amplitude 0.16 0.30 15 --y omega 0.44 0.51 15 \\
+        --store out/map
       mems-impact map study.toml
+
+    Every point starts from the initial state, not from its neighbour. Its row has the kind of
+    motion (off, period 1, 2, …, chaotic or quasi-periodic), the step and its standard deviation,
+    speed, impacts and energy. The command writes the table, a summary and a figure. With --store,
+    an interrupted map resumes where it stopped.
+
+    A study file can replace DEVICE: TOML that describes system, study and store.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
@@ -88,7 +90,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
     system, given = study_of(ctx, options, KIND, lambda: _axes(axes), varied=varied, beside=beside)
     if options["energy"]:
         if not isinstance(system, ActuatorSystem):
-            raise click.UsageError("--energy: of maps of a device")
+            raise click.UsageError("--energy: for maps of a device only")
         system = system.with_energy()
     _check_column(column, system, given)
     with Output(options["output"], options["figure"], options["no_figure"], KIND) as files:
@@ -116,7 +118,7 @@ def _axes(axes: Mapping[str, Axis | None]) -> dict[str, Any]:
 
 
 def _check_column(column: str | None, system: mi.HybridSystem, given: dict[str, Any]) -> None:
-    """Refuse a column that the table will not have, before it is computed."""
+    """Refuse a column that the table will lack, before it is computed."""
     from mems_impact.studies.attractor_study import attractor_schema
 
     chosen = {"recurrence": given["recurrence"]} if "recurrence" in given else {}
@@ -127,19 +129,19 @@ def _check_column(column: str | None, system: mi.HybridSystem, given: dict[str, 
 
 
 def _chart(system: mi.HybridSystem, given: dict[str, Any], progress: bool) -> mi.OperatingChart:
-    """Return the curves along which the device switches on and off, in the range of the map."""
+    """Return the switching curves of the device, in the range of the map."""
     import mems_impact as mi
     from mems_impact.actuator.system import ActuatorSystem
 
     axes = dict([given["x"], given["y"]])
     if set(axes) != set(CURVES) or not isinstance(system, ActuatorSystem):
-        raise click.UsageError(f"--curves: of maps of a device over {' and '.join(CURVES)}")
+        raise click.UsageError(f"--curves: for maps of a device over {' and '.join(CURVES)} only")
     omega = axes[CURVES[1]]
     chart = mi.operating_chart(
         system.actuator,
         system.drive,
         omega=(float(min(omega)), float(max(omega))),
-        crises=0,  # they are in the map itself
+        crises=0,  # the map itself shows them
         progress=say if progress else False,
     )
     for note in chart.notes:
@@ -154,7 +156,7 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def _show(table: pd.DataFrame) -> None:
-    """Show how many points there are of each kind, where, and why points have failed."""
+    """Show number and range of the points of each kind, and why points failed."""
     from mems_impact.studies.attractor_study import map_summary
 
     show_table("summary", map_summary(table), 6)

@@ -1,4 +1,4 @@
-"""`mems-impact new`: a commented file to start from."""
+"""`mems-impact new`: a commented template of a device or a system."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ TEMPLATES = {
     "device": ("device.toml", "simulate {}"),
     "system": ("system.py", "simulate {}:oscillator"),
 }
-"""What may be written: the file that is, and its name; and a first command for it."""
+"""By kind: template, which is the default name of the file, and a first command for it."""
 
 
-@click.command(short_help="Write a commented file to start from.")
+@click.command(short_help="Write a template of a device or a system.")
 @click.argument("kind", type=click.Choice(list(TEMPLATES)))
 @click.argument("file", type=click.Path(), required=False)
 def command(*, kind: str, file: str | None) -> None:
-    """Write a commented FILE to start from: of a device (TOML), or of a system (Python).
-
-    FILE is device.toml or system.py by default. A file that is there already is left alone. What
-    is written runs as it is.
+    """Write a commented template FILE: a device (TOML) or a system (Python).
 
     \b
     Examples:
       mems-impact new device mine.toml
       mems-impact simulate mine.toml
+
+    FILE is device.toml or system.py by default. An existing file is never overwritten. The template
+    runs as it stands.
     """  # noqa: D301 - click looks for the backspace itself
     template, first = TEMPLATES[kind]
     path = Path(file or template)
@@ -42,7 +42,7 @@ def command(*, kind: str, file: str | None) -> None:
         with open(path, "x", encoding="utf-8") as new:
             new.write(text)
     except FileExistsError:
-        raise click.ClickException(f"{path}: is there already; give another name") from None
+        raise click.ClickException(f"{path}: already exists; choose another name") from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise click.ClickException(f"{path}: cannot be written ({reason})") from None

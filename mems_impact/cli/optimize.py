@@ -1,4 +1,4 @@
-"""`mems-impact optimize`: the drive or the device that does best, or what two aims cost."""
+"""`mems-impact optimize`: optimal parameters of drive and device, or a Pareto front."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ if TYPE_CHECKING:
 KIND = "optimize"
 
 
-@click.command(short_help="Look for the best drive or device near an orbit.")
+@click.command(short_help="Optimize parameters of a periodic orbit.")
 @device_options
 @click.option(
-    "--maximize", multiple=True, metavar="QUANTITY", help="What shall be large: 'mean speed'."
+    "--maximize", multiple=True, metavar="QUANTITY", help="Quantity to maximize: 'mean speed'."
 )
 @click.option(
     "--minimize",
     multiple=True,
     metavar="QUANTITY",
-    help="What shall be small: 'energy lost per period', 'standard deviation of mean speed'. "
-    "Two aims in all give a Pareto front.",
+    help="Quantity to minimize: 'energy lost per period', 'standard deviation of mean speed'. "
+    "Two quantities in all give a Pareto front.",
 )
-@ranges_option("--over", "omega=0.45:0.55", "A parameter to vary, and between which values.")
+@ranges_option("--over", "omega=0.45:0.55", "A parameter to vary and its bounds.")
 @ranges_option(
     "--subject-to",
     "'largest multiplier=:0.9'",
-    "Between which values a quantity must stay.",
+    "Bounds of a quantity (a constraint); one bound may be omitted.",
     half_open=True,
 )
 @tolerance_option
@@ -95,16 +95,17 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Look for the best orbit over some parameters, near the one that a run of DEVICE leads to.
-
-    It stays stable and keeps its impacts. Writes the way there, the margins to the next
-    bifurcations, and the motion as a figure; of two aims the Pareto front. In place of DEVICE a
-    study file may stand. The exit status is 1 if the search ends before a local optimum.
+    """Optimize a quantity of a periodic orbit of DEVICE over some parameters.
 
     \b
     Example:
-      mems-impact optimize zhao2004 --amplitude 0.24 --omega 0.5 --maximize "mean speed" \\
-        --over amplitude=0.2:0.3 --over omega=0.45:0.6
+      mems-impact optimize zhao2004 --amplitude 0.24 --omega 0.5 \\
+        --maximize "mean speed" --over amplitude=0.2:0.3 --over omega=0.45:0.6
+
+    The local search starts at the orbit to which a run from the initial state leads; the orbit
+    stays stable and keeps its sequence of impacts. The command writes the iterations, the margins
+    to the next bifurcations, and the motion as a figure, or the Pareto front of two quantities. A
+    study file can replace DEVICE. The exit status is 1 if the search ends before a local optimum.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system_files import holds_study
@@ -153,14 +154,14 @@ def command(
         files.tell()
     if isinstance(found, mi.Optimum):
         if not len(found.orbit.impacts):
-            warn("the orbit has no impacts; begin with a kick (--initial v2=…) if there is another")
+            warn("the orbit has no impacts; to find one with impacts, start with --initial v2=…")
         if not found.converged:
-            say(f"no local optimum to first order: {found.ended}{_held(found)}")
+            say(f"first-order optimality not reached: {found.ended}{_held(found)}")
             ctx.exit(FAILED)
 
 
 def _found(found: Any) -> dict[str, pd.DataFrame]:
-    """Return the table of a front, or of the way to an optimum."""
+    """Return the table of a front, or of the iterations to an optimum."""
     return {"history": found.history} if hasattr(found, "history") else {"front": found.table}
 
 
@@ -178,16 +179,16 @@ def _show(best: mi.Optimum, margins: pd.DataFrame) -> None:
         },
         named=system.scales.named,
     )
-    show("\nTo the next bifurcation:")
+    show("\nMargins to the next bifurcations:")
     show_table("margins", with_units_in(margins, "parameter", _units(best)), 6)
 
 
 def _held(best: mi.Optimum) -> str:
-    """Return what holds an optimum, to be added to a sentence."""
+    """Return the active constraints of an optimum, to be added to a sentence."""
     return f" ({'; '.join(best.active)})" if best.active else ""
 
 
 def _units(best: mi.Optimum) -> dict[str, str]:
-    """Return the units of what was varied, if they have any."""
+    """Return the units of the varied parameters; empty for a dimensionless device."""
     system = best.system
     return {name: system.unit(name) for name in best.values} if system.scales.named else {}

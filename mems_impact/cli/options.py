@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mems_impact.actuator.parameters import Actuator
     from mems_impact.systems.state import State
 
-# --- The options that commands share, and what is made of them.
+# --- Shared options, and the objects made of them.
 
 Decorator = Callable[[Any], Any]
 
@@ -73,7 +73,7 @@ def _tolerances(
 
 
 def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Return what a shell offers for DEVICE: the presets, and files."""
+    """Return the shell completions of DEVICE: presets and files."""
     from mems_impact.actuator.parameters import preset_names
 
     names = [CompletionItem(name) for name in preset_names() if name.startswith(begun)]
@@ -81,7 +81,7 @@ def _devices(_ctx: click.Context, _parameter: click.Parameter, begun: str) -> li
 
 
 def device_argument(**settings: Any) -> Decorator:
-    """Return the argument of what a command is about."""
+    """Return the argument that names the device of a command."""
     return click.argument("device", shell_complete=_devices, **settings)
 
 
@@ -91,8 +91,8 @@ changes_option = click.option(
     multiple=True,
     metavar="NAME=NUMBER",
     callback=_assignments,
-    help="Change a parameter of the device, such as e=0.7, or of a term, such as "
-    "tilt.angle=0.1, which is added if need be. May be repeated.",
+    help="Set a parameter of the device, such as e=0.7, or of a term, such as tilt.angle=0.1; "
+    "the term is added if the device lacks it. May be repeated.",
 )
 
 device_options = apply_decorators(device_argument(), changes_option)
@@ -111,8 +111,8 @@ initial_option = click.option(
     metavar="NAME=NUMBER",
     callback=_initial,
     help="A component of the initial state, such as x2=0.1: x1, x2 [m], v1, v2 [m/s], or time [s] "
-    "since the forcing period began. May be repeated. Or kicked: the block passes the middle fast "
-    "enough to strike a stopper.",
+    "since the forcing period began. May be repeated. Or kicked: the block starts at the middle, "
+    "fast enough to strike a stopper.",
     show_default="0 each",
 )
 
@@ -120,7 +120,7 @@ parameter_option = click.option(
     "--parameter",
     required=True,
     metavar="NAME",
-    help="What to vary: a parameter of drive or device, or of a term, such as tilt.angle.",
+    help="Parameter to vary: of drive, device or term, such as tilt.angle.",
 )
 
 
@@ -130,20 +130,20 @@ tolerance_option = click.option(
     multiple=True,
     metavar="NAME=NUMBER[%]",
     callback=_tolerances,
-    help="Standard deviation of a parameter, such as delta=0.005, or delta=2% of its value. May be "
-    "repeated.",
+    help="Standard deviation of a parameter, such as delta=0.005, or relative to its value, such "
+    "as delta=2%. May be repeated.",
 )
 
 
 def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None) -> Decorator:
-    """Return the options of where a varied parameter starts and stops.
+    """Return the options --start and --stop of a varied parameter.
 
     Parameters
     ----------
     start, stop : str
         Their help texts.
     defaults : tuple of str, optional
-        What the command takes for each that is not given, in words; without, both are required.
+        Default of each, in words; without it both options are required.
     """
     words = defaults or (None, None)
     return apply_decorators(
@@ -159,17 +159,17 @@ def range_options(start: str, stop: str, defaults: tuple[str, str] | None = None
 
 
 def periods_option(text: str, default: float, kind: type = int) -> Decorator:
-    """Return the option of how many forcing periods a command's work takes."""
+    """Return the option --periods."""
     return click.option("--periods", type=kind, default=default, show_default=True, help=text)
 
 
 def transient_option(text: str, default: float, kind: type = int) -> Decorator:
-    """Return the option of how many forcing periods pass before a command looks."""
+    """Return the option --transient."""
     return click.option("--transient", type=kind, default=default, show_default=True, help=text)
 
 
 def workers_option(text: str, **settings: Any) -> Decorator:
-    """Return the option of how much is done at once."""
+    """Return the option --workers."""
     settings = {"show_default": True, **settings}
     return click.option("--workers", type=click.IntRange(1, 64), help=text, **settings)
 
@@ -184,8 +184,8 @@ def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
             type=click.Choice(METHODS),
             default=method,
             show_default=method or SUITED,
-            help="CVODE's Adams or BDF formulas, or a one-step method of order 8; auto: that one, "
-            "and BDF wherever the system is stiff.",
+            help="CVODE's Adams or BDF formulas, or DOP853, a one-step method of order 8; auto: "
+            "DOP853, and BDF where the system is stiff.",
         ),
         click.option(
             "--rtol", type=float, default=rtol, show_default=True, help="Relative tolerance."
@@ -195,14 +195,14 @@ def _integrator(method: str | None, rtol: float, atol: float) -> Decorator:
             type=float,
             default=atol,
             show_default=True,
-            help="Absolute tolerance, of the dimensionless state.",
+            help="Absolute tolerance of the dimensionless state.",
         ),
         click.option(
             "--engine",
             type=click.Choice(ENGINES),
             default=Options.engine,
             show_default=True,
-            help="Compiled, or interpreted (slower); auto: compiled where it is available.",
+            help="Compiled or interpreted (slower) code; auto: compiled if available.",
         ),
     )
 
@@ -211,7 +211,7 @@ AXIS_TYPE = click.Tuple([str, float, float, click.IntRange(1, 1_000_000)])
 
 
 def axis_options(first: str, second: str) -> Decorator:
-    """Return the options of what a study is over, with these help texts."""
+    """Return the options --x and --y of a study, with these help texts."""
     return apply_decorators(
         *(
             click.option(option, type=AXIS_TYPE, metavar="NAME START STOP POINTS", help=text)
@@ -221,31 +221,31 @@ def axis_options(first: str, second: str) -> Decorator:
 
 
 def sample_options(samples: int, sampling: str) -> Decorator:
-    """Return the options of how a study draws its points, with these defaults."""
+    """Return the options of how a study samples its points, with these defaults."""
     return apply_decorators(
         click.option(
-            "--samples", type=int, default=samples, show_default=True, help="How many are drawn."
+            "--samples", type=int, default=samples, show_default=True, help="Number of samples."
         ),
         click.option(
             "--sampling",
             type=click.Choice(SAMPLING_NAMES),
             default=sampling,
             show_default=True,
-            help="How: Sobol's sequence, a Latin hypercube, or independent of each other.",
+            help="Sampling method: Sobol sequence, Latin hypercube, or independent random points.",
         ),
-        click.option("--seed", type=int, default=0, show_default=True, help="Of what is drawn."),
+        click.option("--seed", type=int, default=0, show_default=True, help="Seed of the samples."),
     )
 
 
 recurrence_options = apply_decorators(
-    transient_option("Forcing periods in which a motion may become periodic.", 300),
-    periods_option("Forcing periods over which it is measured then, if it has not.", 100),
+    transient_option("Forcing periods within which a motion may become periodic.", 300),
+    periods_option("Forcing periods over which an aperiodic motion is then measured.", 100),
     click.option(
         "--longest",
         type=int,
         default=16,
         show_default=True,
-        help="Forcing periods after which a motion may repeat itself, at most.",
+        help="Longest period of a motion to be recognised, in forcing periods.",
     ),
     click.option(
         "--recurrence-tolerance",  # --tolerance is that of a parameter
@@ -253,22 +253,23 @@ recurrence_options = apply_decorators(
         type=float,
         default=1e-6,
         show_default=True,
-        help="To which it has to, relative to the size of each state.",
+        help="Relative tolerance for recognising a periodic motion.",
     ),
     click.option(
         "--exponents",
         type=click.Choice(EXPONENTS),
         default=EXPONENTS[0],
         show_default=True,
-        help="Of which motions the largest Lyapunov exponent is computed; it tells chaotic from "
-        "quasi-periodic ones.",
+        help="Motions whose largest Lyapunov exponent is computed; it separates chaotic from "
+        "quasi-periodic motions.",
     ),
     click.option(
         "--chaos-persistence",
         type=float,
         default=16.0,
         show_default=True,
-        help="Times --transient and --periods after which a chaotic motion has to be so still.",
+        help="A motion is called chaotic if it still is after this multiple of --transient plus "
+        "--periods.",
     ),
 )
 
@@ -277,15 +278,15 @@ study_options = apply_decorators(
         "--store",
         type=click.Path(),
         metavar="DIR",
-        help="Keep points there as they are done; the same command goes on from them.",
+        help="Directory in which finished points are kept; the same command resumes from them.",
     ),
     click.option(
         "--executor",
         type=click.Choice(EXECUTORS),
         show_default=EXECUTORS[0],
-        help="What computes: threads, or processes of their own.",
+        help="Compute in threads or in processes.",
     ),
-    workers_option("How many of them.", show_default="as many as there are cores"),
+    workers_option("Number of threads or processes.", show_default="number of cores"),
 )
 
 integrator_options = _integrator(Options.method, Options.rtol, Options.atol)
@@ -296,12 +297,12 @@ study_integrator_options = _integrator("auto", Options.rtol, Options.atol)
 
 guess_options = apply_decorators(
     initial_option,
-    transient_option("Forcing periods to run before the orbit is looked for.", 300, float),
+    transient_option("Forcing periods simulated before the search for the orbit.", 300, float),
     click.option(
         "--periods",
         type=int,
         default=None,
-        help="Forcing periods after which the orbit closes; recognised by default.",
+        help="Period of the orbit in forcing periods; recognised by default.",
     ),
 )
 
@@ -312,7 +313,7 @@ directory_option = click.option(
     default="out",
     show_default=True,
     metavar="DIR",
-    help="Where tables and figure go; created if need be.",
+    help="Directory of tables and figure; created if needed.",
 )
 
 
@@ -325,7 +326,7 @@ progress_option = click.option(
     default=None,
     callback=_wanted,
     show_default="progress, unless --quiet",
-    help="Say how far the work is: on a terminal a bar, elsewhere a line now and then.",
+    help="Show progress: a bar on a terminal, otherwise a line at intervals.",
 )
 
 output_options = apply_decorators(
@@ -335,14 +336,14 @@ output_options = apply_decorators(
         type=click.Path(dir_okay=False),
         metavar="FILE",
         show_default="a PNG in DIR",
-        help="Where the figure goes: .png, .pdf or .svg.",
+        help="File of the figure: .png, .pdf or .svg.",
     ),
-    click.option("--no-figure", is_flag=True, help="Draw no figure."),
+    click.option("--no-figure", is_flag=True, help="Skip the figure."),
 )
 
 
 def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
-    """Load the device and apply what ``--set`` changes."""
+    """Load the device and apply the values of ``--set``."""
     from mems_impact.actuator.parameters import load_actuator
 
     refuse_system(device)
@@ -351,18 +352,18 @@ def actuator_from(device: str, changes: dict[str, float]) -> Actuator:
 
 
 def refuse_system(device: str) -> None:
-    """Refuse the name of a system where a device is wanted, and Python code without a name."""
+    """Refuse a system where a device is required, and a Python file without a system's name."""
     from pathlib import Path
 
     from mems_impact.actuator.system_files import is_system_name
 
     if device.endswith(".py"):
-        problem = "Python code; name the system in it, such as"
+        problem = "a Python file; add the name of a system in it, such as"
         raise click.UsageError(f"{device}: {problem} {device}:oscillator")
     if is_system_name(device) and not Path(device).exists():
         raise click.UsageError(
-            f"{device}: a system, where this command takes a device; simulate and explore take "
-            "systems, map, basins and tolerances those of a study file, and Python's verbs any"
+            f"{device}: a system, but this command takes a device; simulate and explore take "
+            "systems, map, basins and tolerances take study files, and Python functions take any"
         )
 
 
@@ -382,34 +383,33 @@ def state_from(initial: Initial, actuator: Actuator) -> State:
     return state_of(components, time=initial.get("time", 0.0))
 
 
-# --- The options that describe a voltage, and the drive that is made of them.
+# --- The options that describe a voltage, and the drive made of them.
 
 KEY = "mems_impact.drive"
-DRIVE_PREFIX = "drive_"  # lest an option of the command has the same name
+DRIVE_PREFIX = "drive_"  # keeps names apart from the command's own options
 
-# A waveform whose parameters are all among these can be described by options; others need a
-# file.
+# Options can describe a waveform whose parameters are all among these; others need a file.
 NUMBERS: dict[str, tuple[str, str | None]] = {
     "amplitude": ("Amplitude f of the voltage; top of a square wave or pulse [V].", None),
     "omega": ("Angular frequency of the voltage [rad/s].", None),
-    "frequency": ("The same as omega/(2 pi) [Hz].", None),
+    "frequency": ("Frequency of the voltage, omega/(2 pi) [Hz].", None),
     "bias": ("Constant part of a sine or trapezoid [V].", "0"),
-    "phase": ("How far the voltage is ahead [rad].", "0"),
-    "duty": ("Share of the period that a square wave is high.", "0.5"),
+    "phase": ("Phase lead of the voltage [rad].", "0"),
+    "duty": ("Duty cycle of a square wave.", "0.5"),
     "rise": ("Rise time of a square wave (both flanks) or pulse [s].", "0"),
     "fall": ("Fall time of a pulse [s].", "0"),
     "low": ("Voltage between the pulses [V].", "0"),
-    "flat": ("Share of the period that a trapezoid is flat.", "0.5"),
+    "flat": ("Share of the period in which a trapezoid is constant.", "0.5"),
     "width": ("Width of a pulse [s].", None),
     "period": ("Period of pulses, or of a measured voltage [s].", None),
 }
-"""What each number is, and its default in words."""
+"""Help text of each number, and its default in words."""
 
 FIELD_NAMES = {"frequency": "omega"}
-"""The field that a number sets, where it is not the field itself."""
+"""The field that a number sets, where their names differ."""
 
 OPTION_NAMES = {"period": "--drive-period"}
-"""The option of a number, where it is not the name: --periods counts, and is a letter away."""
+"""The option of a number, where their names differ: --period would resemble --periods."""
 
 
 def option_of(name: str) -> str:
@@ -444,9 +444,9 @@ drive_options = apply_decorators(
         callback=_collect,
         expose_value=False,
         show_default="the table [drive] of the device's file, else a sine",
-        help=f"Waveform of the voltage: its kind ({', '.join(WAVEFORMS)}) where the numbers below "
-        "describe it, or a file: TOML with a table [drive], or a measured voltage as CSV. Numbers "
-        "besides a file take the place of those in it.",
+        help=f"Waveform of the voltage: a kind ({', '.join(WAVEFORMS)}), described by the numbers "
+        "below, or a file: TOML with a table [drive], or a measured voltage as CSV. Numbers given "
+        "beside a file replace those in it.",
     ),
     click.option(
         "--allow-code",
@@ -454,7 +454,7 @@ drive_options = apply_decorators(
         is_flag=True,
         callback=_collect,
         expose_value=False,
-        help="Run the Python code that a file names. It can do all that you can: read it first.",
+        help="Run the Python code that a file names. It has all your permissions: read it first.",
     ),
     *map(_number, NUMBERS),
 )
@@ -466,8 +466,8 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     Parameters
     ----------
     varied : mapping of str to float, optional
-        What the command itself varies, and the value to begin with. A parameter that is not one of
-        the drive's is left alone.
+        Parameters that the command varies, and their first values. Parameters that the drive lacks
+        are ignored.
     """
     given = dict(click.get_current_context().meta.get(KEY, {}))
     given.pop("choice", None)
@@ -475,19 +475,19 @@ def drive_from(varied: Mapping[str, float] | None = None) -> Drive:
     allow_code = given.pop("allow_code", False)
     for name, value in (varied or {}).items():
         if name == "frequency":
-            problem = "vary omega [rad/s], which is 2 pi times the frequency"
+            problem = "vary omega [rad/s], 2 pi times the frequency, instead"
             raise click.UsageError(f"{name}: {problem}: {2.0 * math.pi * value:.6g} for {value:g}")
         if name in given:
-            raise click.UsageError(f"{option_of(name)} is what is varied; leave it out")
+            raise click.UsageError(f"{option_of(name)} is the varied parameter; omit the option")
         if name == "omega" and "frequency" in given:
-            raise click.UsageError("--frequency sets omega, which is varied; leave it out")
+            raise click.UsageError("--frequency sets omega, which is varied; omit the option")
     if described_by_options(choice):
         return _of_kind(choice, given, varied or {})
     return _of_file(choice, given, varied or {}, allow_code)
 
 
 def drive_choice() -> str:
-    """Return the kind or file of the drive; of a device file with a drive, that file."""
+    """Return the kind or file of the drive; for a device file with a drive, that file."""
     from mems_impact.actuator.drives.files import holds_drive
 
     context = click.get_current_context()
@@ -499,7 +499,7 @@ def drive_choice() -> str:
 
 
 def drive_source() -> str:
-    """Return the Python that loads the file of `drive_from`; empty where options describe it."""
+    """Return the Python code that loads the drive's file; empty if options describe the drive."""
     from mems_impact.actuator.drives.files import SAMPLE_SUFFIXES
 
     path = drive_choice()
@@ -516,7 +516,7 @@ def code_is_allowed() -> bool:
 
 
 def in_fields(given: Mapping[str, float]) -> dict[str, float]:
-    """Return options as fields of a drive: a frequency as the angular frequency."""
+    """Return options as fields of a drive; a frequency becomes an angular frequency."""
     from mems_impact.errors import InvalidParameter
 
     values = {name: value for name, value in given.items() if name not in FIELD_NAMES}
@@ -531,7 +531,7 @@ def in_fields(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def described_by_options(kind: str) -> tuple[str, ...]:
-    """Return the parameters of a waveform if each has an option, else none."""
+    """Return the parameters of a waveform if each has an option, else an empty tuple."""
     from mems_impact.actuator.drives.files import drive_kinds, drive_of_kind
 
     names = tuple(drive_of_kind(kind).model_fields) if kind in drive_kinds() else ()
@@ -547,7 +547,7 @@ def _of_kind(kind: str, given: dict[str, float], varied: Mapping[str, float]) ->
         if FIELD_NAMES.get(name, name) not in known:
             takes = ", ".join(map(option_of, known))
             raise click.UsageError(
-                f"{option_of(name)} does not belong to a {kind}, which takes {takes}"
+                f"{option_of(name)} is not an option of a {kind}, which takes {takes}"
             )
     values = {**in_fields(given), **{name: v for name, v in varied.items() if name in known}}
     try:
@@ -568,7 +568,7 @@ def _of_file(
     from mems_impact.actuator.drives.sampled import Sampled
 
     if path in drive_kinds() and not Path(path).exists():
-        raise click.UsageError(f"--drive {path}: describe it in a TOML file and give that")
+        raise click.UsageError(f"--drive {path}: describe this waveform in a TOML file")
     if Path(path).name == path and not Path(path).suffix and not Path(path).exists():
         kinds = ", ".join(filter(described_by_options, drive_kinds()))
         raise click.UsageError(f"--drive {path}: neither a file nor one of {kinds}")
@@ -580,13 +580,13 @@ def _of_file(
     for name in given:
         if FIELD_NAMES.get(name, name) not in drive.names:
             known = ", ".join(drive.names)
-            problem = f"is no parameter of the drive in {path}: {known}"
-            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND takes another one")
+            problem = f"is not a parameter of the drive in {path}: {known}"
+            raise click.UsageError(f"{option_of(name)} {problem}; --drive KIND selects another one")
     values = {**in_fields(given), **{name: v for name, v in varied.items() if name in drive.names}}
     return drive.varied(values) if values else drive
 
 
-# --- Options that give parameters or quantities a lowest and a highest value.
+# --- Options that give bounds to parameters or quantities.
 
 Pairs = dict[str, tuple[float | None, float | None]]
 
@@ -599,7 +599,7 @@ def ranges(example: str, *, half_open: bool = False) -> Callable[..., Pairs]:
     example : str
         For messages.
     half_open : bool, optional
-        Whether one of the two may be left out.
+        Whether one bound may be omitted.
     """
 
     def number(text: str) -> float | None:

@@ -29,9 +29,7 @@ from mems_impact.cli.output import (
 if TYPE_CHECKING:
     from mems_impact.actuator.results import ActuatorOrbit
 
-MAX_TABLE_ROWS = (
-    20  # of each table that are shown: a sequence that ends in rest has dozens of impacts
-)
+MAX_TABLE_ROWS = 20  # per table: a chatter sequence has dozens of impacts
 
 
 @click.command(short_help="Find a periodic orbit and its stability.")
@@ -55,14 +53,15 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Find the periodic orbit of DEVICE that a run from the initial state leads to.
-
-    Shows its state, stability, segments and impacts, and writes impacts, segments and one period
-    of samples as CSV tables and the motion as a figure.
+    """Find a periodic orbit of DEVICE and its stability.
 
     \b
     Example:
       mems-impact orbit zhao2004 --amplitude 0.24 --omega 0.5
+
+    The search starts at the end of a run from the initial state. The command shows state,
+    multipliers, segments and impacts of the orbit, and writes impacts, segments and one period of
+    samples as CSV tables and the motion as a figure.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -109,5 +108,5 @@ def _show(orbit: ActuatorOrbit) -> None:
         ("impacts", orbit.impacts.drop(columns=["phase"]), 6),
     ):
         if len(table) > MAX_TABLE_ROWS:
-            show(f"The first of {len(table)} {name}:")
+            show(f"First of {len(table)} {name}:")
         show_table(name, table.head(MAX_TABLE_ROWS), digits, empty=f"No {name[:-1]}.")

@@ -1,9 +1,9 @@
 """Output of a command: text, one JSON document, files and figures.
 
-Commands show everything through this. With ``--json`` it is gathered and comes as one document at
-the end: ``values`` and ``units`` by name, ``tables`` (each with ``units`` by column and ``rows``,
-whose keys are the columns), and the ``files`` that were written. A number that is none (nan,
-infinite) is null.
+Commands show everything through this module. With ``--json`` the results are collected and printed
+as one document at the end: ``values`` and ``units`` by name, ``tables`` (each with ``units`` by
+column and ``rows``, whose keys are the columns), and the ``files`` written. Numbers that are
+missing or infinite become null.
 
 All files are written before anything is shown on the screen, whose reader may have gone.
 """
@@ -13,6 +13,8 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -34,7 +36,7 @@ _KEY = "mems_impact.document"
 
 
 class OutputValue(NamedTuple):
-    """One line that a command shows.
+    """A value that a command shows on one line.
 
     Attributes
     ----------
@@ -43,7 +45,7 @@ class OutputValue(NamedTuple):
     unit : str
         Empty for a pure number.
     text : str, optional
-        The value in words, where it is not the number alone.
+        Text shown in place of the value.
     """
 
     value: Any
@@ -53,7 +55,7 @@ class OutputValue(NamedTuple):
 
 @dataclass
 class JsonDocument:
-    """What a command has found, for programs."""
+    """Results of a command, for programs."""
 
     values: dict[str, Any] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
@@ -67,13 +69,13 @@ def _document() -> JsonDocument:
 
 
 def unit_of(table: pd.DataFrame, name: str) -> str:
-    """Return the unit of a column with a space before it; nothing if it has none."""
+    """Return the unit of a column after a space; an empty text if it has no unit."""
     unit = table.attrs.get("units", {}).get(name, "")
     return f" {unit}" if unit else ""
 
 
 def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
-    """Return a table in whose column names carry their units: ``omega [rad/s]``."""
+    """Return a table whose names in `column` carry their units: ``omega [rad/s]``."""
     names = [f"{name} [{units[name]}]" if units.get(name) else name for name in table[column]]
     result = table.assign(**{column: names})
     result.attrs = table.attrs
@@ -81,9 +83,9 @@ def with_units_in(table: pd.DataFrame, column: str, units: Mapping[str, str]) ->
 
 
 def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str]) -> pd.DataFrame:
-    """Return a table for files and programs, with the unit of what a row's column names.
+    """Return a table for files and programs, with the unit of the quantity that each row names.
 
-    Where nothing has a unit, it is returned as it is.
+    A table without units is returned as it is.
     """
     if not units:
         return table
@@ -93,9 +95,18 @@ def with_unit_column(table: pd.DataFrame, column: str, units: Mapping[str, str])
 
 
 def show(text: str) -> None:
-    """Show a text, which tells nothing that values and tables do not."""
+    """Show a text that adds nothing to values and tables."""
     if not as_json() and not quiet():
         click.echo(text)
+
+
+def filled(text: str) -> str:
+    """Return a text in lines as wide as the terminal, all but the first indented."""
+    width = shutil.get_terminal_size().columns
+    wrapper = textwrap.TextWrapper(
+        width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
+    return wrapper.fill(text)
 
 
 def show_text(text: str) -> None:
@@ -106,22 +117,54 @@ def show_text(text: str) -> None:
 
 
 def show_table(name: str, table: pd.DataFrame, digits: int, *, empty: str = "") -> None:
-    """Show a table with its units in the headings, or the text `empty` if it has no row."""
+    """Show a table, units in its headings, as wide as the terminal; `empty` if it has no rows."""
     if as_json():
         tell_tables({name: table})
         return
     from mems_impact.tables import with_units
 
     form = f"{{:.{digits}g}}".format
-    shown = with_units(table).to_string(index=False, float_format=form) if len(table) else empty
+    width = shutil.get_terminal_size().columns  # 80 where there is no terminal
+    shown = folded(with_units(table), form, width) if len(table) else empty
     if shown:
         show(shown + "\n")
 
 
-def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> None:
-    """Show one line a value, its name and unit before it.
+def folded(table: pd.DataFrame, form: Callable[[float], str], width: int) -> str:
+    """Return a table as text that is at most `width` wide, where single columns allow it.
 
-    Where everything is a pure number (`named` is False), units are left out.
+    Headings of a wider table are wrapped. Columns that do not fit follow in blocks below, each of
+    which begins with the first column.
+    """
+    text: str = table.to_string(index=False, float_format=form)
+    if max(map(len, text.splitlines())) <= width:
+        return text
+    columns = [_wrapped(table.iloc[:, [i]], form) for i in range(table.shape[1])]
+    height = max(map(len, columns))
+    columns = [[" " * len(lines[0])] * (height - len(lines)) + lines for lines in columns]
+    blocks = [columns[:1]]
+    for lines in columns[1:]:
+        wide = sum(len(each[0]) + 1 for each in blocks[-1]) + len(lines[0])
+        if wide > width and len(blocks[-1]) > 1:
+            blocks.append(columns[:1])
+        blocks[-1].append(lines)
+    rows = ([" ".join(row) for row in zip(*block, strict=True)] for block in blocks)
+    return "\n\n".join("\n".join(row for row in block if row.strip()) for block in rows)
+
+
+def _wrapped(column: pd.DataFrame, form: Callable[[float], str]) -> list[str]:
+    """Return heading and cells of a table of one column, the heading as narrow as its words."""
+    cells = column.to_string(index=False, header=False, float_format=form).splitlines()
+    cells = [cell.strip() for cell in cells]
+    heading = str(column.columns[0])
+    width = max(map(len, [*cells, *heading.split()]))
+    return [line.rjust(width) for line in [*textwrap.wrap(heading, width), *cells]]
+
+
+def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> None:
+    """Show one line per value, its name and unit before it.
+
+    Units are left out where all values are pure numbers (`named` is False).
     """
     if not named:
         values = {name: told._replace(unit="") for name, told in values.items()}
@@ -136,27 +179,27 @@ def show_values(values: Mapping[str, OutputValue], *, named: bool = True) -> Non
 
 
 def tell_values(values: Mapping[str, OutputValue]) -> None:
-    """Tell programs of values that people read otherwise."""
+    """Add values to the JSON document."""
     if as_json():
         _document().values |= {name: told.value for name, told in values.items()}
         _document().units |= {name: told.unit for name, told in values.items() if told.unit}
 
 
 def tell_tables(tables: Mapping[str, pd.DataFrame]) -> None:
-    """Tell programs of tables; one that was told already is what it was."""
+    """Add tables to the JSON document; a table already there stays."""
     if as_json():
         for name, table in tables.items():
             _document().tables.setdefault(name, table)
 
 
 def tell_files(files: Iterable[object]) -> None:
-    """Tell programs which files were written."""
+    """Add the names of written files to the JSON document."""
     if as_json():
         _document().files += map(str, files)
 
 
 def finish(ctx: click.Context) -> None:
-    """Show the document of a command that has done its work, if it is to show one."""
+    """Print the JSON document of a finished command, if it was asked for."""
     if not as_json():
         return
     found: JsonDocument | None = ctx.meta.get(_KEY)
@@ -174,7 +217,7 @@ def _of_table(table: pd.DataFrame) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as JSON knows it."""
+    """Return a value in types of JSON."""
     match value:
         case None | bool() | int():
             return value
@@ -196,16 +239,16 @@ def _plain(value: Any) -> Any:
 # --- Where results go: a directory of tables and a figure, checked before the work begins.
 
 FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
-OUTPUT_REMEDY = "give another place with --output or --figure"
+OUTPUT_REMEDY = "choose another place with --output or --figure"
 
 
 class Output:
-    """The files of one command; what ends the command early is told which of them stand.
+    """The files of one command; an exception that ends it early notes which files were written.
 
     Parameters
     ----------
     directory : str
-        Where they go; created, and removed again if nothing is written.
+        Directory of the files; created, and removed again if nothing is written.
     figure : str or None
         Path of the figure; by default `name` with ``.png`` in the directory.
     no_figure : bool
@@ -269,7 +312,7 @@ class Output:
         self.written += paths
 
     def draw(self, draw: Callable[[], Any]) -> None:
-        """Write the figure that `draw` makes, if one is wanted."""
+        """Write the figure that `draw` returns, unless none is wanted."""
         from mems_impact.plotting.style import wearing
 
         if self.figure is None:
@@ -280,11 +323,11 @@ class Output:
         self.written.append(self.figure)
 
     def tell(self) -> None:
-        """Show what was written."""
-        show(self.said())
+        """Show which files were written, in lines as wide as the terminal."""
+        show(filled(self.said()))
 
     def moving(self, path: str | None) -> None:
-        """Check, before the work, that a moving picture can be written there, if one is wanted."""
+        """Check, before the work, that an animation can be written to `path`, if one is wanted."""
         if path is not None:
             from mems_impact.plotting.animation import check_ending
 
@@ -292,7 +335,7 @@ class Output:
             self._make(Path(path).parent)
 
     def animate(self, path: str | None, make: Callable[[], Any], progress: bool) -> None:
-        """Write the moving picture that `make` makes, if one is wanted."""
+        """Write the animation that `make` returns, if one is wanted."""
         if path is not None:
             make().save(path, progress=progress)
             self.written.append(Path(path))
@@ -308,20 +351,18 @@ class Output:
         try:
             directory.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
-            raise click.ClickException(
-                f"{directory}: is not a directory; {OUTPUT_REMEDY}"
-            ) from None
+            raise click.ClickException(f"{directory}: not a directory; {OUTPUT_REMEDY}") from None
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
             raise click.ClickException(
-                f"{directory}: cannot be made ({reason}); {OUTPUT_REMEDY}"
+                f"{directory}: cannot be created ({reason}); {OUTPUT_REMEDY}"
             ) from None
         if not os.access(directory, os.W_OK | os.X_OK):
-            raise click.ClickException(f"{directory}: cannot be written to; {OUTPUT_REMEDY}")
+            raise click.ClickException(f"{directory}: not writable; {OUTPUT_REMEDY}")
         self._made += missing
 
     def _remove_made(self) -> None:
-        """Remove the directories that were made here, innermost first, unless they hold files."""
+        """Remove the directories created here, innermost first, unless they hold files."""
         for place in self._made:
             try:
                 place.rmdir()

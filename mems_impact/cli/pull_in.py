@@ -1,4 +1,4 @@
-"""`mems-impact pull-in`: at which voltages a device is pulled in and lets go."""
+"""`mems-impact pull-in`: pull-in voltage, resting voltage and resonance."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from mems_impact.cli.options import actuator_from, device_options
 from mems_impact.cli.output import OutputValue, show_values
 
 
-@click.command("pull-in", short_help="Show the voltages at which a device pulls in and lets go.")
+@click.command("pull-in", short_help="Compute pull-in voltage, resting voltage and resonance.")
 @device_options
 def command(*, device: str, changes: dict[str, float]) -> None:
-    """Show pull-in voltage, resting voltage and resonance of DEVICE, from its parameters alone.
-
-    Pulled by a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage;
-    above the resting voltage it stays there. The resonance is that of the block in a frame that is
-    held.
+    """Compute pull-in voltage, resting voltage and resonance of DEVICE from its parameters.
 
     \b
     Example:
       mems-impact pull-in mita2003
+
+    Under a slowly rising voltage, the block snaps to the right stopper at the pull-in voltage. It
+    stays there until the voltage falls below the resting voltage. The resonance is that of the
+    block in a fixed frame.
     """  # noqa: D301 - click looks for the backspace itself
     from mems_impact.actuator.design.fit import of_device
 

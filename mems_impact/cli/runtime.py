@@ -21,18 +21,18 @@ from mems_impact.errors import Interrupted, InvalidFile, InvalidParameter, MemsI
 
 __all__ = ["as_json", "quiet", "with_options"]
 
-# --- Options that every command has: how it tells what it has found.
+# --- Options of every command: format and amount of output.
 
 _JSON, _QUIET = "mems_impact.json", "mems_impact.quiet"
 
 
 def as_json() -> bool:
-    """Return whether the running command shall tell what it has found as one JSON document."""
+    """Return whether the running command prints its results as one JSON document."""
     return _asked(_JSON)
 
 
 def quiet() -> bool:
-    """Return whether the running command shall say nothing but errors."""
+    """Return whether the running command prints errors only."""
     return _asked(_QUIET)
 
 
@@ -51,7 +51,7 @@ def _note(key: str) -> Callable[[click.Context, click.Parameter, bool], None]:
 
 
 def _mute(ctx: click.Context) -> None:
-    """Let nobody hear the package's log while the command runs."""
+    """Suppress the package's log while the command runs."""
     log, nobody = logging.getLogger("mems_impact"), logging.NullHandler()
     before = log.propagate
     log.addHandler(nobody)
@@ -65,29 +65,29 @@ def _mute(ctx: click.Context) -> None:
 
 
 def _flag(name: str, key: str, text: str) -> click.Option:
-    # Eager, since defaults of others hang on it.
+    # Eager, since defaults of other options depend on it.
     flags: dict[str, Any] = {"is_flag": True, "is_eager": True, "expose_value": False}
     return click.Option([name], callback=_note(key), help=text, **flags)
 
 
 _OPTIONS = (
-    _flag("--json", _JSON, "Show all that was found as one JSON document, for programs."),
-    _flag("--quiet", _QUIET, "Show errors alone, and the document if it is asked for."),
+    _flag("--json", _JSON, "Print all results as one JSON document, for programs."),
+    _flag("--quiet", _QUIET, "Print only errors, and the JSON document if requested."),
 )
 
 
 def with_options(command: click.Command) -> click.Command:
-    """Return a command with the options of all."""
+    """Return a command with the options that every command has."""
     command.params += [each for each in _OPTIONS if each not in command.params]
     return command
 
 
-# --- What a failure becomes: one line on standard error and an exit status.
+# --- Failures: one line on standard error and an exit status.
 
 PROGRAM = "mems-impact"
 
 FAILED, BAD_INPUT = 1, 2
-# As a shell counts what a signal ends: 128 and its number, here of SIGINT, SIGPIPE and SIGTERM.
+# 128 plus the number of the signal, as in a shell: SIGINT, SIGPIPE and SIGTERM.
 INTERRUPTED, NO_READER, TERMINATED = 130, 141, 143
 
 _IMPORTS = {
@@ -97,7 +97,7 @@ _IMPORTS = {
 
 
 class ClickBypass(Exception):
-    """Carries an interruption or a failure of the system past click, which has its own answers."""
+    """Carries an interruption or an OSError past click, which would handle it itself."""
 
     def __init__(self, error: BaseException) -> None:
         self.error = error
@@ -106,7 +106,7 @@ class ClickBypass(Exception):
 
 @contextlib.contextmanager
 def past_click() -> Iterator[None]:
-    """Turn what click would answer itself into `ClickBypass`."""
+    """Turn exceptions that click would handle itself into `ClickBypass`."""
     try:
         yield
     except (KeyboardInterrupt, OSError) as error:
@@ -115,10 +115,10 @@ def past_click() -> Iterator[None]:
 
 @contextlib.contextmanager
 def interruptible() -> Iterator[list[signal.Signals]]:
-    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt in the block, and neither be lost.
+    """Make Ctrl-C and SIGTERM raise KeyboardInterrupt in the block, and lose neither.
 
-    Gives the list of the signals that have come. A signal that is ignored, or that somebody else
-    handles, is left alone.
+    Yields the list of signals received. A signal that is ignored, or has another handler, is left
+    alone.
     """
     heard: list[signal.Signals] = []
     pending: list[threading.Timer] = []
@@ -145,15 +145,15 @@ def interruptible() -> Iterator[list[signal.Signals]]:
         _thread.interrupt_main(heard[0])
 
     def dropped(lost: sys.UnraisableHookArgs) -> None:
-        # Python drops what is raised in a call from C, as there are many when numba loads compiled
-        # code. Not at once: this is such a call itself.
+        # Python drops exceptions raised in a call from C, such as those by which numba loads
+        # compiled code. This is such a call itself, so the signal is repeated later.
         if heard and issubclass(lost.exc_type, KeyboardInterrupt):
             later()
         else:
             shown(lost)
 
     if threading.current_thread() is not threading.main_thread():
-        yield heard  # signals come to the main thread alone
+        yield heard  # only the main thread receives signals
         return
     shown, sys.unraisablehook = sys.unraisablehook, dropped
     for number in before:
@@ -169,9 +169,9 @@ def interruptible() -> Iterator[list[signal.Signals]]:
 
 
 def _importing(frame: FrameType | None) -> bool:
-    """Return whether an extension module is just being imported.
+    """Return whether an extension module is being imported.
 
-    Such modules drop what is raised meanwhile, and the work would go on.
+    Such an import drops exceptions raised meanwhile, and the work would go on.
     """
     while frame is not None:
         if frame.f_code in _IMPORTS:
@@ -181,19 +181,19 @@ def _importing(frame: FrameType | None) -> bool:
 
 
 def say(text: str) -> None:
-    """Write one line to standard error, if anybody can read it."""
+    """Write one line to standard error, unless it is closed."""
     with contextlib.suppress(OSError):
         click.echo(f"{PROGRAM}: {' '.join(text.split())}", err=True)
 
 
 def warn(text: str) -> None:
-    """Say what the user should know, unless errors alone are wanted."""
+    """Print a warning, unless only errors are wanted."""
     if not quiet():
         say(f"warning: {text}")
 
 
 def show_warnings_briefly() -> None:
-    """Let a warning be one line on standard error, without the place in the code."""
+    """Print warnings as one line on standard error, without the place in the code."""
 
     def show(message: Warning | str, *_rest: object) -> None:
         warn(str(message))
@@ -202,17 +202,17 @@ def show_warnings_briefly() -> None:
 
 
 def report(error: BaseException) -> int:
-    """Say what went wrong and return the exit status.
+    """Print the error message and return the exit status.
 
-    An error that is nobody's input and none of the package's own is a bug: it is raised again, for
-    the traceback is what a report of it needs. What an `Output` has noted on it is said too.
+    An error that is neither bad input nor the package's own is a bug; it is raised again, since a
+    bug report needs its traceback. Notes that an `Output` has added are printed too.
     """
     if isinstance(error, ClickBypass):
         return report(error.error)
     written = "; ".join(getattr(error, "__notes__", ()))
     more = f"; {written}" if written else ""
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
-        say(f"a command is missing; see {PROGRAM} --help")
+        say(f"missing command; see {PROGRAM} --help")
         return BAD_INPUT
     if isinstance(error, click.UsageError):
         command = error.ctx.command_path if error.ctx is not None else PROGRAM
@@ -231,7 +231,7 @@ def report(error: BaseException) -> int:
         if isinstance(refusal, BrokenPipeError):
             return NO_READER
         if refusal is not None:
-            say(f"standard output cannot be written ({(refusal.strerror or '').lower()}){more}")
+            say(f"cannot write standard output ({(refusal.strerror or '').lower()}){more}")
             return FAILED
     if isinstance(error, InvalidParameter | InvalidFile):
         say(f"{error}{more}")
@@ -243,10 +243,10 @@ def report(error: BaseException) -> int:
 
 
 def _refusal_of_the_screen() -> OSError | None:
-    """Return why standard output takes nothing more; None if it takes the end of a line.
+    """Return the error that standard output raises on a write; None if it accepts the write.
 
-    What it has refused may wait in its buffer, and is dropped here, for Python would try again
-    when it exits.
+    Refused output may remain in its buffer; it is dropped here, since Python would write it again
+    at exit.
     """
     try:
         click.echo("")

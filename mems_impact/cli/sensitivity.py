@@ -1,4 +1,4 @@
-"""`mems-impact sensitivity`: how the numbers of an orbit move with the parameters."""
+"""`mems-impact sensitivity`: sensitivities of a periodic orbit to its parameters."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 KIND = "sensitivity"
 
 
-@click.command(short_help="Tell which parameters move an orbit's numbers.")
+@click.command(short_help="Compute sensitivities of a periodic orbit to its parameters.")
 @device_options
 @drive_options
 @click.option(
     "--quantity",
     default="mean speed",
     show_default=True,
-    help="What the figure shows, such as 'displacement per period' or 'impact speed'.",
+    help="Quantity in the figure, such as 'displacement per period' or 'impact speed'.",
 )
 @tolerance_option
 @guess_options
@@ -66,14 +66,16 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Differentiate the numbers of the orbit that a run of DEVICE leads to by all parameters.
-
-    Writes derivatives, and with tolerances standard deviations to first order, as CSV tables,
-    and a tornado chart of one quantity. In place of DEVICE a study file may stand.
+    """Compute sensitivities of a periodic orbit of DEVICE to all parameters.
 
     \b
     Example:
-      mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 --tolerance delta=0.005
+      mems-impact sensitivity zhao2004 --amplitude 0.24 --omega 0.5 \\
+        --tolerance delta=0.005
+
+    The orbit is the one to which a run from the initial state leads. The command writes the
+    derivatives and, with tolerances, first-order standard deviations as CSV tables, and draws a
+    tornado chart of one quantity. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.actuator.system_files import holds_study

@@ -1,4 +1,4 @@
-"""`mems-impact show`: what a study has done, be it running, finished or broken off."""
+"""`mems-impact show`: the state of a stored study, running, finished or interrupted."""
 
 from __future__ import annotations
 
@@ -23,41 +23,41 @@ if TYPE_CHECKING:
     import mems_impact as mi
 
 SHOWN_REASONS = 5
-LONGEST_REASON = 90  # characters of why points have failed
+LONGEST_REASON = 60  # characters of why points failed, to fit a line
 
 
-@click.command(short_help="Show what a stored study has done so far.")
+@click.command(short_help="Show progress and results of a stored study.")
 @click.argument("store", type=click.Path())
 @click.option(
     "--output",
     type=click.Path(),
     metavar="DIR",
-    help="Write table and figure there; created if need be.",
+    help="Directory for table and figure; created if needed.",
 )
 @click.option(
     "--figure",
     type=click.Path(dir_okay=False),
     metavar="FILE",
     show_default="a PNG in DIR",
-    help="Where the figure goes: .png, .pdf or .svg.",
+    help="File of the figure: .png, .pdf or .svg.",
 )
-@click.option("--no-figure", is_flag=True, help="Draw no figure.")
+@click.option("--no-figure", is_flag=True, help="Skip the figure.")
 def command(*, store: str, output: str | None, figure: str | None, no_figure: bool) -> None:
-    """Show what is done of the study whose store is STORE: points, failures, ranges of its columns.
-
-    The study may go on meanwhile. With --output its points so far are written as a CSV table and,
-    if there is a figure of its kind, drawn.
+    """Show finished points, failures and ranges of the columns of the study stored in STORE.
 
     \b
-    Example:
+    Example (after the example of "mems-impact map --help"):
       mems-impact show out/map --output out
+
+    The study may be running. With --output, the finished points are written as a CSV table and a
+    figure, if its kind of study has one.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
 
     study = mi.read_study(store)
     if figure is not None and not study.figure:
-        raise click.UsageError(f"--figure: there is no figure of the kind {study.kind}")
+        raise click.UsageError(f"--figure: a study of the kind {study.kind} has no figure")
     directory = output or (None if figure is None else str(Path(figure).parent))
     if directory is None:
         _show(study)
@@ -91,7 +91,7 @@ def _cut(reason: str) -> str:
 
 
 def _ranges(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row a column of numbers: smallest, middle and largest, and how many there are."""
+    """Return one row per numeric column: smallest value, median, largest value and count."""
     import pandas as pd
 
     numbers = table.select_dtypes("number")

@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 FIRST_ROWS = 6
 
 
-@click.command(short_help="Run a device under a voltage.")
+@click.command(short_help="Simulate a device under a voltage.")
 @device_options
 @drive_options
 @periods_option("Forcing periods to simulate.", 300, float)
 @click.option(
     "--duration",
     type=float,
-    help="Time to simulate, in place of --periods, of a system that nothing forces [s].",
+    help="Time to simulate [s], instead of --periods, for an autonomous system.",
 )
 @initial_option
 @click.option(
@@ -43,19 +43,19 @@ FIRST_ROWS = 6
     type=(float, float),
     metavar="FIRST LAST",
     show_default="second half of the run",
-    help="Forcing periods that the statistics are taken over.",
+    help="First and last forcing period of the statistics.",
 )
 @integrator_options
 @click.option(
     "--verify",
     is_flag=True,
-    help="Run it again by an unrelated method, more precisely, and compare event by event.",
+    help="Repeat the run by an independent method at tighter tolerances and compare all events.",
 )
 @click.option(
     "--animate",
     type=click.Path(dir_okay=False),
     metavar="FILE",
-    help="Write the device moving, over the last 6 forcing periods: .mp4, .gif or .html.",
+    help="Write an animation of the last 6 forcing periods: .mp4, .gif or .html.",
 )
 @progress_option
 @output_options
@@ -80,20 +80,21 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Simulate DEVICE under a voltage, bias + amplitude cos(omega t) unless --drive is given.
-
-    In place of DEVICE a system of your own may stand: FILE.py:NAME or MODULE:NAME, whose Python
-    code is run, or one that another package adds.
-
-    Shows the statistics, the first impacts and the first blows (a sequence of impacts that ends in
-    rest is one), and writes the tables of impacts, blows, events and statistics as CSV and the
-    last periods of the motion as a figure, and with --animate as a moving picture. With --verify
-    the exit status is 1 if the second run does not agree.
+    """Simulate DEVICE under a voltage.
 
     \b
     Examples:
       mems-impact simulate zhao2004 --amplitude 0.24 --omega 0.5 --periods 300
       mems-impact simulate oscillator.py:oscillator --set A=0.7 --periods 300
+
+    Without --drive the voltage is bias + amplitude cos(omega t). The command shows the statistics,
+    the first impacts and the first blows (a sequence of impacts that ends in sticking contact is
+    one blow). It writes impacts, blows, events and statistics as CSV tables, and the last periods
+    of the motion as a figure or, with --animate, as an animation. With --verify the exit status is
+    1 if the second run disagrees.
+
+    A system of your own can replace DEVICE: FILE.py:NAME or MODULE:NAME, whose Python code is run,
+    or the name of a system that another package adds.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -125,7 +126,7 @@ def command(
         _show(run)
         if verification is not None:
             tell_values({"agrees": OutputValue(verification.agrees)})
-            show(f"Two unrelated methods of integration:\n{verification}\n")
+            show(f"Comparison with an independent method:\n{verification}\n")
         files.tell()
     if verification is not None and not verification.agrees:
         ctx.exit(FAILED)
@@ -144,7 +145,7 @@ def _show(run: mi.Run) -> None:
         str(name): OutputValue(value, units.get(name, "")) for name, value in run.statistics.items()
     }
     tell_values(values)
-    # Without an impact there is no impact speed: what is not defined is not shown.
+    # Without impacts there is no impact speed: undefined values are omitted.
     defined = run.statistics.drop(["window first", "window last"], errors="ignore").dropna()
     show_values({name: values[name] for name in defined.index})
     show("")
@@ -152,14 +153,14 @@ def _show(run: mi.Run) -> None:
     if impacts.empty:
         show("No impact.\n")
         return
-    show(f"The first of {len(impacts)} impacts:")
+    show(f"First of {len(impacts)} impacts:")
     show_table("impacts", impacts.head(FIRST_ROWS), 6)
     if not isinstance(run, ActuatorRun):
         return
     if len(run.blows) == len(impacts):
-        show("Each is a blow of its own.\n")
+        show("Each impact is a blow of its own.\n")
     else:
-        show(f"The first of the {len(run.blows)} blows that they make:")
+        show(f"First of the {len(run.blows)} blows into which the impacts are grouped:")
         show_table("blows", run.blows.head(FIRST_ROWS), 6)
 
 

@@ -1,8 +1,9 @@
-"""`mems-impact sweep`: a parameter varied slowly, up and down."""
+"""`mems-impact sweep`: attractors while a parameter is varied slowly, up and down."""
 
 from __future__ import annotations
 
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import click
@@ -27,14 +28,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 DIRECTIONS = ("up", "down", "both")
-DIRECTION_WORDS = {"up": "increased", "down": "decreased"}
+DIRECTION_WORDS = {"up": "increasing", "down": "decreasing"}
 SHOWN_FAILURES = 3
+SHOWN_ROWS = 5  # of each direction
+# The screen leaves out the other statistics.
+SHOWN_COLUMNS = ("impacts per period", "displacement per period", "mean speed")
 
 
-@click.command(short_help="Vary a parameter slowly, up and down.")
+@click.command(short_help="Sweep a parameter slowly, up and down.")
 @device_options
 @parameter_option
-@range_options("First value upwards, in the parameter's unit.", "Last value upwards.")
+@range_options("Lower end of the sweep, in the parameter's unit.", "Upper end of the sweep.")
 @click.option(
     "--points",
     type=click.IntRange(2, 1_000_000),
@@ -48,10 +52,10 @@ SHOWN_FAILURES = 3
     type=click.Choice(DIRECTIONS),
     default="both",
     show_default=True,
-    help="Way to go.",
+    help="Direction of the sweep.",
 )
-@transient_option("Forcing periods to wait at a value.", 300)
-@periods_option("Forcing periods to measure then.", 60)
+@transient_option("Forcing periods discarded at each value.", 300)
+@periods_option("Forcing periods measured after them.", 60)
 @integrator_options
 @study_options
 @progress_option
@@ -79,15 +83,17 @@ def command(
     figure: str | None,
     no_figure: bool,
 ) -> None:
-    """Vary a parameter of DEVICE or of its voltage slowly, each value from the state of the last.
-
-    Upwards the first value starts at rest, downwards with a kick that strikes the stopper. Shows
-    where impacts set in and where they cease, and writes the velocities on the Poincaré
-    section x2 = 0 as a CSV table and as a figure, as in Fig. 4 of the paper.
+    """Sweep a parameter of DEVICE or its voltage slowly, up and down.
 
     \b
     Example:
-      mems-impact sweep zhao2004 --parameter amplitude --start 0.16 --stop 0.24 --omega 0.5
+      mems-impact sweep zhao2004 --parameter amplitude --start 0.16 --stop 0.24 \\
+        --omega 0.5
+
+    Each value starts from the final state of the previous one. The sweep starts at rest upwards,
+    and with a kick that strikes the stopper downwards. The command shows where the device switches
+    on and off, and writes the velocities on the Poincaré section x2 = 0 as a CSV table and a
+    figure, as in Fig. 4 of the paper.
     """  # noqa: D301 - click looks for the backspace itself
     import numpy as np
 
@@ -122,7 +128,7 @@ def command(
             raise
         files.tables(_tables(table))
         files.draw(lambda: mi.plot_sweep(table).figure)
-        _show(table)
+        _show(table, files.directory / f"{files.name}-summary.csv")
         files.tell()
 
 
@@ -132,32 +138,67 @@ def _tables(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {"table": table, "summary": sweep_summary(table)}
 
 
-def _show(table: pd.DataFrame) -> None:
+def _show(table: pd.DataFrame, path: Path) -> None:
     import pandas as pd
 
     from mems_impact.tables import sweep_summary, switches
 
     summary = sweep_summary(table)
-    show_table("summary", summary, 6)
     parameter = summary.columns[0]
     unit = unit_of(summary, parameter)
     found = switches(table)
     tell_tables(
-        {"switches": pd.DataFrame(found, columns=["direction", parameter, "impacts begin"])}
+        {
+            "summary": summary,
+            "switches": pd.DataFrame(found, columns=["direction", parameter, "impacts begin"]),
+        }
     )
-    turns = {direction: (value, begins) for direction, value, begins in found}
+    show(_headline(found, parameter, unit) + "\n")
+    rows = _shown_rows(summary, {direction: value for direction, value, _ in found})
+    shown = summary.loc[rows, [parameter, "direction", *SHOWN_COLUMNS]]
+    shown.attrs = summary.attrs
+    show_table("summary", shown, 6)
+    if len(rows) < len(summary):
+        show(f"{len(rows)} of {len(summary)} rows; all rows and columns: {path}")
     for direction, chain in summary.groupby("direction", sort=False):
         failed = chain[chain["status"] != "ok"]
-        changed = DIRECTION_WORDS[str(direction)]
-        line = f"{parameter.partition(' [')[0]} {changed}, {len(chain)} values: "
-        line += f"{int(chain['impacting'].sum())} with impacts"
-        if direction in turns:
-            value, begins = turns[direction]
-            line += f", which {'begin' if begins else 'cease'} at {value:.9g}{unit}"
+        line = f"{DIRECTION_WORDS[str(direction)]} {parameter}: impacts at "
+        line += f"{int(chain['impacting'].sum())} of {len(chain)} values"
         if len(failed):
-            line += f"; {len(failed)} failed"
+            line += f", {len(failed)} failed"
         show(line)
         reasons = zip(failed[parameter], failed["status"], strict=True)
         for value, reason in islice(reasons, SHOWN_FAILURES):
             show(f"  failed at {value:.9g}{unit}: {reason}")
     show("")
+
+
+def _headline(found: list[tuple[str, float, bool]], parameter: str, unit: str) -> str:
+    """Return at which values the device switches on and off, as a sentence."""
+    if not found:
+        return f"The device does not switch in this range of {parameter}."
+    parts = [
+        f"{'on' if begins else 'off'} at {value:.9g}{unit} ({DIRECTION_WORDS[direction]})"
+        for direction, value, begins in found
+    ]
+    return f"{parameter}: {', '.join(parts)}"
+
+
+def _shown_rows(summary: pd.DataFrame, switch_values: dict[str, float]) -> list[int]:
+    """Return the rows of a summary for a screen: ends and switch of each direction, and others."""
+    if len(summary) <= 2 * SHOWN_ROWS:
+        return list(summary.index)
+    parameter = summary.columns[0]
+    rows: list[int] = []
+    for direction, chain in summary.groupby("direction", sort=False):
+        last = len(chain) - 1
+        chosen = {0, last}
+        at = chain[parameter].tolist()
+        if (value := switch_values.get(str(direction))) in at:
+            chosen |= {max(at.index(value) - 1, 0), at.index(value)}
+        spaced = (last * i // (SHOWN_ROWS - 1) for i in (2, 1, 3))
+        for position in spaced:
+            if len(chosen) < SHOWN_ROWS:
+                chosen.add(position)
+        rows += [int(chain.index[i]) for i in sorted(chosen)]
+    return rows

@@ -1,4 +1,4 @@
-"""`mems-impact terms`: what a model may have beyond the paper's."""
+"""`mems-impact terms`: optional terms of the device model."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ from typing import Any
 
 import click
 
-from mems_impact.cli.output import show, tell_tables
+from mems_impact.cli.output import filled, show, tell_tables
 
 
-@click.command(short_help="List the terms that a model may have.")
+@click.command(short_help="List the optional terms of the device model.")
 def command() -> None:
-    """List the terms that the model of a device may have beyond the paper's, and their parameters.
+    """List the terms that extend the paper's model of a device, and their parameters.
 
-    A file of a device has a table for each, such as [tilt] with the line angle = 0.1; --set
-    tilt.angle=0.1 adds it to any device. In brackets the unit of a device in SI, and what a
-    parameter is if it is not given.
-    """
+    \b
+    Example:
+      mems-impact terms
+
+    A device file has one table per term, such as [tilt] with the line angle = 0.1; --set
+    tilt.angle=0.1 adds the term to any device. Brackets hold SI unit and default of a parameter.
+    """  # noqa: D301 - click looks for the backspace itself
     import pandas as pd
 
     from mems_impact.actuator.terms.files import term_names, term_type
@@ -26,13 +29,13 @@ def command() -> None:
     for name in term_names():
         try:
             term = term_type(name)
-        except InvalidParameter:  # that of another package, which fails
+        except InvalidParameter:  # a term of another package that fails
             continue
         said = (term.__doc__ or "").partition("\n")[0].rstrip(".")
-        show(f"{name}: {said}")
+        show(filled(f"{name}: {said}"))
         for key, field in term.model_fields.items():
             notes = [unit] if (unit := term.units.get(key)) else []
-            notes += [] if field.is_required() else [f"{field.default!r} by default"]
+            notes += [] if field.is_required() else [f"default {field.default!r}"]
             show(f"  {name}.{key}" + (f" [{', '.join(notes)}]" if notes else ""))
             default = None if field.is_required() else field.default
             rows.append((name, key, term.units.get(key, ""), default))

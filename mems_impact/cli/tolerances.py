@@ -1,4 +1,4 @@
-"""`mems-impact tolerances`: what tolerances of manufacture make of a device."""
+"""`mems-impact tolerances`: manufacturing tolerances (Monte Carlo, Sobol indices, yield)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _distributions(
     return found
 
 
-@click.command(short_help="Tell what tolerances of manufacture make of a device.")
+@click.command(short_help="Propagate manufacturing tolerances (Monte Carlo, Sobol).")
 @device_options
 @click.option(
     "--over",
@@ -55,19 +55,21 @@ def _distributions(
     metavar="NAME=DISTRIBUTION",
     callback=_distributions,
     help="A parameter and its distribution, by its name in scipy.stats and the arguments: "
-    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. About the device's own value: d=5% is normal with "
-    "a standard deviation of 5 % of it, d=uniform:5% even within 5 % to either side. May be "
+    "e=norm:0.8:0.02, delta=uniform:0.35:0.01. Relative to the device's value: d=5% is normal with "
+    "a standard deviation of 5 %, d=uniform:5% is uniform within plus or minus 5 %. May be "
     "repeated.",
 )
 @ranges_option(
     "--specification",
     "'displacement per period=1e-4:'",
-    "Between what a column of the table shall lie; one end may be left out.",
+    "Bounds of a column of the table; one bound may be omitted.",
     half_open=True,
 )
 @sample_options(256, "sobol")
 @click.option(
-    "--indices", is_flag=True, help="Tell Sobol's indices; of d parameters, d + 2 times the points."
+    "--indices",
+    is_flag=True,
+    help="Compute Sobol indices; d parameters take d + 2 times the runs.",
 )
 @drive_options
 @initial_option
@@ -78,17 +80,17 @@ def _distributions(
 @output_options
 @click.pass_context
 def command(ctx: click.Context, /, **options: Any) -> None:
-    """Draw devices from the tolerances of DEVICE, and tell how its quantities are spread.
-
-    Shows quantiles, the share within the specification, and with --indices which parameter the
-    spread comes from. Writes all of it as CSV tables, and a figure. In place of DEVICE a study
-    file may stand.
+    """Propagate manufacturing tolerances of DEVICE to the quantities of its attractor.
 
     \b
     Example:
-      mems-impact tolerances zhao2004 --amplitude 0.24 --omega 0.5 --initial kicked \\
-        --over e=norm:0.8:0.02 --over mu_d=uniform:0.25:0.04 \\
+      mems-impact tolerances zhao2004 --amplitude 0.24 --omega 0.5 \\
+        --initial kicked --over e=norm:0.8:0.02 --over mu_d=uniform:0.25:0.04 \\
         --specification "displacement per period=3e-4:"
+
+    The command samples devices and shows the quantiles of each quantity, the yield within the
+    specification and, with --indices, the share of each parameter in the variance. It writes all
+    of them as CSV tables, and a figure. A study file can replace DEVICE.
     """  # noqa: D301 - click looks for the backspace itself
     import mems_impact as mi
     from mems_impact.cli.output import Output
@@ -122,7 +124,7 @@ def command(ctx: click.Context, /, **options: Any) -> None:
 
 
 def _drawn(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the arguments that say what is drawn, and what it shall be."""
+    """Return the arguments that describe samples and specification."""
     from mems_impact.studies.engine.config import distributions
 
     if not options["over"]:

@@ -354,7 +354,7 @@ class Animation:
         with (
             wearing(),
             replacing(path) as temporary,
-            progress_bar(progress, "frames", self.frames) as report,
+            progress_bar(progress, "frames", self.frames, "animate") as report,
         ):
 
             def told(number: int, _total: int) -> None:

@@ -58,11 +58,11 @@ class Diagram(Protocol):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row an orbit, the parameter first."""
+        """One row per orbit, the parameter first."""
 
     @property
     def special_table(self) -> pd.DataFrame:
-        """One row a special point."""
+        """One row per special point."""
 
 
 @styled
@@ -85,7 +85,7 @@ def plot_branch(
     sweep : DataFrame, optional
         From `mems_impact.sweep` over the same parameter, drawn as dots below.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
     quantity : str, optional
         A state, or another column of the branch's table, such as ``"impact speed"``; the first
         state that the system shows by default, of an actuator v2.
@@ -166,7 +166,7 @@ def _lines(ax: Any, table: pd.DataFrame, state: str, drawn: set[str]) -> None:
     values = table.iloc[:, 0].to_numpy()
     kind = np.where(table["stable"], "stable", "unstable")
     kind = np.where(table["admissible"], kind, "")
-    # One column a crossing of the section: v2, v2 2, v2 3, …
+    # One column per crossing of the section: v2, v2 2, v2 3, …
     columns = [name for name in table if re.fullmatch(rf"{re.escape(state)}( \d+)?", name)]
     what, thin = ("orbit", 1.0) if "piece" in table else ("equilibrium", 0.6)
     # Equilibria keep their mode; an orbit's events may change, and a new piece begin.
@@ -243,11 +243,11 @@ class Boundary(Protocol):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row an orbit, the two parameters first."""
+        """One row per orbit, the two parameters first."""
 
     @property
     def special_table(self) -> pd.DataFrame:
-        """One row a point of codimension two."""
+        """One row per point of codimension two."""
 
 
 @styled
@@ -260,7 +260,7 @@ def plot_curve(curve: Boundary | Sequence[Boundary], ax: Any = None) -> Any:
     ----------
     curve : Curve or sequence of Curve
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -372,7 +372,7 @@ def plot_sweep(
     ----------
     table : DataFrame or StoredStudy
         From `mems_impact.sweep`, or read back from a file; then with the state alone by default.
-        Or the store of a sweep, be it still running.
+        Or the store of a sweep, running or finished.
     ax : matplotlib Axes, optional
         Where to draw one quantity; a new figure by default.
     quantity : str, optional

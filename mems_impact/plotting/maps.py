@@ -41,11 +41,11 @@ class BasinsLike(Protocol):
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row a point."""
+        """One row per point."""
 
     @property
     def attractors(self) -> pd.DataFrame:
-        """One row an attractor, the largest share first."""
+        """One row per attractor, the largest share first."""
 
     @property
     def returns(self) -> pd.DataFrame:

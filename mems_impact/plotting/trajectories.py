@@ -213,7 +213,7 @@ def plot_orbit(orbit: Orbit, ax: Any = None, *, x: str | None = None, y: str | N
     ----------
     orbit : Orbit
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
     x, y : str, optional
         Which states, or ``"t"``; the first two that are not cyclic by default, and of a system that
         has one alone, this one over time. Of an actuator its block between the stoppers, as it is

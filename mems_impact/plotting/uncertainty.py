@@ -38,7 +38,7 @@ def plot_pareto(front: ParetoFront | pd.DataFrame, ax: Any = None) -> Any:
     front : ParetoFront or DataFrame
         From `mems_impact.pareto_front`, or its table.
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def plot_tolerance_analysis(
     Parameters
     ----------
     analysis : ToleranceAnalysis or StoredStudy
-        The store of one, be it still running, tells neither specification nor indices.
+        The store of one, running or finished, tells neither specification nor indices.
     quantity : str or sequence of str, optional
         Columns of the table; what is specified by default, or the first that vary.
     ax : matplotlib Axes, optional
@@ -294,7 +294,7 @@ def plot_sensitivity(
         From `mems_impact.sensitivity`.
     quantity : str
     ax : matplotlib Axes, optional
-        Where to draw; a new figure by default.
+        Axes to draw on; a new figure by default.
     tolerances : mapping of str to float, optional
         By how much each parameter changes, in its units; 1 % of its value by default.
 
@@ -306,7 +306,7 @@ def plot_sensitivity(
     Raises
     ------
     InvalidParameter
-        If there is no such quantity or parameter, or none changes it.
+        If there is no such quantity or parameter, or no parameter changes the quantity.
 
     See Also
     --------

@@ -1,4 +1,4 @@
-"""Studies: tables of many points of a system, on one core or on a cluster, and nothing is lost.
+"""Studies: tables of many points of a system, on one core or a cluster, with resumable storage.
 
-`engine.study` says what a study is, `engine.scheduler` runs any of them.
+`engine.study` defines a study, `engine.scheduler` runs it.
 """

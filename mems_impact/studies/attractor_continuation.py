@@ -50,7 +50,7 @@ FOLLOWS = "follows"  # whether the motion, led back by one value, is what it was
 def match_branches(
     rows: pd.DataFrame, chains: Sequence[range], rules: AttractorMatcher
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return the table of branches at the values, and that of the branches.
+    """Return the table of branches at each value, and the table of branches.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def count_in(
     starts: InitialConditions,
     rules: AttractorMatcher,
 ) -> None:
-    """Put into a table of branches the share of the points that come to each at one value."""
+    """Add to a table of branches the share of initial states that each attracts at one value."""
     here = table.index[(table.iloc[:, 0] == value) & (table[ATTRACTOR] != FAILED)]
     columns = {
         name: np.concatenate([points[name].to_numpy(), table.loc[here, name].to_numpy()])
@@ -131,7 +131,7 @@ def _stretches(
 def merge_segments(
     rows: pd.DataFrame, stretch: Integers, begun: set[int], rules: AttractorMatcher
 ) -> Integers:
-    """Return the branch of each stretch: those that are the same at some value are one.
+    """Return the branch of each stretch: stretches that coincide at some value share a branch.
 
     Those that attractors begin with are not, as these were told apart.
     """
@@ -184,7 +184,7 @@ def _summary(table: pd.DataFrame, ends: dict[tuple[str, int], str], parameter: s
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorContinuationStudy(Study):
-    """Each attractor followed upwards, then downwards, from the system's own value.
+    """Each attractor continued upwards, then downwards, from the system's own value.
 
     Attributes
     ----------
@@ -209,17 +209,17 @@ class AttractorContinuationStudy(Study):
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         return len(self.names) * len(self.over.values)
 
     @property
     def chunk(self) -> int:
-        """How many values of a chain go together."""
+        """Number of values of a chain that are computed together."""
         return 16
 
     @property
     def threaded(self) -> bool:
-        """Whether threads may compute points at the same time."""
+        """Whether threads may compute points in parallel."""
         return self.measuring.threaded
 
     @property
@@ -237,7 +237,7 @@ class AttractorContinuationStudy(Study):
         return tuple(part for part in parts if part)
 
     def identity(self) -> Mapping[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         states = zip(self.names, self.states, strict=True)
         return {
             **self.measuring.identity(),
@@ -260,7 +260,7 @@ class AttractorContinuationStudy(Study):
         return self.measuring.attrs(tuple(self.schema))
 
     def prepare(self) -> None:
-        """Compile what points need."""
+        """Compile the code that points need."""
         self.measuring.prepare()
 
     def compute(
@@ -290,7 +290,7 @@ class AttractorContinuationStudy(Study):
         return {**places, **columns, FOLLOWS: np.array(follows)}, _kept(state, value)
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return rows of points that could not be computed."""
+        """Return the rows of points that failed."""
         found = self.measuring.lost(last - first, reason)
         columns = {**self.measuring.columns(found), **self.recognition.columns(found)}
         follows = np.full(last - first, False)
@@ -303,7 +303,7 @@ class AttractorContinuationStudy(Study):
         return {self.over.name: values, ATTRACTOR: np.array(names, dtype=object)}
 
     def place(self, number: int) -> str:
-        """Return what a point is called in messages."""
+        """Return the name of a point in messages."""
         return places_of(self._places(number, number + 1))
 
     def _value(self, number: int) -> float:
@@ -317,7 +317,7 @@ class AttractorContinuationStudy(Study):
         return state, self.measuring.system.value(self.over.name)
 
     def _at(self, value: float, state: State, before: float) -> Attractor:
-        """Return what the motion from a state, left at another value, comes to at a value."""
+        """Return the attractor at a value of the motion from a state left at another value."""
 
         def case(_number: int) -> InitialCondition:
             system = self.measuring.system.changed(**{self.over.name: value})
@@ -328,7 +328,7 @@ class AttractorContinuationStudy(Study):
     def _is_reversible(
         self, found: Attractor, here: float, before: Attractor, value: float
     ) -> bool:
-        """Return whether the motion, led back, is what it was: else it has jumped."""
+        """Return whether the motion returns when the parameter steps back; otherwise it jumped."""
         assert found.final is not None
         back = self._at(value, found.final, here)
         both = [before, back]
@@ -353,16 +353,16 @@ class AttractorBranches(Result):
     Attributes
     ----------
     system : System
-        At the value at which they were found.
+        The system at the value of the basins.
     parameter : str
     table : DataFrame
-        One row a branch and a value at which it was seen: the parameter, the name of the
-        ``attractor``, what it comes to and what is measured, as `basins` tells it. Values at which
-        a motion failed are rows of the attractor "failed", with the reason.
+        One row per branch and a value at which it was seen: the parameter, the name of the
+        ``attractor``, its motion and the measured quantities, as in `basins`. Values at which a
+        motion failed are rows of the attractor "failed", with the reason.
     branches : DataFrame
-        One row a branch: its name, the first and the last value at which it was seen, its kinds
-        of ``motion`` on the way, and what becomes of it ``before`` and ``after``: the branch to
-        which the motion jumps, nothing where the values end.
+        One row per branch: its name, the first and the last value at which it was seen, its kinds
+        of ``motion``, and its ends ``before`` and ``after``: the branch to which the motion jumps,
+        empty where the values end.
 
     See Also
     --------
@@ -390,7 +390,7 @@ class AttractorBranches(Result):
         return f"AttractorBranches({self.parameter}: {names})"
 
     def summary(self) -> dict[str, Any]:
-        """Return what was followed over what."""
+        """Return parameter, range and number of branches."""
         values = self.table[self.parameter]
         return {
             "system": repr(self.system),
@@ -413,30 +413,30 @@ def continue_attractors(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> AttractorBranches:
-    """Follow attractors that coexist over a parameter, to where they begin and end.
+    """Continue coexisting attractors over a parameter, to the ends of their branches.
 
-    Each is followed upwards and downwards from the system's own value, every value from the state
-    at the one before. Where a motion, led back by one value, is not what it was there, it has
-    jumped: its branch has ended in between, and what it has come to is another branch, be it one of
-    those that are known. A period doubling does not end a branch. What no attractor leads to is not
-    found: run `basins` at other values.
+    Each attractor is continued upwards and downwards from the system's own value; every value
+    starts from the state at the previous one. If a motion does not return to its attractor when the
+    parameter steps back by one value, it has jumped: its branch ends between the two values, and it
+    has reached another branch, known or new. A period doubling does not end a branch. Branches that
+    none of the attractors reaches stay undetected; run `basins` at other values to find them.
 
     Parameters
     ----------
     basins : Basins
-        The attractors, as `basins` has found them.
+        The attractors, from `basins`.
     parameter : str
     values : array_like of float
         In any order.
     recurrence : RecurrenceOptions, optional
     distance : float, optional
-        Within which two motions are one, as of `basins`.
+        Distance within which two motions share an attractor, as in `basins`.
     shares : bool, optional
-        Whether at each value the motions from the starts of `basins` are followed, too: then the
-        table has ``share``, ``low`` and ``high``. What is left to one has gone elsewhere.
+        Whether to compute basin shares at each value from the initial states of `basins`: the table
+        then has ``share``, ``low`` and ``high``. The rest up to 1 reaches other attractors.
     options : Options, optional
     store, executor, workers, progress
-        As of `basins`. An attractor is followed by one worker at a time.
+        As in `basins`. One worker at a time continues an attractor.
 
     Returns
     -------
@@ -448,7 +448,7 @@ def continue_attractors(
         If an argument is out of range. Where a value is not allowed, or a run fails, the table has
         a row of the attractor "failed" with the reason, in no branch.
     StudyInterrupted
-        On Ctrl-C; its ``table`` holds the points done.
+        On Ctrl-C; its ``table`` holds the finished points.
 
     See Also
     --------
@@ -508,7 +508,7 @@ def continue_attractors(
 
 
 def _kept(state: State, value: float) -> dict[str, Any]:
-    """Return what the next part of a chain goes on from."""
+    """Return the states from which the next part of a chain continues."""
     told = {"components": state.as_dict(), "time": state.time, "mode": state.mode}
     return {**told, "value": value}
 

@@ -1,8 +1,8 @@
 """Matching of attractors: which points share one, and its name.
 
-Of every motion the mean, the smallest and the largest value of each component at its returns are
-kept: numbers that do not depend on the return at which it was left. Cyclic components tell nothing.
-Which motions are the same does not depend on the order of points.
+The features of a motion are the mean, smallest and largest value of each component at its returns,
+which do not depend on the last return. Cyclic components are ignored. The result does not depend on
+the order of points.
 """
 
 from __future__ import annotations
@@ -69,15 +69,15 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorMatcher:
-    """What is kept of motions, and how they are told apart.
+    """Features of motions, and how they are matched.
 
     Attributes
     ----------
     system : System
     options : Options
-        Its ``atol / rtol`` is the smallest size to which the numerics look.
+        Its ``atol / rtol`` is the smallest size that the numerics resolve.
     distance : float
-        Relative to the size of each component, that within which two motions are the same.
+        Distance within which two motions are the same, relative to the size of each component.
     """
 
     system: HybridSystem
@@ -86,7 +86,7 @@ class AttractorMatcher:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The components that are looked at."""
+        """The components that are compared."""
         system = self.system
         hidden = {system.states[i] for i in system.automaton.cyclic}
         return tuple(name for name in system.states if name not in hidden)
@@ -118,9 +118,9 @@ class AttractorMatcher:
     def labels(self, columns: Columns, starts: Columns) -> Integers:
         """Return a number for each motion, the same for the same attractor; -1 if it has failed.
 
-        Periodic motions and those at rest are the same if their kind and period are, and what is
-        kept of them lies within the distance, from one to the next. Unsettled ones are the same if
-        the boxes around their returns meet.
+        Periodic and resting motions are the same if their kinds and periods agree and their
+        features are linked by steps within the distance. Unsettled motions are the same if the
+        boxes around their returns intersect.
 
         Parameters
         ----------
@@ -229,9 +229,10 @@ def match_attractors(
 ) -> NDArray[np.int64]:
     """Return a number for each point, the same for the same attractor; -1 if it has failed.
 
-    A start that lies near enough to the stable manifold of a saddle stays there for as long as it
-    is followed. So periodic motions that few points come to are followed once more, from beside
-    them: those that lead elsewhere attract nothing, and their points count as where they lead.
+    A motion that starts close enough to the stable manifold of a saddle stays near the saddle for
+    the whole run. Periodic motions that few points reach are therefore simulated once more from
+    perturbed states: if these lead elsewhere, the motion is no attractor, and its points count for
+    the attractor that they reach.
 
     Parameters
     ----------
@@ -334,9 +335,9 @@ def label_points(
 
 
 def label_partial(table: pd.DataFrame) -> Seen:
-    """Return what some of the points come to: kinds of motions, in place of attractors.
+    """Return kinds of motions, in place of attractors, for some of the points.
 
-    Those of one kind are told apart over all points, and none of them is followed again.
+    Attractors of one kind can be distinguished only once all points are finished.
 
     Parameters
     ----------
@@ -353,7 +354,7 @@ def label_partial(table: pd.DataFrame) -> Seen:
 
 
 def state_of(system: HybridSystem, row: Any) -> State:
-    """Return where the motion of a row was left."""
+    """Return the final state of the motion of a row."""
     components = {name: float(row[f"{name} {FINAL_SUFFIX}"]) for name in system.states}
     return state_from(components, float(row[f"time {FINAL_SUFFIX}"]), row[MODE] or None)
 
@@ -388,7 +389,7 @@ def _kind(motion: str, period: int) -> str:
 
 
 def unique_labels(kinds: list[str]) -> list[str]:
-    """Return a name for each of some attractors: its kind, and a letter where there are several."""
+    """Return a name for each attractor: its kind, and a letter if several are of that kind."""
     names, seen = [], dict.fromkeys(kinds, 0)
     for kind in kinds:
         names.append(kind if kinds.count(kind) == 1 else f"{kind} {_letters(seen[kind])}")
@@ -403,7 +404,7 @@ def _letters(number: int) -> str:
 
 
 def bounds_of(own: NDArray[np.bool_], starts: InitialConditions) -> tuple[float, float]:
-    """Return between what the share of an attractor lies; see `basins`."""
+    """Return the confidence bounds of an attractor's share; see `basins`."""
     if not isinstance(starts, Grid):
         return wilson(int(own.sum()), len(own))
     cells = own.reshape(starts.shape)

@@ -90,7 +90,7 @@ def in_order(kinds: Iterable[str]) -> list[str]:
 
 
 def map_summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return one row for each kind of motion in a map: how many points, and where they lie.
+    """Return one row for each kind of motion in a map: number and range of its points.
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ def attractor_schema(
     system: HybridSystem,
     recurrence: RecurrenceOptions = RecurrenceOptions(),  # noqa: B008 - immutable
 ) -> dict[str, str]:
-    """Return the columns that tell what a motion comes to, each with its kind."""
+    """Return the columns that describe an attractor, each with its type."""
     names = dict.fromkeys(system.measure_names, "float")
     told = {EXPONENT: "float", ERROR: "float"} if recurrence.exponents != "none" else {}
     return {MOTION: "str", PERIOD: "int", **names, **told, RETURNS: "int", STATUS: "str"}
@@ -152,7 +152,7 @@ def attractor_schema(
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorEvaluator:
-    """How the motions of a system are followed and told.
+    """Simulates motions of a system and classifies their attractors.
 
     Attributes
     ----------
@@ -176,7 +176,7 @@ class AttractorEvaluator:
         return attractor_schema(self.system, self.recurrence)
 
     def identity(self) -> dict[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         return {
             **identity(self.system),
             **asdict(self.recurrence),
@@ -200,7 +200,7 @@ class AttractorEvaluator:
         watch: Callable[[float], None] | None = None,
         numbers: Sequence[int] | None = None,
     ) -> list[Attractor]:
-        """Return what the motions from many points come to."""
+        """Return the attractors of the motions from many points."""
         return map_attractors(cases, self.recurrence, self.options, watch, numbers)
 
     def follow_some(
@@ -209,7 +209,7 @@ class AttractorEvaluator:
         case: Callable[[int], InitialCondition],
         watch: Callable[[float], None] | None = None,
     ) -> list[Attractor]:
-        """Return what the motions of numbered points come to; one that is refused has failed."""
+        """Return the attractors of numbered points; an invalid point counts as failed."""
         cases: list[InitialCondition] = []
         refused: dict[int, str] = {}
         for number in numbers:
@@ -242,7 +242,7 @@ class AttractorEvaluator:
         return columns
 
     def lost(self, count: int, reason: str) -> list[Attractor]:
-        """Return what stands for points that could not be computed."""
+        """Return the values that represent failed points."""
         return [Attractor(motion=FAILED, status=reason)] * count
 
     def prepare(self) -> None:
@@ -259,22 +259,22 @@ def _words(words: Sequence[str]) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class AttractorStudy(Study):
-    """A study whose points are motions, each told by what it comes to."""
+    """A study whose points are motions, each described by its attractor."""
 
     measuring: AttractorEvaluator
 
     @property
     def chunk(self) -> int:
-        """How many go together: about a second of work."""
+        """Number of points computed together: about a second of work."""
         return 256
 
     @property
     def threaded(self) -> bool:
-        """Whether threads may compute points at the same time."""
+        """Whether threads may compute points in parallel."""
         return self.measuring.threaded
 
     def prepare(self) -> None:
-        """Compile what points need."""
+        """Compile the code that points need."""
         self.measuring.prepare()
 
     def compute(
@@ -289,7 +289,7 @@ class AttractorStudy(Study):
         return {**self._places(first, last), **self._told(found)}, None
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
-        """Return rows of points that could not be computed."""
+        """Return the rows of points that failed."""
         found = self.measuring.lost(last - first, reason)
         return {**self._places(first, last), **self._told(found)}
 
@@ -298,7 +298,7 @@ class AttractorStudy(Study):
         """Return a point; InvalidParameter if it is not allowed."""
 
     def place(self, number: int) -> str:
-        """Return what a point is called in messages."""
+        """Return the name of a point in messages."""
         return places_of(self._places(number, number + 1))
 
     @abstractmethod
@@ -306,5 +306,5 @@ class AttractorStudy(Study):
         """Return the columns that tell points apart."""
 
     def _told(self, found: Sequence[Attractor]) -> Columns:
-        """Return the columns that tell what motions come to."""
+        """Return the columns that describe attractors."""
         return self.measuring.columns(found)

@@ -1,4 +1,4 @@
-"""Basins of attraction: what motions come to from many states, and which of that is the same."""
+"""Basins of attraction: attractors reached from many states, and their shares."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ class BasinsStudy(AttractorStudy):
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         return len(self.starts.points)
 
     def identity(self) -> Mapping[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         return {
             **self.measuring.identity(),
             **self.starts.identity(),
@@ -99,28 +99,28 @@ class BasinsStudy(AttractorStudy):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Basins(Result):
-    """What motions come to from many states of one system.
+    """Attractors reached from many initial states of one system.
 
     Attributes
     ----------
     system : System
     starts : Grid or Sample
-        Where motions start.
+        The initial states.
     initial : State
-        All other components of that.
+        All other components of the initial states.
     table : DataFrame
-        One row a point: the components in which starts differ; ``attractor``, its name;
-        ``motion``, ``period`` and what is measured, as `operating_map` tells it; the mean, smallest
-        and largest value of each component at the returns (``"v2 mean"``, …), by which attractors
-        are recognised; where the motion was left (``"v2 final"``); and ``status``.
+        One row per point: the varied components of the initial state; ``attractor``, its name;
+        ``motion``, ``period`` and the measured quantities, as in `operating_map`; the mean,
+        smallest and largest value of each component at the returns (``"v2 mean"``, …), by which
+        attractors are recognised; the final state (``"v2 final"``); and ``status``.
     attractors : DataFrame
-        One row an attractor, that of the most points first: its name, ``motion``, ``period``,
-        ``points``, ``share`` of all points and between which bounds it lies, ``low`` and ``high``;
-        the largest Lyapunov exponent if `RecurrenceOptions` asks for it, computed once an
-        attractor, by which one that does not repeat itself is "chaotic" or "quasi-periodic"; then
-        what the table tells of the first of its points.
+        One row per attractor, the largest share first: its name, ``motion``, ``period``,
+        ``points``, ``share`` of all points with the bounds ``low`` and ``high``; the largest
+        Lyapunov exponent if `RecurrenceOptions` asks for it, computed once per attractor, which
+        separates "chaotic" from "quasi-periodic"; then the columns of the table for its first
+        point.
     returns : DataFrame
-        The states at the returns of each attractor, once round or as many as were followed.
+        The states at the returns of each attractor, over one period or the whole simulation.
 
     See Also
     --------
@@ -151,7 +151,7 @@ class Basins(Result):
         return f"Basins({names}: {len(self.table)} points, {self._told()})"
 
     def summary(self) -> dict[str, Any]:
-        """Return where motions start, and what there is."""
+        """Return the initial states and the attractors."""
         points = self.starts.points
         ends = zip(self.starts.names, points.min(axis=0), points.max(axis=0), strict=True)
         return {
@@ -162,7 +162,7 @@ class Basins(Result):
         }
 
     def state(self, name: str) -> State:
-        """Return a state of an attractor, from which `simulate` and `find_orbit` go on.
+        """Return a state of an attractor, as initial state for `simulate` and `find_orbit`.
 
         Parameters
         ----------
@@ -232,13 +232,12 @@ def basins(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> Basins:
-    """Tell what motions come to from many states; ``basins(actuator, drive, …)``.
+    """Compute basins of attraction; ``basins(actuator, drive, …)``.
 
-    The states are a grid over one or two components, or a sample of a box in any number of them.
-    Motions that come to the same are recognised afterwards, over all points: those of one kind and
-    period that return to the same places. Of two motions that have not repeated themselves nothing
-    tells whether they are one for sure: they count as one where the boxes around their returns
-    meet.
+    The initial states are a grid over one or two components, or a sample of a box in any number of
+    them. Motions with the same attractor are recognised afterwards, over all points: they agree in
+    kind and period and return to the same states. Two aperiodic motions cannot be identified with
+    certainty; they count as one attractor if the boxes around their returns intersect.
 
     Parameters
     ----------
@@ -247,30 +246,31 @@ def basins(
         A component of the state and its values, in the units of the system: ``("v2", values)``.
         One of them is enough.
     box : mapping of str to (float, float), optional
-        In place of x and y, the ends of any components: a sample is drawn from what lies between.
+        Instead of x and y, the bounds of any components, between which states are sampled.
     samples : int, optional
-        How many states are drawn from the box.
+        Number of states sampled from the box.
     sampling : {"random", "sobol", "lhs"}, optional
-        Independent states, Sobol's sequence or a Latin hypercube. The last two fill the box more
-        evenly; the bounds of shares are then wider than they need be.
+        Independent states, a Sobol sequence or a Latin hypercube. The last two fill the box more
+        evenly, so that the bounds of shares are conservative.
     seed : int, optional
-        Of the sample.
+        Seed of the sample.
     initial : State or mapping of str to float, optional
         All other components; the system's own start by default.
     recurrence : RecurrenceOptions, optional
-        How long motions are given, and when they count as periodic.
+        Length of the transient, and criteria for a periodic motion.
     distance : float, optional
-        Within which two motions are one, relative to the size of each component: far above the
-        tolerance to which they settle, far below what attractors are apart.
+        Distance within which two motions share an attractor, relative to the size of each
+        component: far above the tolerance to which motions settle, far below the distances between
+        attractors.
     options : Options, optional
-        How they are integrated; method "auto" by default.
+        Options of integration; method "auto" by default.
     store : str or os.PathLike, optional
-        A directory in which chunks of points are kept as they are done: a study that is
-        interrupted or killed goes on from there.
+        Directory in which finished chunks of points are stored; an interrupted or killed study
+        resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        What computes: threads by default; processes, a cluster's, or a function that makes one.
+        Threads by default; processes, a cluster's executor, or a function that creates one.
     workers : int, optional
-        How many threads. No number depends on it.
+        Number of threads. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -282,7 +282,7 @@ def basins(
     InvalidParameter
         If an argument is out of range. A run that fails is a row with its reason.
     StudyInterrupted
-        On Ctrl-C; its ``table`` holds the points done.
+        On Ctrl-C; its ``table`` holds the finished points.
 
     See Also
     --------

@@ -1,4 +1,4 @@
-"""Operating maps: what motions come to over two parameters."""
+"""Operating maps: attractors on a grid of two parameters."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ class MapStudy(AttractorStudy):
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         return len(self.x.values) * len(self.y.values)
 
     def identity(self) -> Mapping[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         # What the system itself has for the two makes no difference.
         try:
             system = self._system(0)
@@ -94,7 +94,7 @@ class MapStudy(AttractorStudy):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OperatingMap(Result):
-    """What motions come to over two parameters.
+    """Attractors on a grid of two parameters.
 
     Attributes
     ----------
@@ -103,10 +103,10 @@ class OperatingMap(Result):
     x, y : Axis
         Name and values of each parameter.
     table : DataFrame
-        One row a point, the values of x first: the two parameters; ``motion`` ("periodic", "off",
-        "resting", "chaotic", "quasi-periodic", "unsettled", "failed"), ``period`` (forcing periods
-        after which it repeats itself, 0 if it does not), what is measured of it, ``returns`` for
-        which it was followed, and ``status``.
+        One row per point, the values of x first: the two parameters; ``motion`` ("periodic", "off",
+        "resting", "chaotic", "quasi-periodic", "unsettled", "failed"), ``period`` (in forcing
+        periods, 0 if aperiodic), the measured quantities, ``returns`` (number of simulated
+        returns), and ``status``.
 
     See Also
     --------
@@ -137,7 +137,7 @@ class OperatingMap(Result):
         return f"OperatingMap({self.x.name}, {self.y.name}: {size} points, {self._counted()})"
 
     def summary(self) -> dict[str, Any]:
-        """Return what was varied, and what motions there are."""
+        """Return the varied parameters and the kinds of motions."""
         rows = {"system": repr(self.system)}
         for each in (self.x, self.y):
             low, high = min(each.values), max(each.values)
@@ -184,10 +184,11 @@ def operating_map(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> OperatingMap:
-    """Tell over two parameters what motions come to; ``operating_map(actuator, drive, …)``.
+    """Compute the attractor at each point of a grid; ``operating_map(actuator, drive, …)``.
 
-    Every point starts anew and is followed until it repeats itself, so that a periodic motion
-    costs few periods. The points of one automaton go through compiled code together.
+    The grid is over two parameters. Every point starts from the initial state and is simulated
+    until the motion repeats itself, so that a periodic motion takes few periods. Points of one
+    automaton run together in compiled code.
 
     Parameters
     ----------
@@ -195,19 +196,19 @@ def operating_map(
     x, y : tuple of str and array_like
         A parameter and its values, in the units of the system: ``("amplitude", values)``.
     initial : State or mapping of str to float, optional
-        Where every motion starts; the system's own start by default. Of two attractors it decides
-        which one is seen: of an actuator, `kicked_state` shows where it walks once it has begun to.
+        Initial state of every point; the system's own by default. It decides which of several
+        attractors is found: for an actuator, `kicked_state` finds the attractor with impacts.
     recurrence : RecurrenceOptions, optional
-        How long motions are given, and when they count as periodic.
+        Length of the transient, and criteria for a periodic motion.
     options : Options, optional
-        How they are integrated; method "auto" by default.
+        Options of integration; method "auto" by default.
     store : str or os.PathLike, optional
-        A directory in which chunks of points are kept as they are done: a study that is
-        interrupted or killed goes on from there.
+        Directory in which finished chunks of points are stored; an interrupted or killed study
+        resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        What computes: threads by default; processes, a cluster's, or a function that makes one.
+        Threads by default; processes, a cluster's executor, or a function that creates one.
     workers : int, optional
-        How many threads. No number depends on it.
+        Number of threads. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -220,7 +221,7 @@ def operating_map(
         If an argument is out of range. A value that is not allowed, or a run that fails, is a row
         with its reason.
     StudyInterrupted
-        On Ctrl-C; its ``table`` holds the points done.
+        On Ctrl-C; its ``table`` holds the finished points.
 
     See Also
     --------

@@ -44,16 +44,16 @@ CLOSEST_APPROACH = "closest approach"
 
 @dataclass(frozen=True)
 class QuantityBounds:
-    """Between which values a quantity must stay.
+    """Bounds of a quantity.
 
     Attributes
     ----------
     name : str
-        Of the quantity.
+        Name of the quantity.
     low, high : float
-        Infinite where there is none.
+        Bounds; infinite for none.
     scale : float
-        In parts of which a margin counts.
+        Unit in which margins are scaled.
     """
 
     name: str
@@ -68,9 +68,9 @@ class QuantityBounds:
         return [(sign, bound) for sign, bound in pairs if math.isfinite(bound)]
 
     def margins(self, value: float, gradient: Floats) -> tuple[Floats, Floats]:
-        """Return how far a value is from each limit, and the derivatives of that.
+        """Return the margin of a value to each bound, and its derivatives.
 
-        What an orbit does not have does not limit it.
+        A quantity that an orbit lacks does not constrain it.
         """
         signs = np.array([sign for sign, _ in self.sides])
         bounds = np.array([bound for _, bound in self.sides])
@@ -79,7 +79,7 @@ class QuantityBounds:
         return signs * (value - bounds) / self.scale, np.outer(signs, gradient) / self.scale
 
     def words(self, unit: str) -> list[str]:
-        """Return what each limit demands, in words."""
+        """Return the bounds in words."""
         word = {1.0: "least", -1.0: "most"}
         return [
             f"{self.name} at {word[sign]} {bound:.6g} {unit}".rstrip() for sign, bound in self.sides
@@ -89,9 +89,9 @@ class QuantityBounds:
 def limits_of(
     orbit: Orbit, subject_to: Mapping[str, tuple[float | None, float | None]]
 ) -> tuple[QuantityBounds, ...]:
-    """Return the limits on an orbit: those that are given, stability, and no penetration.
+    """Return the constraints on an orbit: the given ones, stability, and no penetration.
 
-    A pair of None limits nothing; the quantity is only shown.
+    A pair of None is no constraint; the quantity is only shown.
 
     Raises
     ------
@@ -142,28 +142,29 @@ OPTIMIZATION_ENDINGS = {
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Optimum(Result):
-    """The best orbit that a search has found.
+    """The best orbit that an optimization found.
 
     Attributes
     ----------
     orbit : Orbit
     quantity : str
-        What was maximized or minimized.
+        The maximized or minimized quantity.
     value : float
-        Of it, in the units of the system.
+        Its value, in the units of the system.
     over : dict of str to tuple of float
-        The parameters that were varied, and their bounds.
+        The varied parameters and their bounds.
     values : dict of str to float
-        Of these parameters, at the optimum.
+        The optimal values of these parameters.
     history : DataFrame
-        One row a point that the search took, the first one where it began: the parameters, the
-        quantity and what was limited.
+        One row per accepted iterate, the initial one first: the parameters, the quantity and the
+        constrained quantities.
     active : tuple of str
-        What holds the optimum, in words: bounds of parameters, limits, or the orbit's own end.
+        The active constraints, in words: bounds of parameters, constraints, or the end of the
+        orbit's branch.
     ended : str
         Why the search ended.
     converged : bool
-        Whether the conditions of a local optimum hold, to first order.
+        Whether the first-order conditions of a local optimum hold.
 
     See Also
     --------
@@ -204,7 +205,7 @@ class Optimum(Result):
         return bifurcation_margins(self.orbit, tuple(self.over))
 
     def summary(self) -> dict[str, Any]:
-        """Return where it is, what holds it and why the search ended."""
+        """Return the optimum, its active constraints and why the search ended."""
         label = self.system.label
         return {
             "system": repr(self.system),
@@ -227,13 +228,13 @@ def optimize(
     iterations: int = 100,
     progress: bool | Callable[[float], None] = False,
 ) -> Optimum:
-    """Return the best orbit over some parameters, near one that is given.
+    """Optimize a quantity of a periodic orbit over some parameters.
 
-    A local search by the gradients of `sensitivity`: sequential quadratic programming with a trust
-    region. The orbit is followed from point to point, and keeps its impacts; where it would lose
-    one, graze, fold or double its period, the search turns back. It stays stable: if nothing else
-    is said, the largest modulus of its multipliers at most 0.95. For other local optima begin with
-    other orbits.
+    A local search with the gradients of `sensitivity`: sequential quadratic programming with a
+    trust region. The orbit is continued from iterate to iterate and keeps its sequence of impacts;
+    the search stays within the grazings, folds and period doublings that end it. The orbit stays
+    stable: by default the largest modulus of its multipliers is at most 0.95. Start from other
+    orbits to find other local optima.
 
     Parameters
     ----------
@@ -242,15 +243,16 @@ def optimize(
     over : mapping of str to tuple of float
         The parameters to vary, each with its lowest and highest value.
     maximize, minimize : str or Quantity
-        What: one of the two. A quantity of `sensitivity`; with `tolerances` also its standard
-        deviation to first order, "standard deviation of mean speed".
+        The objective, for one of the two: a quantity of `sensitivity`, or with `tolerances` its
+        first-order standard deviation, "standard deviation of mean speed".
     subject_to : mapping of str to tuple of float, optional
-        By quantity its lowest and highest value, None for none: ``{"largest multiplier": (None,
-        0.9), "closest approach": (0.05, None)}``. With two of None it is only shown in `history`.
+        Lowest and highest value of a quantity, None for no bound: ``{"largest multiplier": (None,
+        0.9), "closest approach": (0.05, None)}``. A quantity with two None is only shown in
+        `history`.
     tolerances : mapping of str to float, optional
         Standard deviations of parameters, in their units, for "standard deviation of …".
     iterations : int, optional
-        Points that are tried at most.
+        Largest number of trial points.
     progress : bool or callable, optional
         True: show a counter if it takes over a second. A function is called with the number of
         points taken.
@@ -287,7 +289,7 @@ def optimize(
     aim = Objective.of(orbit, over, maximize, minimize, subject_to or {}, tolerances or {})
     most = whole("iterations", iterations, 1)
     taken: list[Iterate[Orbit]] = []
-    with progress_bar(progress, "points") as show:
+    with progress_bar(progress, "points", work="optimize") as show:
 
         def report(found: Iterate[Orbit]) -> None:
             taken.append(found)
@@ -402,7 +404,7 @@ class Objective:
         )
 
     def optimum(self, found: Iterate[Orbit], taken: list[Iterate[Orbit]]) -> Optimum:
-        """Return what a search has found, in the user's terms."""
+        """Return the result of a search, in the user's terms."""
         orbit, values = found.item, self.values(found.x)
         return Optimum(
             orbit=orbit,
@@ -417,11 +419,11 @@ class Objective:
         )
 
     def violated(self, found: Iterate[Orbit]) -> list[str]:
-        """Return the limits that an orbit misses, in words."""
+        """Return the violated constraints of an orbit, in words."""
         return self._words(found, found.local.margins < -CONSTRAINT_TOLERANCE)
 
     def holding(self, found: Iterate[Orbit]) -> list[str]:
-        """Return the limits at which an orbit stands, in words."""
+        """Return the active constraints of an orbit, in words."""
         return self._words(found, np.abs(found.local.margins) <= CONSTRAINT_TOLERANCE)
 
     def _words(self, found: Iterate[Orbit], chosen: Any) -> list[str]:
@@ -526,7 +528,7 @@ DOMINANCE_RTOL = 1e-6  # part of its size by which one point must beat another i
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ParetoFront(Result):
-    """Optima none of which is better in both aims than another.
+    """Optima of two objectives, none of which dominates another.
 
     Attributes
     ----------
@@ -537,7 +539,7 @@ class ParetoFront(Result):
     start : Orbit
         Where the searches began.
     failed : tuple of str
-        Why points are missing, if any are.
+        Why points are missing, if any.
 
     See Also
     --------
@@ -569,9 +571,9 @@ class ParetoFront(Result):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an optimum: the two quantities, the parameters, what was limited, what holds it.
+        """One row per optimum: the two quantities, the parameters, the constrained quantities.
 
-        As the last row of `Optimum.history`, and a column "held by".
+        The columns are those of `Optimum.history` and "held by", the active constraints.
         """
         import pandas as pd
 
@@ -603,10 +605,10 @@ def pareto_front(
     iterations: int = 60,
     progress: bool | Callable[[float], None] = False,
 ) -> ParetoFront:
-    """Return what two aims cost each other, along an orbit that stays what it is.
+    """Compute the Pareto front of two quantities of a periodic orbit.
 
-    The method of epsilon constraints: each aim by itself first, then the first one while the
-    second is held at values between what these two gave.
+    The method of epsilon constraints: each objective is optimized by itself, then the first one
+    with the second bounded at values between the two results.
 
     Parameters
     ----------
@@ -629,7 +631,7 @@ def pareto_front(
     Returns
     -------
     ParetoFront
-        Points that another one beats are left out.
+        Dominated points are omitted.
 
     Raises
     ------
@@ -671,7 +673,7 @@ def pareto_front(
 
     found: list[Optimum] = []
     failed: list[str] = []
-    with progress_bar(progress, "points", count) as show:
+    with progress_bar(progress, "points", count, "Pareto front") as show:
         try:
             # Each end in both aims: the other one is shown beside it, but not limited.
             for name, other in ((second, first), (first, second)):

@@ -52,7 +52,7 @@ class Axis(NamedTuple):
 
 
 def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Axis:
-    """Return an axis as it was given.
+    """Return an axis from a pair of name and values.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def axis(field: str, given: tuple[str, ArrayLike], names: tuple[str, ...]) -> Ax
 
 
 def identity_of_axis(given: Axis) -> dict[str, Any]:
-    """Return what tells an axis from others."""
+    """Return the identity of an axis, for comparison."""
     return {"name": given.name, "values": list(given.values)}
 
 
@@ -130,12 +130,12 @@ def unit_sample(n: int, dimensions: int, sampling: str, seed: int) -> Floats:
 
 
 def digest_of(points: Floats) -> str:
-    """Return what tells a sample from others, whatever library has made it."""
+    """Return a digest that identifies a sample, independent of library versions."""
     return hashlib.sha256(np.ascontiguousarray(points).tobytes()).hexdigest()
 
 
 def wilson(count: int, points: int) -> tuple[float, float]:
-    """Return Wilson's interval of a share of which `count` of some points are an estimate."""
+    """Return Wilson's interval of a share, estimated by `count` of some points."""
     interval = binomtest(count, points).proportion_ci(LEVEL, method="wilson")
     return float(interval.low), float(interval.high)
 
@@ -147,7 +147,7 @@ DISTRIBUTIONS = ("norm", "uniform")
 
 
 def part_of(text: Any) -> float | None:
-    """Return what a text such as "5%" is as a part; None of anything else."""
+    """Return a text such as "5%" as a fraction; None for anything else."""
     if not isinstance(text, str) or not text.rstrip().endswith("%"):
         return None
     try:
@@ -179,7 +179,7 @@ def deviations(
 
 
 def relative_distribution(name: str, text: str, system: HybridSystem) -> Any:
-    """Return a distribution about the system's own value of a parameter, frozen.
+    """Return a frozen distribution about the system's own value of a parameter.
 
     Of "5%" the normal one of that standard deviation, of "uniform: 5%" as much to either side.
     """
@@ -213,12 +213,12 @@ FIRST, SECOND = "A", "B"  # the two samples of which indices are made
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParameterSample:
-    """Points that are drawn.
+    """A sample of parameters.
 
     Attributes
     ----------
     names : tuple of str
-        What is drawn.
+        Names of the sampled quantities.
     values : float array, shape (points, names)
     parameters : tuple of str
         The parameters of the system that are made of it.
@@ -369,7 +369,7 @@ class InitialConditions(Protocol):
 
     @property
     def points(self) -> Floats:
-        """Their values, a row a point."""
+        """Their values, one row per point."""
 
     def identity(self) -> dict[str, Any]:
         """Return what tells them from others."""
@@ -399,7 +399,7 @@ class Grid:
 
     @cached_property
     def points(self) -> Floats:
-        """Their values, a row a point."""
+        """Their values, one row per point."""
         grids = np.meshgrid(*(np.array(axis.values) for axis in self.axes))
         return np.stack([grid.ravel() for grid in grids], axis=1)
 
@@ -434,7 +434,7 @@ class Sample:
 
     @cached_property
     def points(self) -> Floats:
-        """Their values, a row a point."""
+        """Their values, one row per point."""
         low, high = np.array([ends for _, *ends in self.box]).T
         return low + (high - low) * unit_sample(self.n, len(self.box), self.sampling, self.seed)
 

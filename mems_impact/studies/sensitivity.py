@@ -48,7 +48,7 @@ SINGULAR = 1e-12  # of the Jacobian's largest singular value: there the orbit st
 
 
 class TangentOrbit:
-    """The orbits of the same signature beside `orbit`, as one of its parameters goes on.
+    """The orbits of the same signature near `orbit`, for nearby values of one parameter.
 
     The shooting equations F(u, p) = 0 hold along them, so that their unknowns move at the rate
     du/dp = -(dF/du)^-1 dF/dp, and all else at the rate that the variational equations give.
@@ -311,10 +311,10 @@ class LineFamily(Family):
 
 
 def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
-    """Return an orbit at other values of parameters: in one stride, or followed on a straight way.
+    """Return the orbit at other parameters, by one step or by continuation along a straight line.
 
-    On the way events may pass from one forcing period to the next, or past each other. It ends
-    where an impact is grazed, or at a fold, or where the orbit loses its stability.
+    Along the line, events may pass from one forcing period to the next, or change their order. The
+    line ends at a grazing, at a fold, or where the orbit loses its stability.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def continue_to(orbit: Orbit, values: Mapping[str, float]) -> Orbit:
     Raises
     ------
     OrbitError
-        If the way ends before: at what, its `reason` says.
+        If the line ends before; `reason` names the bifurcation.
     """
     system, found = orbit.system, orbit.found
     target = {name: system.into(name, value) for name, value in values.items()}
@@ -381,10 +381,10 @@ class _End(NamedTuple):
 def bifurcation_margins(
     orbit: Orbit, parameters: Sequence[str], reach: float = 0.5
 ) -> pd.DataFrame:
-    """Return how far parameters may move, one at a time, before an orbit bifurcates.
+    """Return the margins of parameters, one at a time, to the next bifurcation of an orbit.
 
-    The orbit is followed both ways, until it grazes, folds, doubles its period or otherwise loses
-    its stability, or until what else ends it.
+    The orbit is continued in both directions, until it grazes, folds, doubles its period, otherwise
+    loses its stability, or its branch ends.
 
     Parameters
     ----------
@@ -392,13 +392,13 @@ def bifurcation_margins(
         Stable.
     parameters : sequence of str
     reach : float, optional
-        How far to look: the part of a parameter's value, in (0, 1].
+        Range of the search, as a fraction of a parameter's value, in (0, 1].
 
     Returns
     -------
     DataFrame
-        One row a parameter and direction: parameter, value, direction ("down", "up"), at (where it
-        happens; the end of the way where nothing does), margin (to there), relative (to the value)
+        One row per parameter and direction: parameter, value, direction ("down", "up"), at (the
+        value at the bifurcation, or the end of the range), margin (to there), relative (to value)
         and what happens ("" for nothing).
 
     Raises
@@ -478,7 +478,7 @@ def _next(orbit: Orbit, name: str, stop: float) -> _End:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sensitivity(Result):
-    """The derivatives of an orbit's quantities by its parameters, in the units of the system.
+    """Sensitivities of an orbit's quantities to its parameters, in the units of the system.
 
     Attributes
     ----------
@@ -520,7 +520,7 @@ class Sensitivity(Result):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row a quantity and parameter.
+        """One row per quantity and parameter.
 
         Columns: quantity, value, parameter, at (value of the parameter), derivative, elasticity
         (per cent of change of the quantity for one of the parameter) and per cent (by how much the
@@ -574,13 +574,13 @@ class Sensitivity(Result):
         Parameters
         ----------
         tolerances : mapping of str to float
-            Standard deviations of parameters, in their units, or as a part: ``"5%"``.
+            Standard deviations of parameters, in their units, or relative: ``"5%"``.
 
         Returns
         -------
         DataFrame
-            One row a quantity: quantity, value, standard deviation, relative (to the value), and
-            one column a parameter, its share of the variance.
+            One row per quantity: quantity, value, standard deviation, relative (to the value), and
+            one column per parameter, its share of the variance.
 
         Raises
         ------
@@ -608,7 +608,7 @@ class Sensitivity(Result):
         return found
 
     def summary(self) -> dict[str, Any]:
-        """Return the value of each quantity, and which parameter moves it most."""
+        """Return the value of each quantity, and the parameter with the largest influence."""
         table = self.table
         told: dict[str, Any] = {"system": repr(self.system)}
         for name, unit in zip(self.quantities, self.units, strict=True):
@@ -626,7 +626,7 @@ def sensitivity(
     parameters: Sequence[str] | None = None,
     quantities: Sequence[str | Quantity] | None = None,
 ) -> Sensitivity:
-    """Return the derivatives of an orbit's quantities by its parameters.
+    """Compute sensitivities of a periodic orbit to its parameters.
 
     The orbit may be unstable. Derivatives of its states, event times, margins and speeds follow
     from the variational equations along its arcs and the implicit function theorem; those of
@@ -637,12 +637,12 @@ def sensitivity(
     ----------
     orbit : Orbit
     parameters : sequence of str, optional
-        All by default, but the bias of a symmetric voltage: its period doubles there.
+        All by default, except the bias of a symmetric voltage, which would double the period.
     quantities : sequence of str or Quantity, optional
-        All that the system knows by default, but costly ones. Of any system: "x per period" (or
+        All of the system's by default, except costly ones. For any system: "x per period" (or
         "per cycle") for each cyclic state x, its observables (over the orbit), "period" of a limit
         cycle, "impact speed" (the largest), "closest approach", "largest multiplier" (its
-        modulus). Of an actuator: "displacement per period", "mean speed", "displacement per
+        modulus). For an actuator: "displacement per period", "mean speed", "displacement per
         impact", "impact speed", "closest approach", "energy lost per period" (in impacts),
         "largest multiplier", and "energy given per period", which is costly.
 
@@ -655,7 +655,7 @@ def sensitivity(
     InvalidParameter
         If there is no such parameter or quantity.
     OrbitError
-        If the orbit stands at a fold, or none is found beside it.
+        If the orbit is at a fold, or no orbit is found near it.
 
     See Also
     --------

@@ -60,10 +60,10 @@ class SweepStudy(Study):
     values : tuple of float
         Ascending.
     starts : mapping of str to State
-        Where the chain of each direction, "up" or "down", begins.
+        Initial state of each direction, "up" or "down".
     transient, length : float
-        How long each value settles and is measured: in forcing periods, or a time where nothing
-        forces the system.
+        Length of transient and measurement at each value, in forcing periods, or in time for an
+        autonomous system.
     section : int
     options : Options
     """
@@ -81,12 +81,12 @@ class SweepStudy(Study):
 
     @property
     def points(self) -> int:
-        """How many values there are, those of all directions."""
+        """Number of values in all directions."""
         return len(self.values) * len(self.starts)
 
     @property
     def chunk(self) -> int:
-        """How many values are computed together."""
+        """Number of values computed together."""
         return 16
 
     @property
@@ -102,7 +102,7 @@ class SweepStudy(Study):
         return tuple(range(i * n, (i + 1) * n) for i in range(len(self.starts)))
 
     def identity(self) -> Mapping[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         return {
             **identity(self.system),
             "parameter": self.parameter,
@@ -129,7 +129,7 @@ class SweepStudy(Study):
         return empty.attrs
 
     def prepare(self) -> None:
-        """Have the loop compiled once, rather than in every thread at the same time."""
+        """Compile the event loop once, rather than in every thread."""
         if not self.threaded:
             return
         case, (start, *_) = self.case(0), self.starts.values()
@@ -175,7 +175,7 @@ class SweepStudy(Study):
         return sweep_tables.columns_of(self.parameter, points, *self._told), told
 
     def place(self, number: int) -> str:
-        """Return what a point is called in messages."""
+        """Return the name of a point in messages."""
         return f"{self.parameter} = {self._value(number):.6g}"
 
     def failed(self, first: int, last: int, reason: str) -> Columns:
@@ -314,7 +314,7 @@ def sweep(
     store: str | os.PathLike[str] | None = None,
     executor: Executor | Callable[[], Executor] | None = None,
 ) -> pd.DataFrame:
-    """Vary one parameter slowly; every value starts from the last state of the value before.
+    """Sweep one parameter slowly; every value starts from the final state of the previous one.
 
     Parameters
     ----------
@@ -327,50 +327,49 @@ def sweep(
     direction : {"up", "down", "both"}, optional
         Ascending, descending, or one chain of each.
     transient, periods : int, optional
-        Forcing periods that each value is given to settle, and that are then measured; 300 and 60
-        by default.
+        Forcing periods discarded and then measured at each value; 300 and 60 by default.
     duration : float, optional
-        The time to measure, where nothing forces the system; `transient` is a time there, too, and
-        both have to be given.
+        Time measured at each value, for an autonomous system; `transient` is then a time, too, and
+        both are required.
     section : {1, -1, 0}, optional
-        Which crossings of the Poincaré section are kept: upwards, downwards or both. A system
-        without a section is looked at where its forcing periods begin; where nothing forces it, at
-        the local maxima of each state.
+        Crossings of the Poincaré section to keep: upwards, downwards or both. A system without a
+        section is sampled at the beginning of each forcing period; an autonomous system without
+        one, at the local maxima of each state.
     initial : State or mapping of str to State, optional
-        Where each chain starts: one state for all, or one for ``"up"`` and one for ``"down"``; the
-        system's start by default. Of an actuator, up starts at rest in the middle and down with a
-        kick (see `kicked_state`), so that a range with two attractors shows both.
+        Initial state: one for both directions, or one each for ``"up"`` and ``"down"``; the
+        system's own by default. For an actuator, up starts at rest in the middle and down with a
+        kick (see `kicked_state`), so that both attractors appear in a bistable range.
     options : Options, optional
     progress : bool or callable, optional
-        Show how far it is, if the sweep takes over a second: a bar on a terminal, else a line now
-        and then. A function is called with the values done.
+        Show progress: after one second a bar on a terminal, elsewhere lines. A function is called
+        with the number of finished values.
     workers : int, optional
-        Threads; each chain is run by one at a time. The results do not depend on it.
+        Number of threads; one at a time runs each direction. Results do not depend on it.
     store : str or os.PathLike, optional
-        A directory in which values are kept as they are done: a sweep that is interrupted or
-        killed goes on from there.
+        Directory in which finished values are stored; an interrupted or killed sweep resumes from
+        it.
     executor : concurrent.futures.Executor or callable, optional
-        What computes: threads by default; processes, a cluster's, or a function that makes one.
+        Threads by default; processes, a cluster's executor, or a function that creates one.
 
     Returns
     -------
     DataFrame
-        One row a crossing of the section: the parameter, direction ("up" or "down"), period
+        One row per crossing of the section: the parameter, direction ("up" or "down"), period
         (counted from the end of the transient), v2, v1, and for each value impacts per period,
         blows per period (see `mems_impact.BlowStatistics`), displacement per period and per impact
-        (the step; NaN without an impact), mean speed and status. A value without any crossing is
-        one row with NaN for what belongs to a crossing. So is one that failed, with NaN for all;
-        its status is the reason rather than "ok", and the chain goes on from the last good state.
-        Where nothing forces the system, crossings have a number, from 0, in place of the period,
-        and impacts are counted per time. Of maxima the k-th of each state stand in one row, with
-        NaN where a state has no more; a state at rest has its value for the only one.
+        (the step; NaN without an impact), mean speed and status. A value without crossings is one
+        row with NaN in the columns of a crossing. A value that failed is one row with NaN in all
+        columns and the reason, rather than "ok", as status; the sweep continues from the last good
+        state. For an autonomous system, crossings have a number, from 0, in place of the period,
+        and impacts are counted per time. The k-th maxima of all states share a row, with NaN where
+        a state has fewer; a state at rest has one maximum, its value.
 
     Raises
     ------
     InvalidParameter
         If an argument is out of range, or a value is not allowed for the parameter.
     SweepInterrupted
-        On Ctrl-C; its ``table`` holds the values done.
+        On Ctrl-C; its ``table`` holds the finished values.
 
     See Also
     --------
@@ -432,7 +431,7 @@ def sweep(
 def _spans(
     system: HybridSystem, transient: float | None, periods: int | None, duration: float | None
 ) -> tuple[float, float]:
-    """Return how long each value settles and is measured: forcing periods, or times without."""
+    """Return the lengths of transient and measurement: forcing periods, or times without."""
     if system.forced:
         if duration is not None:
             problem = "the system has a forcing period, by which a sweep counts: give periods="

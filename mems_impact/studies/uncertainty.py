@@ -119,15 +119,15 @@ ALL = "all"  # in the last row of yields
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """Points with parameters that were drawn; all of a tolerance analysis, or those that are done.
+    """Points with sampled parameters: those of a tolerance analysis, or the finished ones.
 
     Attributes
     ----------
     drawn : tuple of str
-        What was drawn.
+        Names of the sampled quantities.
     specification : dict of str to (float, float)
     table : DataFrame
-        One row a point.
+        One row per point.
     indices : DataFrame or None
     """
 
@@ -138,25 +138,25 @@ class Spread:
 
     @property
     def points(self) -> pd.DataFrame:
-        """The rows that are drawn independently: all, or without those that indices need."""
+        """The independent samples: all rows, or all but those that only the indices need."""
         rows = self.table[self.table[SAMPLE].isin(["", FIRST, SECOND])]
         rows.attrs = dict(self.table.attrs)
         return rows
 
     @property
     def quantities(self) -> list[str]:
-        """The columns of what is measured."""
+        """The columns of measured quantities."""
         begin = list(self.table.columns).index(MOTION)
         numbers = self.table.iloc[:, begin:].select_dtypes("float").columns
         return [str(name) for name in numbers]
 
     @property
     def yields(self) -> pd.DataFrame:
-        """How many points are as specified.
+        """Number of points within the specification.
 
-        One row a quantity: ``from`` and ``to``, the number of ``points`` and their ``share`` with
-        the interval of Wilson (95 %), ``low`` and ``high``. In the last row those that are so in
-        all. A point that has failed, or has no number, is not as specified.
+        One row per quantity: ``from`` and ``to``, the number of ``points`` and their ``share`` with
+        Wilson's interval (95 %), ``low`` and ``high``. The last row counts the points that meet all
+        bounds. A point that failed, or has no value, does not meet the specification.
         """
         import pandas as pd
 
@@ -175,7 +175,7 @@ class Spread:
         return pd.DataFrame(found, columns=headings)
 
     def quantiles(self, q: Sequence[float] = (0.05, 0.5, 0.95)) -> pd.DataFrame:
-        """Return quantiles of what is measured, over the points that have a number.
+        """Return quantiles of the measured quantities, over the points that have a value.
 
         Parameters
         ----------
@@ -185,7 +185,7 @@ class Spread:
         Returns
         -------
         DataFrame
-            One row a quantity, one column a quantile, and the number of ``points``.
+            One row per quantity, one column per quantile, and the number of ``points``.
         """
         values = np.atleast_1d(np.asarray(q, dtype=float))
         if not ((values >= 0.0) & (values <= 1.0)).all():
@@ -209,7 +209,7 @@ Specification = Mapping[str, tuple[float | None, float | None]]
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceStudy(AttractorStudy):
-    """Motions of a system with parameters that are drawn."""
+    """Motions of a system with sampled parameters."""
 
     draws: ParameterSample
     initial: State | None = None
@@ -218,11 +218,11 @@ class ToleranceStudy(AttractorStudy):
 
     @property
     def points(self) -> int:
-        """How many points there are."""
+        """Number of points."""
         return len(self.draws.values)
 
     def identity(self) -> Mapping[str, Any]:
-        """Return what the numbers depend on."""
+        """Return the inputs on which the results depend."""
         return {
             **self.measuring.identity(),
             **self.draws.identity,
@@ -256,25 +256,26 @@ class ToleranceStudy(AttractorStudy):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToleranceAnalysis(Spread, Result):
-    """What tolerances make of the motions of a system.
+    """Propagation of tolerances to the attractors of a system.
 
     Attributes
     ----------
     system : System
-        At its nominal parameters.
+        The system at its nominal parameters.
     drawn : tuple of str
-        What was drawn.
+        Names of the sampled quantities.
     specification : dict of str to (float, float)
-        What a good device does.
+        Bounds of the columns of a good device.
     table : DataFrame
-        One row a point: what was drawn, the parameters made of it, to which ``sample`` it belongs;
-        ``motion``, ``period`` and what is measured, as `operating_map` tells it; and ``status``.
+        One row per point: the sampled quantities, the parameters computed from them, its
+        ``sample``; ``motion``, ``period`` and the measured quantities, as in `operating_map`; and
+        ``status``.
     indices : DataFrame or None
-        One row a quantity and a ``parameter`` that was drawn: its index of first order, ``first``
-        (the share of the variance that would be gone if it were known), and ``total`` (the share
-        that would be left if all others were known), each with the ends of an interval in which
-        95 % of resamples lie. They need numbers: of a quantity for which some are ``missing``
-        nothing is told. One that does not vary has indices of zero.
+        One row per quantity and sampled ``parameter``: the first-order index ``first`` (the share
+        of the variance that vanishes if the parameter is known) and the ``total`` index (the share
+        that remains if all others are known), each with the interval that contains 95 % of the
+        bootstrap resamples. A quantity with ``missing`` values has no indices; a constant quantity
+        has indices of zero.
 
     See Also
     --------
@@ -304,7 +305,7 @@ class ToleranceAnalysis(Spread, Result):
         return told + ")"
 
     def summary(self) -> dict[str, Any]:
-        """Return what was drawn, what motions there are, and the yield."""
+        """Return the sampled quantities, the kinds of motions and the yield."""
         rows = {"system": repr(self.system), "drawn": ", ".join(self.drawn)}
         rows |= {"points": str(len(self.points)), "motions": self._counted()}
         if self.specification:
@@ -332,10 +333,10 @@ def tolerance_analysis(
     workers: int | None = None,
     progress: bool | Callable[[float], None] = False,
 ) -> ToleranceAnalysis:
-    """Tell what tolerances make of a system; ``tolerance_analysis(actuator, drive, over=…)``.
+    """Propagate manufacturing tolerances; ``tolerance_analysis(actuator, drive, over=…)``.
 
-    Every point is a system with parameters of its own, drawn from their distributions, and is
-    followed until it repeats itself, as in `operating_map`.
+    Every point is a system with parameters sampled from their distributions, and is simulated until
+    its motion repeats itself, as in `operating_map`.
 
     Parameters
     ----------
@@ -343,38 +344,37 @@ def tolerance_analysis(
     over : mapping of str to distribution
         Frozen distributions of ``scipy.stats`` by the names of parameters, in the units of the
         system: ``{"e": stats.norm(0.62, 0.02)}``. They are independent of each other. ``"5%"`` is
-        the normal distribution about the system's own value with 5 % of it as standard deviation,
-        ``"uniform: 5%"`` the uniform one of as much to either side.
+        the normal distribution about the system's own value with a standard deviation of 5 % of it,
+        ``"uniform: 5%"`` the uniform distribution within plus or minus 5 %.
     parameters : callable, optional
-        What depends on one thing together is made of it here: a function that takes what is drawn
-        by name and returns parameters by name. `over` may then have any names, such as that of a
-        line width, which stiffness, masses and gap depend on.
+        Function that computes parameters by name from the sampled quantities by name, for
+        correlated parameters. `over` may then have any names, such as a line width on which
+        stiffness, masses and gap depend.
     samples : int, optional
         Number of points; a power of two suits Sobol's sequence, and indices need one.
     sampling : {"sobol", "lhs", "random"}, optional
-        Sobol's sequence, scrambled; a Latin hypercube; or independent points. Intervals of shares
-        are those of independent points: the others, which are spread more evenly, do better.
+        Scrambled Sobol sequence, Latin hypercube, or independent points. Confidence intervals of
+        shares are those of independent points, and conservative for the other two.
     seed : int, optional
     specification : mapping of str to (float, float), optional
-        Between what a column of the table shall lie: ``{"displacement per period": (1e-5, 2e-5)}``;
-        None for no bound.
+        Bounds of columns of the table: ``{"displacement per period": (1e-5, 2e-5)}``; None for no
+        bound.
     indices : bool, optional
-        Whether Sobol's indices are told. They take d + 2 times as many points, of d
-        distributions.
+        Whether to compute Sobol indices. With d distributions they take d + 2 times as many points.
     initial : State or mapping of str to float, optional
-        Where every motion starts; the system's own start by default. Of an actuator, `kicked_state`
-        shows where it walks once it has begun to.
+        Initial state of every motion; the system's own by default. For an actuator, `kicked_state`
+        finds the attractor with impacts.
     recurrence : RecurrenceOptions, optional
-        How long motions are given, and when they count as periodic.
+        Length of the transient, and criteria for a periodic motion.
     options : Options, optional
-        How they are integrated; method "auto" by default.
+        Options of integration; method "auto" by default.
     store : str or os.PathLike, optional
-        A directory in which chunks of points are kept as they are done: a study that is
-        interrupted or killed goes on from there.
+        Directory in which finished chunks of points are stored; an interrupted or killed study
+        resumes from it.
     executor : concurrent.futures.Executor or callable, optional
-        What computes: threads by default; processes, a cluster's, or a function that makes one.
+        Threads by default; processes, a cluster's executor, or a function that creates one.
     workers : int, optional
-        How many threads. No number depends on it.
+        Number of threads. Results do not depend on it.
     progress : bool or callable, optional
 
     Returns
@@ -387,7 +387,7 @@ def tolerance_analysis(
         If an argument is out of range. Parameters that are not allowed, or a run that fails, are a
         row with its reason.
     StudyInterrupted
-        On Ctrl-C; its ``table`` holds the points done.
+        On Ctrl-C; its ``table`` holds the finished points.
 
     See Also
     --------
@@ -460,7 +460,7 @@ def tolerance_analysis(
 def _specification(
     given: Specification, schema: Mapping[str, str]
 ) -> dict[str, tuple[float, float]]:
-    """Return what is specified, without None; InvalidParameter unless it is columns and ends."""
+    """Return the specification without None; InvalidParameter unless it has columns and bounds."""
     known = [name for name, kind in schema.items() if kind in ("float", "int")]
     if not isinstance(given, Mapping):
         raise InvalidParameter("specification", given, "columns and what they shall lie between")

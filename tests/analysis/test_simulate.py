@@ -354,4 +354,4 @@ def test_progress_without_a_terminal_is_lines(capsys, monkeypatch):
     mi.simulate(ZHAO, DRIVE, 5, progress=True)
     out, err = capsys.readouterr()
     assert out == ""
-    assert err.splitlines()[-1].startswith("mems-impact: 5 of 5 periods (100%), ")
+    assert err.splitlines()[-1].startswith("mems-impact: simulate: 5 of 5 periods (100%), ")

@@ -116,8 +116,8 @@ def test_every_command_with_a_drive_takes_that_of_the_device(cli, own):
 def test_numbers_change_the_drive_of_the_device(cli, own):
     assert "0 to 0.16" in cli("drive", own, "--amplitude", "0.4", "--no-figure").out
     done = cli("drive", own, "--width", "0.4", "--no-figure")
-    assert "no parameter of the drive in own.toml" in done.err
-    assert "--drive KIND takes another one" in done.err
+    assert "not a parameter of the drive in own.toml" in done.err
+    assert "--drive KIND selects another one" in done.err
     sine = ["--drive", "sine", "--amplitude", "0.2", "--omega", "1"]
     assert "Sine" in cli("drive", own, *sine, "--no-figure").out
 
@@ -179,7 +179,7 @@ WRONG = [
     (["--drive", "square", "--omega", "1"], ["missing option '--amplitude'"]),
     ([*SQUARE, "--duty", "1"], ["duty = 1", "< 1"]),
     ([*SQUARE, "--duty", "x"], ["--duty", "x"]),
-    ([*SQUARE, "--flat", "0.5"], ["--flat does not belong to a square"]),
+    ([*SQUARE, "--flat", "0.5"], ["--flat is not an option of a square"]),
     ([*SQUARE, "--rise", "9"], ["rise = 9"]),
     ([*SQUARE, "--frequency", "1"], ["--frequency and --omega exclude each other"]),
     (["--amplitude", "1", "--frequency", "0"], ["frequency = 0", "> 0"]),
@@ -187,8 +187,8 @@ WRONG = [
     (["--amplitude", "1"], ["'--omega' or '--frequency'"]),
     (["--drive", "pulse", "--amplitude", "1", "--drive-period", "5", "--width", "1",
       "--frequency", "1"],
-     ["--frequency does not belong to a pulse"]),
-    (["--drive", "burst.toml", "--frequency", "1"], ["--frequency is no parameter"]),
+     ["--frequency is not an option of a pulse"]),
+    (["--drive", "burst.toml", "--frequency", "1"], ["--frequency is not a parameter"]),
     (["--drive", "burst.toml", "--duty", "0.3"], ["--duty", "wave.amplitude"]),
 ]  # fmt: skip
 

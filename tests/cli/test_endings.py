@@ -84,7 +84,7 @@ def test_a_full_standard_output(tmp_path, unbuffered):
             env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
         )
     assert done.returncode == 1
-    assert done.stderr.startswith("mems-impact: standard output cannot be written (no space left")
+    assert done.stderr.startswith("mems-impact: cannot write standard output (no space left")
     assert done.stderr.count("\n") == 1
     assert "simulate-impacts.csv" in done.stderr
     assert names(tmp_path) == TABLES

@@ -94,7 +94,10 @@ def test_bounds(cli):
         ([*FIT, "--target", "displacement per blow"], ["QUANTITY=VALUE"]),
         ([*FIT, "--target", "colour=1"], ["colour", "displacement per blow"]),
         ([*FIT, "--target", "pull-in voltage=30+-x"], ["30+-x", "QUANTITY=VALUE"]),
-        ([*FIT, "--target", "pull-in voltage=30 at amplitude=1"], ["needs no voltage"]),
+        (
+            [*FIT, "--target", "pull-in voltage=30 at amplitude=1"],
+            ["needs no drive"],
+        ),
         ([*FIT, "--target", f"{BLOW} at colour=1", *VOLTAGE], ["colour", "amplitude, omega"]),
         ([*FIT, "--target", f"{BLOW} at colour", *VOLTAGE], ["'colour'", "NAME=NUMBER"]),
         ([*FIT, "--target", "pull-in voltage=30", "--bounds", "k=1"], ["NAME=LOW:HIGH"]),

@@ -1,9 +1,12 @@
+import inspect
+import shlex
 import subprocess
 import sys
 
+import click
 import pytest
 
-from mems_impact.cli import COMMAND_NAMES
+from mems_impact.cli import COMMAND_NAMES, main_group
 
 # What takes long to import; none of it is needed to show a help page.
 HEAVY = ("matplotlib", "numba", "numpy", "pandas", "pydantic", "sksundae", "tqdm")
@@ -66,3 +69,47 @@ def test_module_runs_as_the_command():
     )
     assert done.returncode == 0
     assert done.stdout.startswith("mems-impact ")
+
+
+def examples(command):
+    """Return the commands of the first example block of a help page, as words."""
+    context = click.Context(main_group, info_name="mems-impact")
+    page = main_group.get_command(context, command).help
+    assert page is not None
+    block = inspect.cleandoc(page).split("\b\n")[1].split("\n\n")[0].replace("\\\n", " ")
+    heading, *lines = block.splitlines()
+    assert heading.startswith("Example")
+    return [shlex.split(line)[1:] for line in lines]
+
+
+@pytest.mark.parametrize("command", COMMAND_NAMES)
+def test_every_help_begins_with_examples_that_parse(cli, command):
+    page = cli(command, "--help").out
+    # After usage and one sentence.
+    assert "Example" in page.split("\n\n")[2]
+    own = examples(command)
+    assert own[0][0] == command
+    for name, *arguments in own:
+        context = click.Context(main_group, info_name="mems-impact")
+        found = main_group.get_command(context, name)
+        found.make_context(name, arguments, parent=context)
+
+
+QUICK = ("completion", "devices", "docs", "drive", "new", "orbit", "pull-in", "terms")
+
+
+@pytest.mark.parametrize("command", QUICK)
+def test_quick_examples_run_as_they_stand_and_fit_80_columns(cli, command, monkeypatch):
+    monkeypatch.setattr("webbrowser.open", lambda address: True)
+    monkeypatch.setenv("COLUMNS", "80")
+    done = cli(*examples(command)[0])
+    assert done.status == 0
+    if command not in ("completion", "docs"):
+        assert max(map(len, done.out.splitlines())) <= 80
+
+
+@pytest.mark.parametrize("command", COMMAND_NAMES)
+def test_help_fits_80_columns(cli, command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = cli(command, "--help").out.splitlines()
+    assert [line for line in lines if len(line) > 80] == []

@@ -47,7 +47,7 @@ def test_parameters_and_initial_state(cli, file):
 
 def test_it_has_no_voltage(cli, file):
     wrong = cli("simulate", "own_code.py:oscillator", "--amplitude", "3").complaint()
-    assert "--amplitude: of devices; own_code.py:oscillator has no voltage" in wrong
+    assert "--amplitude: for devices only; own_code.py:oscillator has no voltage" in wrong
     assert "kicked" in cli("simulate", "own_code.py:oscillator", "--initial", "kicked").complaint()
 
 

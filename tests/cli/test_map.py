@@ -74,16 +74,16 @@ REFUSED = {
     ("map", "zhao2004"): "missing option '--x'",
     ("map", "zhao2004", *AXES[:5]): "missing option '--y'",
     ("map", "nothing.toml"): "no such file",
-    (*ARGUMENTS, "--omega", "0.5"): "--omega is what is varied",
+    (*ARGUMENTS, "--omega", "0.5"): "--omega is the varied parameter",
     (*ARGUMENTS, "--column", "status"): "--column status: must be one of period, impacts",
     (*ARGUMENTS, "--initial", "kick"): "'kick' must be NAME=NUMBER",
     ("map", "zhao2004", *AXES[:5], "--y", "e", "0.7", "0.8", "2", "--omega", "0.5", "--curves"):
-        "--curves: of maps of a device over amplitude and omega",
+        "--curves: for maps of a device over amplitude and omega",
     ("map", "zhao2004", *AXES[:5], "--y", "f", "0.7", "0.8", "2", "--omega", "0.5"):
         "y = 'f': must be one of",
     ("map", "zhao2004", *AXES, "--x", "amplitude", "0.2", "0.2", "3"): "finite numbers that differ",
-    ("map", "study.toml", *AXES): "--x: study.toml says what the study is",
-    ("map", "study.toml", "--bias", "1"): "--bias: study.toml says what the study is",
+    ("map", "study.toml", *AXES): "--x: study.toml describes the study",
+    ("map", "study.toml", "--bias", "1"): "--bias: study.toml describes the study",
     ("map", "code.toml"): "names Python code",
 }  # fmt: skip
 

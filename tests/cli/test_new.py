@@ -40,7 +40,7 @@ def test_a_system_runs_as_a_script(cli, tmp_path):
 def test_nothing_is_overwritten(cli, tmp_path, kind):
     name = TEMPLATES[kind][0]
     (tmp_path / name).write_text("my own")
-    assert "is there already; give another name" in cli("new", kind).complaint()
+    assert "already exists; choose another name" in cli("new", kind).complaint()
     assert (tmp_path / name).read_text() == "my own"
     assert "must end in" in cli("new", kind, "mine.txt").complaint()
     assert "cannot be written" in cli("new", kind, f"nowhere/{name}").complaint()

@@ -56,7 +56,7 @@ def test_chart(cli, tmp_path):
         ([*ORBIT, "--initial", "x2=0.7"], ["x2 = 0.7", "0.5"]),
         ([*ORBIT, "--periods", "0"], ["periods = 0"]),
         ([*ORBIT, "--transient", "-1"], ["transient = -1"]),
-        ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "leave it out"]),
+        ([*CONTINUE, "--amplitude", "0.2"], ["--amplitude", "omit the option"]),
         ([*CONTINUE, "--stop", "0.24"], ["stop = 0.24", "another"]),
         ([*CONTINUE, "--stop", "-1"], ["amplitude = -1"]),
         (["continue", "zhao2004", "--parameter", "bias", "--start", "0", "--stop", "0.1",
@@ -76,7 +76,7 @@ def test_of_a_long_orbit_the_first_rows_are_shown(cli, tmp_path):
     done = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6")
     impacts = pd.read_csv(tmp_path / "out" / "orbit-impacts.csv")
     segments = pd.read_csv(tmp_path / "out" / "orbit-segments.csv")
-    assert f"The first of {len(segments)} segments:" in done.out
+    assert f"First of {len(segments)} segments:" in done.out
     assert len(segments) > 40 > len(done.out.splitlines()) - len(impacts)
     told = cli("orbit", "mita2003", "--amplitude", "100", "--frequency", "1", "--transient", "6",
                "--no-figure", "--json")  # fmt: skip

@@ -56,7 +56,7 @@ def test_optimize_tells_what_is_no_optimum(cli):
     aim = ["--minimize", "mean speed", "--over", "amplitude=0.17:0.26"]
     done = cli("optimize", *POINT, *NEAR, *aim, "--subject-to", "largest multiplier=:9")
     assert done.status == 1
-    assert "no local optimum to first order: the orbit ends there (" in done.err
+    assert "first-order optimality not reached: the orbit ends there (" in done.err
     # From rest, weakly driven, the block strikes nothing.
     weak = ["--amplitude", "0.1", "--omega", "0.5", "--no-figure"]
     aim = ["--maximize", "largest multiplier", "--over", "amplitude=0.09:0.11"]

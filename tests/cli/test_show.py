@@ -70,7 +70,7 @@ def test_no_study(cli, tmp_path):
 
 def test_no_figure_of_its_kind(cli, store):
     complaint = cli("show", store, "--figure", "toy.png").complaint()
-    assert "there is no figure of the kind toy" in complaint
+    assert "a study of the kind toy has no figure" in complaint
 
 
 ROUGH = ["--recurrence-tolerance", "1e-3"]

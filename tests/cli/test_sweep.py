@@ -14,8 +14,10 @@ ARGUMENTS += ["--points", "3", "--omega", "0.5", "--transient", "100", "--period
 def test_summary_table_and_figure(cli, tmp_path):
     done = cli(*ARGUMENTS)
     assert done.status == 0
-    assert "amplitude increased, 3 values: 1 with impacts, which begin at 0.24" in done.out
-    assert "amplitude decreased, 3 values: 2 with impacts, which cease at 0.16" in done.out
+    headline = "amplitude: on at 0.24 (increasing), off at 0.16 (decreasing)"
+    assert done.out.splitlines()[0] == headline
+    assert "increasing amplitude: impacts at 1 of 3 values" in done.out
+    assert "decreasing amplitude: impacts at 2 of 3 values" in done.out
     written = "written: out/sweep-table.csv, out/sweep-summary.csv, out/sweep.png"
     assert done.out.splitlines()[-1] == written
     table = pd.read_csv(tmp_path / "out" / "sweep-table.csv")
@@ -25,15 +27,42 @@ def test_summary_table_and_figure(cli, tmp_path):
     assert (tmp_path / "out" / "sweep.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_screen_shows_one_row_a_value(cli):
+def test_the_screen_shows_one_row_per_value(cli):
     lines = cli(*ARGUMENTS, "--no-figure").out.splitlines()
-    assert lines[0].split()[:2] == ["amplitude", "direction"]
-    rows = [tuple(line.split()[:2]) for line in lines[1:7]]
+    assert lines[2].split()[:2] == ["amplitude", "direction"]
+    rows = [tuple(line.split()[:2]) for line in lines[3:9]]
     assert rows == [
         *(("0.16", "up"), ("0.2", "up"), ("0.24", "up")),
         *(("0.24", "down"), ("0.2", "down"), ("0.16", "down")),
     ]
-    assert lines[7] == ""
+    assert lines[9] == ""
+
+
+@pytest.mark.parametrize("device", ["zhao2004", "mita2003"])
+def test_ten_rows_with_ends_and_switches_fit_80_columns(cli, monkeypatch, device):
+    monkeypatch.setenv("COLUMNS", "80")
+    scale = mi.load_actuator(device).scales
+    low, high = (f"{scale.out(f, 'V'):.6g}" for f in (0.16, 0.24))
+    omega = f"{scale.out(0.5, 'rad/s'):.6g}"
+    done = cli(
+        "sweep", device, "--parameter", "amplitude", "--start", low, "--stop", high, "--omega",
+        omega, "--points", "17", "--transient", "60", "--periods", "5", "--no-figure",
+    )  # fmt: skip
+    lines = done.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert "10 of 34 rows; all rows and columns: out/sweep-summary.csv" in lines
+    rows = [line.split() for line in lines if "up" in line.split() or "down" in line.split()]
+    ups = [float(row[0]) for row in rows if row[1] == "up"]
+    downs = [float(row[0]) for row in rows if row[1] == "down"]
+    assert (len(ups), len(downs)) == (5, 5)
+    assert ups == sorted(ups)
+    assert downs == sorted(downs, reverse=True)
+    for end in (low, high):
+        assert float(end) in ups
+        assert float(end) in downs
+    for word, values in (("on", ups), ("off", downs)):
+        if f"{word} at " in lines[0]:
+            assert float(lines[0].split(f"{word} at ")[1].split()[0]) in values
 
 
 def test_a_parameter_of_the_device(cli, tmp_path):

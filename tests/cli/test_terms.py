@@ -15,7 +15,7 @@ def test_terms_are_listed(cli):
         assert f"{name}: " in done.out
     assert "  tilt.angle\n" in done.out
     assert "  compliant_stopper.stiffness [N/m]\n" in done.out
-    assert "  compliant_stopper.exponent [1.0 by default]\n" in done.out
+    assert "  compliant_stopper.exponent [default 1.0]\n" in done.out
 
 
 def test_terms_of_devices_are_listed(cli, monkeypatch):

@@ -43,7 +43,7 @@ def test_sweep(cli, monkeypatch):
     monkeypatch.setattr(mi, "sweep", lambda *_, **__: table, raising=False)
     vary = ["--parameter", "amplitude", "--start", "20", "--stop", "50", "--points", "2"]
     out = cli("sweep", "mita2003", *vary, *VOLTAGE).out
-    assert "amplitude increased, 2 values: " in out
+    assert "increasing amplitude: impacts at 1 of 2 values, 1 failed" in out
     assert "  failed at 50 V: it broke" in out
 
 

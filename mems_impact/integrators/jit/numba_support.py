@@ -318,11 +318,11 @@ def compile_loop(function: Callable[..., Any], name: str | None) -> Callable[...
 
 @cache
 def announce() -> None:
-    """Say, once in a process, that some seconds go into compiling.
+    """Announce the compilation, once per process.
 
-    On a terminal, where somebody waits; elsewhere in the log named ``mems_impact``.
+    The message goes to a terminal, where somebody waits, or else to the log ``mems_impact``.
     """
-    _say("compiling to native code: some seconds, once for an installation and for each new system")
+    _say("compiling, about 7 s, once per installation and once per new system")
 
 
 def announce_unkept(things: Iterable[Any]) -> None:

@@ -16,7 +16,7 @@ from numba.core.caching import FunctionCache
 from mems_impact.integrators.jit import numba_support
 
 ROOT = Path(__file__).parents[3]
-NOTICE = "compiling to native code"
+NOTICE = "compiling, about 7 s"
 
 SYSTEM = """
     import os

@@ -1,0 +1,39 @@
+"""Tables on the screen: as wide as the terminal."""
+
+import pandas as pd
+import pytest
+
+from mems_impact.cli.output import folded
+
+FORM = "{:.6g}".format
+
+
+def table(columns):
+    names = ["amplitude [V]", *(f"displacement per period {i} [m]" for i in range(columns))]
+    return pd.DataFrame([[0.16, *range(columns)], [0.2, *range(columns)]], columns=names)
+
+
+def test_a_narrow_table_is_left_as_it_is():
+    frame = table(1)
+    assert folded(frame, FORM, 80) == frame.to_string(index=False, float_format=FORM)
+
+
+@pytest.mark.parametrize("width", [40, 80, 120])
+def test_a_wide_table_is_folded_to_the_width(width):
+    text = folded(table(12), FORM, width)
+    assert max(map(len, text.splitlines())) <= width
+    blocks = text.split("\n\n")
+    assert all(block.splitlines()[-1].split()[0] == "0.2" for block in blocks)  # the first column
+    cells = [cell for block in blocks for cell in block.splitlines()[-1].split()[1:]]
+    assert cells == [str(i) for i in range(12)]
+
+
+def test_headings_are_wrapped_before_columns_are_folded():
+    text = folded(table(3), FORM, 60)
+    assert "\n\n" not in text
+    assert text.splitlines()[0].split() == ["displacement"] * 3
+
+
+def test_a_cell_wider_than_the_terminal_stays_whole():
+    frame = pd.DataFrame({"status": ["x" * 100], "n": [1]})
+    assert "x" * 100 in folded(frame, FORM, 80)
