@@ -1,1 +1,1 @@
-"""Systems, and the verbs that users type on any of them."""
+"""Verbs of the public interface that apply to any system, and their results."""

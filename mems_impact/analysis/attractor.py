@@ -38,9 +38,9 @@ __all__ = ["STUDY_OPTIONS", "Attractor", "InitialCondition", "RecurrenceOptions"
 STUDY_OPTIONS = Options(method="auto")
 
 Exponents = Literal["unsettled", "all", "none"]
-EXPONENT_CHUNK = 16  # periods between two looks at an exponent
-# Periods over which the exponent of a motion is computed at most: at first, and once it has been
-# followed for longer, where most have shown their sign long before.
+EXPONENT_CHUNK = 16  # periods between two checks of an exponent
+# Largest number of periods over which an exponent is computed: at first, and for a motion that has
+# been followed for longer; most exponents have a sign long before.
 EXPONENT_PERIODS, LONGEST_EXPONENT_PERIODS = 3_000, 12_000
 LARGEST_SWING = (
     3.0  # logarithm of the factor by which perturbations of quasi-periodic motions swing
@@ -49,7 +49,7 @@ NEAR_RETURN = 1e-2  # distance, in sizes of the components, of returns that are 
 
 
 class InitialCondition(NamedTuple):
-    """A point of a study: a system, and where its motion starts (its own start by default)."""
+    """A point of a study: a system and the initial state (by default that of the system)."""
 
     system: HybridSystem
     initial: State | None = None
@@ -57,26 +57,27 @@ class InitialCondition(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class RecurrenceOptions:
-    """How motions are given time to settle, and when they count as periodic.
+    """Options of recurrence detection: transient, tolerance and Lyapunov exponents.
 
-    One that comes to an orbit slowly is followed on until it arrives, for up to 64 times as long.
-    Chaos may be a transient that ends in an orbit, which time alone tells.
+    A motion that converges slowly to an orbit is followed until it arrives, for up to 64 times as
+    long. Chaos may be a transient that ends in an orbit; only a longer run shows this.
 
     Parameters
     ----------
     transient, periods : int
-        Forcing periods in which a motion may become periodic, and over which it is then measured
-        if it has not; times, where nothing forces the system.
+        Forcing periods in which a motion may become periodic, and further periods over which a
+        motion that has not is measured. In time for an autonomous system.
     longest : int
-        Returns after which a motion may repeat itself: a period-n motion has n up to that.
+        Largest number of returns after which a motion may repeat itself: the largest n of a
+        period-n motion.
     tolerance : float
-        To which it has to, relative to the size of each component.
+        Relative tolerance for recognising a periodic motion, per component of the state.
     exponents : {"unsettled", "all", "none"}
-        Of which motions the largest Lyapunov exponent is computed: it tells whether one that has
-        not repeated itself is chaotic or quasi-periodic.
+        Motions for which the largest Lyapunov exponent is computed. The exponent classifies a
+        motion that has not repeated itself as chaotic or quasi-periodic.
     chaos_persistence : float
-        Times `transient` + `periods` after which a motion has to be chaotic still to count as
-        chaotic, at least 1. As long is one followed whose exponent has no sign before.
+        Multiple (>= 1) of `transient` + `periods` after which a motion must still be chaotic to
+        count as chaotic. A motion whose exponent has no sign yet is followed for as long.
 
     Raises
     ------
@@ -126,34 +127,35 @@ class RecurrenceOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Attractor:
-    """What the motion from a point has come to.
+    """The attractor that the motion from a point reaches.
 
     Attributes
     ----------
     motion : str
-        "periodic"; "off" if nothing strikes, in a system with impacts, and it is periodic or, by
-        its exponent, becomes so; "resting" if
-        nothing moves; "chaotic" or "quasi-periodic" by its largest exponent (see `classify`) if it
-        has not repeated itself, and "unsettled" if that does not tell, as where it approaches an
-        orbit slowly, repeats itself after more than `longest` returns or ceases to be chaotic
-        later; "failed".
+        "periodic"; "off" for a motion without impacts, in a system with impacts, that is periodic
+        or whose exponent shows that it becomes periodic; "resting" if nothing moves; "chaotic" or
+        "quasi-periodic" by its largest exponent (see `classify`) if it has not repeated itself;
+        "unsettled" if the exponent does not decide, for example because the motion approaches an
+        orbit slowly, repeats itself after more than `longest` returns or is transiently chaotic;
+        "failed".
     period : int
-        Returns after which it repeats itself: forcing periods, or crossings of the section (events
-        of the first guard, without one) where nothing forces the system. 0 if it does not.
+        Number of returns after which the motion repeats itself, 0 if it does not. Returns are
+        forcing periods or, for an autonomous system, crossings of the section (events of the first
+        guard if there is no section).
     returns : int
-        Returns for which it was followed.
+        Number of returns for which the motion was followed.
     final : State
-        Where it was left, at a return if it is periodic.
+        The last state, at a return if the motion is periodic.
     states : float array, shape (k, n)
-        The states at its returns, the latest first, in the units of the system: once round, or as
-        many as a motion may take to repeat itself.
+        The states at its returns, the latest first, in the units of the system: one period, or
+        `longest` returns if the motion is not periodic.
     measures : dict of str to float
-        What was gathered of it, by heading (see `System.measures`).
+        Its statistics, by heading (see `System.measures`).
     exponent, error : float
-        The largest Lyapunov exponent in 1/time, and its standard error; NaN where it was not asked
-        for, -inf where events leave nothing of perturbations.
+        The largest Lyapunov exponent in 1/time, and its standard error; NaN if it was not
+        requested, -inf if events annihilate perturbations.
     status : str
-        "ok", or why there is none.
+        "ok", or the reason of the failure.
     instant : HybridState
         `final` in the units of the numerics.
     """
@@ -177,9 +179,9 @@ def map_attractors(
     watch: Callable[[float], None] | None = None,
     numbers: Sequence[int] | None = None,
 ) -> list[Attractor]:
-    """Follow the motions from many points to what they come to.
+    """Compute the attractors of many initial conditions.
 
-    The points of one automaton go through compiled code together, which holds no lock of Python's.
+    Points that share an automaton are integrated together in compiled code, which releases the GIL.
 
     Parameters
     ----------
@@ -187,15 +189,15 @@ def map_attractors(
     recurrence : RecurrenceOptions, optional
     options : Options, optional
     watch : callable, optional
-        Called several times a second with the points done; it may raise.
+        Called several times a second with the number of points done; it may raise.
     numbers : sequence of int, optional
-        Of the cases in a study, which tells where a motion starts beyond a guard, or its flow
-        jumps.
+        Numbers of the cases in a study, used in warnings about a start beyond a guard or a
+        discontinuous flow.
 
     Returns
     -------
     list of Attractor
-        One a case; what each is depends on it alone.
+        One per case; each depends on its case alone.
     """
     found: list[Attractor] = []
     batch: list[tuple[InitialCondition, Problem, HybridState]] = []
@@ -270,13 +272,13 @@ def _followed(
         settled = mapper.follow(points, transient, length, told, falls)
         for i, ((case, at, _), one) in enumerate(zip(batch, settled, strict=True)):
             if on is not None:
-                on(0.0)  # exponents take longer than all before: work may end here
+                on(0.0)  # exponents take longer than everything before: the user may interrupt here
             with collected_warnings() if numbers is None else at_study_point(numbers[i]):
                 each = _attractor(case, at, one, recurrence, options)
             period = float(case.system.out("time", at.period))
             kind = classify(each.exponent * period, each.error * period)
             if each.motion == UNSETTLED and kind == PERIODIC:
-                # It has come near an orbit late: once more, from where it is.
+                # The motion came near an orbit late: detect recurrence again from its last state.
                 (later,) = mapper.follow([(at.numbers, one.final)], transient, length, on)
                 if later.outcome == detection.PERIODIC:
                     arrived = _attractor(
@@ -291,8 +293,8 @@ def _followed(
             elif recurrence.chaos_persistence > 1.0 and (
                 each.motion == CHAOTIC or (each.motion == UNSETTLED and not math.isnan(each.error))
             ):
-                # Chaos may be a transient. An exponent without a sign may be that of a transient
-                # too, or of few periods.
+                # Chaos may be a transient. An exponent without a sign may also belong to a
+                # transient, or to too few periods.
                 (later,) = mapper.follow([(at.numbers, one.final)], longer, length, on)
                 after = _attractor(case, at, later, recurrence, options, LONGEST_EXPONENT_PERIODS)
                 if after.motion == FAILED:
@@ -333,7 +335,7 @@ def _attractor(
         exponent, error, periods = _exponent(problem, settled.final, exponent_periods)
         if motion == UNSETTLED:
             told = classify(exponent, error, returns=False)
-            # The exponent along the flow is zero of any motion that nothing forces.
+            # The exponent along the flow is zero for any motion of an autonomous system.
             drifts = (
                 told == QUASI_PERIODIC
                 and system.forced
@@ -360,24 +362,24 @@ def _attractor(
 
 
 def _is_neutral(growth: float, periods: int) -> bool:
-    """Return whether a perturbation has grown as one of a quasi-periodic motion may.
+    """Return whether the growth of a perturbation is compatible with a quasi-periodic motion.
 
-    It swings by a bounded factor, and shear lets it grow in proportion to time.
+    There a perturbation varies by a bounded factor, and shear makes it grow in proportion to time.
 
     Parameters
     ----------
     growth : float
-        Logarithm of the factor.
+        Logarithm of the growth factor.
     periods : int
-        Over which it has grown.
+        Number of periods over which it has grown.
     """
     return -LARGEST_SWING < growth < LARGEST_SWING + math.log(max(1, periods))
 
 
 def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
-    """Return whether the last return is close to one before: a motion that creeps to an orbit.
+    """Return whether the last return is close to an earlier one: a slow approach to an orbit.
 
-    Near a bifurcation its exponent is as near to zero as that of a quasi-periodic one.
+    Near a bifurcation its exponent is as close to zero as that of a quasi-periodic motion.
     """
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     states = settled.states[:, free]
@@ -390,7 +392,7 @@ def _is_near_return(system: HybridSystem, settled: RecurrenceResult) -> bool:
 def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float, float, int]:
     """Return the largest exponent per period, its error and the periods it took.
 
-    NaN if the run cannot go on.
+    NaN if the run fails.
     """
     try:
         return largest(
@@ -406,7 +408,7 @@ def _exponent(problem: Problem, start: HybridState, periods: int) -> tuple[float
 
 
 def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Options) -> str:
-    """Return why a point fails: an ordinary run of it, which fails in the same place, says so."""
+    """Return why a point fails: the message of an ordinary run, which fails at the same place."""
     length = recurrence.transient + recurrence.periods
     span: dict[str, Any] = {"periods": length} if case.system.forced else {"duration": length}
     try:
@@ -417,7 +419,7 @@ def _reason(case: InitialCondition, recurrence: RecurrenceOptions, options: Opti
 
 
 def _same_structure(one: Problem, other: Problem) -> bool:
-    """Return whether two problems differ by numbers alone."""
+    """Return whether two problems differ only in numbers."""
     return (
         one.automaton is other.automaton
         and one.section == other.section
@@ -427,7 +429,7 @@ def _same_structure(one: Problem, other: Problem) -> bool:
 
 
 def _return_of(system: HybridSystem) -> tuple[int, int]:
-    """Return what a return of the system's motions is, and of which guard or direction."""
+    """Return the kind of return of the system's motions, and its guard or direction."""
     if system.forced:
         return detection.STROBOSCOPIC, 0
     if system.section is not None:
@@ -436,7 +438,7 @@ def _return_of(system: HybridSystem) -> tuple[int, int]:
 
 
 def _guard_of(system: HybridSystem) -> int:
-    """Return the first guard at whose events a motion without section may be looked at."""
+    """Return the first guard whose events serve as returns of a system without a section."""
     guards = system.automaton.guards
     chosen = [i for i, guard in enumerate(guards) if not guard.records]
     impacts = [i for i in chosen if guards[i].impact]

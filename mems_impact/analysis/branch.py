@@ -42,13 +42,13 @@ __all__ = [
     "switch_branch",
 ]
 
-# --- Branches of periodic orbits in one parameter.
+# --- Branches of periodic orbits.
 
 BRANCH_STEPS = StepControl(largest=0.02)  # so that a branch is smooth to the eye
 
 
 class ContinuationResult(Result):
-    """What continuation has followed: a branch over one parameter, unless the kind says more."""
+    """Base class of results of continuation: a branch in one parameter, by default."""
 
     system: HybridSystem
     parameter: str
@@ -59,7 +59,7 @@ class ContinuationResult(Result):
 
     kept: ClassVar[tuple[str, ...]] = ("table", "special_table")
     of: ClassVar[str] = "orbits"
-    """What there is along it, in the plural."""
+    """What the points along it are, in the plural."""
 
     def __len__(self) -> int:
         return len(self.found.points)
@@ -71,7 +71,7 @@ class ContinuationResult(Result):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what is followed over what, the special points and why it ends."""
+        """Return what is continued in which parameter, the special points and why it ends."""
         return {
             "system": repr(self.system),
             **self._subject_rows,
@@ -82,7 +82,7 @@ class ContinuationResult(Result):
 
     @property
     def _subject(self) -> str:
-        """What is followed over what, in the line."""
+        """What is continued in which parameter, for the repr."""
         return f"{self.parameter} {self._range}"
 
     @property
@@ -101,9 +101,9 @@ class ContinuationResult(Result):
 
 
 def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
-    """Return all orbits of what was followed; those of special points are the points' own.
+    """Return all orbits of a branch or curve; those of special points are the points' own.
 
-    An orbit integrates itself once for its tables: the same orbit shall not be there twice.
+    An orbit is integrated once for its tables, so the same orbit must not appear as two objects.
     """
     special = {id(s.orbit.found): s.orbit for s in result.special_points}
     return tuple(
@@ -114,15 +114,15 @@ def _orbits_of(result: Branch | Curve) -> tuple[Orbit, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Branch(ContinuationResult):
-    """Periodic orbits over one parameter.
+    """Branch of periodic orbits in one parameter.
 
     Attributes
     ----------
     system : System
-        Where the branch began.
+        The system at the start of the branch.
     parameter : str
     bounds : tuple of float
-        Between which the parameter was varied.
+        Smallest and largest value of the parameter.
     special_points : tuple of SpecialPoint
         In the order in which the branch passes them.
     ended : str
@@ -154,19 +154,19 @@ class Branch(ContinuationResult):
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in the order in which they were followed."""
+        """All orbits, in order along the branch."""
         return _orbits_of(self)
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an orbit, in the order of the branch.
+        """One row per orbit, in order along the branch.
 
         Columns: the parameter, stable, admissible, piece (0, 1, …: a new one where an impact or
-        another event comes in or drops out), the period of limit cycles, largest multiplier (its
-        absolute value; inf where an impact has lost its speed), impacts and the largest impact
-        speed over the orbit, closest approach, observables, and the states at the crossings of the
-        section upwards, or where forcing periods begin, largest first: v2, v2 2, v2 3, …; of a
-        cycle without a section their largest values.
+        another event appears or disappears), the period of limit cycles, largest multiplier (its
+        absolute value; inf at a grazing impact), impacts and the largest impact speed over the
+        orbit, closest approach, observables, and the states at the upward crossings of the section,
+        or at the start of forcing periods, largest first: v2, v2 2, v2 3, …; for a cycle without a
+        section their largest values.
         """
         rows = [
             {
@@ -179,7 +179,7 @@ class Branch(ContinuationResult):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row a special point: label, kind, the parameter, and as in `table`."""
+        """One row per special point: label, kind, the parameter, then the columns of `table`."""
         rows = [
             {"label": s.label, "kind": s.kind, "value": s.value, **orbit_row(s.orbit)}
             for s in self.special_points
@@ -187,9 +187,9 @@ class Branch(ContinuationResult):
         return orbit_tables.special_points(self.parameter, rows, self.system)
 
     def switch(self, special: SpecialPoint, **arguments: Any) -> Branch:
-        """Follow the branch of twice the period that leaves a period doubling of this one.
+        """Continue the period-doubled branch that emanates from a period doubling of this one.
 
-        As `switch_branch`.
+        The same as `switch_branch`.
         """
         return switch_branch(special, **arguments)
 
@@ -204,38 +204,40 @@ def continue_orbit(
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
-    """Follow a periodic orbit, stable or not, over one parameter.
+    """Continue a periodic orbit, stable or unstable, in one parameter.
 
-    Folds are passed, and grazings and period doublings; each is located and listed. Where the
-    number of unstable multipliers changes and no such point is found, an "unexplained" one is.
+    The branch passes folds, grazings and period doublings; each is located and listed. Where the
+    number of unstable multipliers changes without such a point, an "unexplained" point is listed.
 
     Parameters
     ----------
     orbit : Orbit
     parameter : str
-        A number of the drive (``"amplitude"``, ``"omega"``, …) or of the actuator.
+        A parameter of the drive (``"amplitude"``, ``"omega"``, …), of the actuator or of the
+        system.
     stop : float
-        Value towards which the branch sets out, and at which it ends.
+        Value towards which the branch starts, and at which it ends.
     back : float, optional
-        A branch that turns round ends here at the latest; where it began by default.
+        Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
-        Lengths of the steps, and their largest number.
+        Step lengths, and the largest number of steps.
     through_grazing : bool, optional
-        Whether to go on with the orbit that has one impact more, or less, where one is grazed. If
-        not, the branch goes on with orbits that penetrate the stopper or impact backwards; they
-        are marked as not admissible.
+        Whether to continue at a grazing with the orbit that has one impact more or fewer. Otherwise
+        the branch continues with orbits that penetrate the stopper or impact backwards, marked as
+        inadmissible.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with every value.
+        True: show a counter if it takes over a second. A function is called with each value of the
+        parameter.
 
     Returns
     -------
     Branch
-        Whatever ends it: `ended` says what.
+        Its `ended` holds the reason why it ends.
 
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or `stop` is no value for the parameter.
+        If an argument is out of range, or the parameter cannot have the value `stop`.
 
     See Also
     --------
@@ -258,7 +260,7 @@ def continue_orbit(
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     low, high = (system.into(parameter, bound) for bound in bounds)
-    # Where the branch begins, to the last digit of the numerics.
+    # The parameter at the start of the branch, to the last digit of the numerics.
     begin = orbit.found.family.values[parameter]
     with parameter_progress(
         progress, system.label(parameter), "orbits", partial(system.out, parameter)
@@ -284,7 +286,7 @@ def switch_branch(
     through_grazing: bool = True,
     progress: bool | Callable[[float], None] = False,
 ) -> Branch:
-    """Follow what begins at a special point: an orbit of twice the period, or a limit cycle.
+    """Switch to the branch that emanates from a period doubling or a Hopf point.
 
     Parameters
     ----------
@@ -302,9 +304,9 @@ def switch_branch(
     Raises
     ------
     InvalidParameter
-        If `special` is neither.
+        If `special` is neither of these.
     OrbitError
-        If no such orbit is found.
+        If no orbit of that branch is found.
 
     See Also
     --------
@@ -383,7 +385,7 @@ def _branch(system: HybridSystem, found: OrbitBranch, bounds: tuple[float, float
 
 
 def _beyond_bounds(system: HybridSystem, passage: SlowPassage) -> str:
-    """Return that the period of cycles grows beyond bounds, and where they are slow."""
+    """Return that the period of cycles diverges, and the state at which they are slow."""
     shortest, last = (f"{system.out('time', period):.4g}" for period in passage.periods)
     where = ", ".join(
         f"{system.label(name)} = {system.out(name, value):.4g}"
@@ -391,14 +393,14 @@ def _beyond_bounds(system: HybridSystem, passage: SlowPassage) -> str:
         if i not in system.automaton.cyclic
     )
     if passage.equilibrium:
-        what = f"an equilibrium ({where}) is passed ever more slowly, as near a homoclinic orbit"
+        what = f"the cycles approach an equilibrium ({where}), as near a homoclinic orbit"
     else:
-        what = f"({where}) is passed ever more slowly, as where two equilibria are about to be born"
+        what = f"the cycles slow down at ({where}), as near a saddle-node of equilibria"
     return f"the period grows beyond bounds (from {shortest} to {last}): {what}"
 
 
 def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
-    """Return what the tables say of an orbit; `place`: on what."""
+    """Return the row of an orbit in tables; `place` holds its leading columns."""
     found = orbit.found
     return {
         "stable": found.stable,
@@ -417,7 +419,7 @@ def orbit_row(orbit: Orbit, **place: int) -> dict[str, Any]:
 def check_bounds(
     system: HybridSystem, parameter: str, stop: float, back: float | None
 ) -> tuple[float, float]:
-    """Return the bounds between which to go; InvalidParameter if there is no way to go."""
+    """Return the bounds of continuation; InvalidParameter if they leave no interval."""
     system.check_continued(parameter)
     here = system.value(parameter)
     check_value(system, parameter, "stop", stop)
@@ -438,18 +440,18 @@ def _amount(system: HybridSystem, parameter: str, value: float) -> str:
 
 
 def check_value(system: HybridSystem, parameter: str, field: str, value: Any) -> None:
-    """Raise InvalidParameter unless a parameter may have a value."""
+    """Raise InvalidParameter unless the system allows this value of the parameter."""
     if not is_number(value):
         raise InvalidParameter(field, value, f"a finite value of {parameter}")
     system.changed(**{parameter: value})
 
 
-# --- Curves of special points in two parameters.
+# --- Curves of special points.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Curve(ContinuationResult):
-    """A special point followed in a second parameter.
+    """Curve of a special point in two parameters.
 
     Attributes
     ----------
@@ -488,7 +490,7 @@ class Curve(ContinuationResult):
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
-        """All orbits, in the order in which they were followed."""
+        """All orbits, in order along the branch."""
         return _orbits_of(self)
 
     @property
@@ -510,7 +512,7 @@ class Curve(ContinuationResult):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an orbit: the second parameter, the first, and as in `Branch.table`."""
+        """One row per orbit: the second parameter, the first, and the columns of `Branch.table`."""
         first, second = self.parameters
         rows = [
             {
@@ -526,7 +528,7 @@ class Curve(ContinuationResult):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row a point of codimension two."""
+        """One row per point of codimension two."""
         first, second = self.parameters
         rows = [
             {"kind": s.kind, "values": [s.values[second], s.values[first]], **orbit_row(s.orbit)}
@@ -544,28 +546,29 @@ def continue_curve(
     steps: StepControl = StepControl(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
 ) -> Curve:
-    """Follow a special point of a branch in a second parameter.
+    """Continue a special point of a branch in two parameters.
 
-    Points of codimension two on the way are located and listed. A curve of Neimark-Sacker points
+    Points of codimension two on the curve are located and listed. A curve of Neimark-Sacker points
     ends where its pair of multipliers becomes real, at a 1:1 or 1:2 resonance.
 
     Parameters
     ----------
     special : SpecialPoint
-        A grazing, fold, period doubling or Neimark-Sacker point, or the touching of another guard.
+        A grazing, fold, period doubling or Neimark-Sacker point, or a point at which another guard
+        is touched.
     parameter : str
         The second parameter; the first is that of the branch.
     stop : float
-        Value towards which the curve sets out, and at which it ends.
+        Value towards which the curve starts, and at which it ends.
     back : float, optional
-        A curve that turns round ends here at the latest; where it began by default.
+        Opposite bound, used if the curve folds back; by default the value at its start.
     steps, progress
         As for `continue_orbit`.
 
     Returns
     -------
     Curve
-        Whatever ends it: `ended` says what.
+        Its `ended` holds the reason why it ends.
 
     Raises
     ------
@@ -593,10 +596,10 @@ def continue_curve(
     if parameter == first:
         raise InvalidParameter("parameter", parameter, "another one than that of the branch")
     if special.kind == BRANCH_POINT:
-        allowed = "one whose curve is followed: a branch point is none of a family of orbits alone"
+        allowed = "a point other than a branch point, which has no curve in two parameters"
         raise InvalidParameter("special", special.kind, allowed)
     if special.kind == UNEXPLAINED:
-        raise InvalidParameter("special", special.kind, "a point of which it is known what it is")
+        raise InvalidParameter("special", special.kind, "a point of known kind")
     bounds = check_bounds(system, parameter, stop, back)
     direction = math.copysign(1.0, stop - system.value(parameter))
     with parameter_progress(
@@ -616,7 +619,7 @@ def continue_curve(
 
 
 def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
-    """Return a curve of the continuation in the user's terms."""
+    """Return a curve of `continuation` as a `Curve` in the system's units."""
     special = tuple(
         CodimensionTwo(
             kind=s.kind,
@@ -639,22 +642,22 @@ def curve_of(system: HybridSystem, found: OrbitCurve) -> Curve:
     )
 
 
-# --- Branches of equilibria in one parameter.
+# --- Branches of equilibria.
 
 EQUILIBRIUM_STEPS = StepControl(largest=0.2)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class EquilibriumBranch(ContinuationResult):
-    """Equilibria over one parameter.
+    """Branch of equilibria in one parameter.
 
     Attributes
     ----------
     system : System
-        Where the branch began.
+        The system at the start of the branch.
     parameter : str
     bounds : tuple of float
-        Between which the parameter was varied.
+        Smallest and largest value of the parameter.
     special_points : tuple of EquilibriumPoint
         In the order in which the branch passes them.
     ended : str
@@ -687,12 +690,12 @@ class EquilibriumBranch(ContinuationResult):
 
     @cached_property
     def equilibria(self) -> tuple[Equilibrium, ...]:
-        """All equilibria, in the order in which they were followed."""
+        """All equilibria, in order along the branch."""
         return tuple(equilibrium_of(self.system, point) for point in self.found.points)
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an equilibrium: the parameter, stable, admissible, largest real part, states.
+        """One row per equilibrium: the parameter, stable, admissible, largest real part, states.
 
         The largest real part of its eigenvalues is per unit of time.
         """
@@ -704,7 +707,7 @@ class EquilibriumBranch(ContinuationResult):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row a special point: label, kind, the parameter, and as in `table`."""
+        """One row per special point: label, kind, the parameter, then the columns of `table`."""
         rows = [
             {
                 "label": s.label,
@@ -720,7 +723,7 @@ class EquilibriumBranch(ContinuationResult):
         return self.system.out(self.parameter, state.family.values[self.parameter])
 
     def _captioned(self, table: pd.DataFrame) -> pd.DataFrame:
-        """Say for figures that states are looked at where they stand, on no section."""
+        """Mark for figures that the states are those of equilibria, not of a section."""
         system = self.system
         cyclic = {system.states[i] for i in system.automaton.cyclic}
         table.attrs["states"] = [name for name in system.states if name not in cyclic]
@@ -737,31 +740,31 @@ def continue_equilibrium(
     steps: StepControl = EQUILIBRIUM_STEPS,
     progress: bool | Callable[[float], None] = False,
 ) -> EquilibriumBranch:
-    """Follow an equilibrium, stable or not, over one parameter.
+    """Continue an equilibrium, stable or unstable, in one parameter.
 
-    Folds are passed; Hopf points, points at which another branch crosses and those at which a guard
-    is met are located and listed. Where the number of unstable eigenvalues changes and none of
-    these is found, the list has an "unexplained" point. Beyond a guard the equilibrium is a virtual
-    one.
+    The branch passes folds. Folds, Hopf points, branch points and boundary equilibria are located
+    and listed. Where the number of unstable eigenvalues changes without such a point, an
+    "unexplained" point is listed. Beyond a guard the equilibrium is virtual.
 
     Parameters
     ----------
     equilibrium : Equilibrium
-        An isolated one, from `find_equilibria`.
+        An isolated equilibrium, from `find_equilibria`.
     parameter : str
     stop : float
-        Value towards which the branch sets out, and at which it ends.
+        Value towards which the branch starts, and at which it ends.
     back : float, optional
-        A branch that turns round ends here at the latest; where it began by default.
+        Opposite bound, used if the branch folds back; by default the value at its start.
     steps : StepControl, optional
-        Lengths of the steps, and their largest number.
+        Step lengths, and the largest number of steps.
     progress : bool or callable, optional
-        True: show a counter if it takes over a second. A function is called with every value.
+        True: show a counter if it takes over a second. A function is called with each value of the
+        parameter.
 
     Returns
     -------
     EquilibriumBranch
-        Whatever ends it: `ended` says what.
+        Its `ended` holds the reason why it ends.
 
     Raises
     ------
@@ -786,7 +789,7 @@ def continue_equilibrium(
     check_kind(equilibrium, "equilibrium", Equilibrium, "an Equilibrium, from find_equilibria")
     system = equilibrium.system
     if equilibrium.neutral:
-        raise InvalidParameter("equilibrium", equilibrium, "an isolated one: this is one of many")
+        raise InvalidParameter("equilibrium", equilibrium, "isolated, not one of a continuum")
     bounds = check_bounds(system, parameter, stop, back)
     low, high = (system.into(parameter, bound) for bound in bounds)
     begin = equilibrium.found.family.values[parameter]
@@ -825,12 +828,12 @@ def continue_equilibrium(
 
 
 def equilibrium_of(system: HybridSystem, found: EquilibriumState) -> Equilibrium:
-    """Return an equilibrium of `system`, at its own parameters."""
+    """Return an equilibrium of `continuation` as an `Equilibrium` at its own parameters."""
     return Equilibrium(system=system.at(found.family.values), found=found)
 
 
 def _measures(system: HybridSystem, state: EquilibriumState) -> dict[str, Any]:
-    """Return what the tables say of an equilibrium."""
+    """Return the row of an equilibrium in tables."""
     y, cyclic = state.state, system.automaton.cyclic
     largest = max(state.eigenvalues.real.tolist(), default=math.nan)
     return {

@@ -21,13 +21,13 @@ from mems_impact.systems.state import State, is_number, whole
 
 __all__ = ["Equilibrium", "EquilibriumPoint", "find_equilibria"]
 
-SAME_STATE_RTOL = 1e-6  # relative difference between the states of one equilibrium, found twice
-SEED = 1  # of the places from which equilibria are looked for between bounds
+SAME_STATE_RTOL = 1e-6  # relative difference below which two states are one equilibrium
+SEED = 1  # of the starting points of Newton's method between bounds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equilibrium(Result):
-    """A state in which a mode of a system stands still, stable or not.
+    """An equilibrium of a system in one mode, stable or unstable.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class Equilibrium(Result):
         return f"Equilibrium({kind}, {self.state})"
 
     def summary(self) -> dict[str, Any]:
-        """Return where it is, and whether it is stable and one of the system's."""
+        """Return its state, stability and admissibility."""
         largest = self.eigenvalues[:3].tolist()
         return {
             "system": repr(self.system),
@@ -77,27 +77,27 @@ class Equilibrium(Result):
 
     @property
     def mode(self) -> str:
-        """The mode that stands still."""
+        """Name of its mode."""
         return self.system.modes[self.found.mode]
 
     @property
     def state(self) -> State:
-        """The state, from which a run may start."""
+        """Its state; ``initial`` of a run."""
         return self.system.state_of(HybridState(0, 0.0, self.found.mode, self.found.state))
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
-        """Of the derivative of the flow, per unit of time, largest real part first.
+        """Eigenvalues of the Jacobian of the flow, per unit of time, largest real part first.
 
-        Without the zeros of a continuum (see `neutral`).
+        The zero eigenvalues of a continuum are left out (see `neutral`).
         """
         return self.found.eigenvalues / self.system.out("time", 1.0)
 
     @property
     def neutral(self) -> int:
-        """Dimension of the continuum of equilibria in which it lies, 0 for an isolated one.
+        """Dimension of the continuum of equilibria that contains it, 0 for an isolated equilibrium.
 
-        A body that is stuck, or rests, may do so in many places.
+        A body that sticks or rests has a continuum of equilibria.
         """
         return self.found.neutral
 
@@ -108,35 +108,35 @@ class Equilibrium(Result):
 
     @property
     def admissible(self) -> bool:
-        """Whether no guard ends the mode there; else it is a virtual equilibrium."""
+        """Whether no guard is violated; otherwise the equilibrium is virtual."""
         return self.found.admissible
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """The guards on whose wrong side a virtual equilibrium lies."""
+        """The guards that a virtual equilibrium violates."""
         return self.found.violated
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EquilibriumPoint(Result):
-    """A point of a branch of equilibria at which something happens.
+    """A special point of a branch of equilibria.
 
     Attributes
     ----------
     kind : str
-        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number
-        of unstable eigenvalues changes and none of these is found.
+        "fold", "Hopf", "branch point", "boundary equilibrium", or "unexplained" where the number of
+        unstable eigenvalues changes without one of these.
     label : str
         LP, H, BP, BE or ?.
     guard : str
-        The guard that a boundary equilibrium meets; empty for the others.
+        The guard of a boundary equilibrium; empty for other kinds.
     parameter : str
     value : float
-        Of the parameter.
+        Value of the parameter.
     equilibrium : Equilibrium
-        There.
+        The equilibrium at that value.
     bounds : tuple of float
-        Of the branch.
+        Bounds of the branch.
 
     See Also
     --------
@@ -173,7 +173,7 @@ class EquilibriumPoint(Result):
         return self.equilibrium.system
 
     def summary(self) -> dict[str, Any]:
-        """Return what happens, where, and to which equilibrium."""
+        """Return the kind, the value of the parameter and the equilibrium."""
         return {
             "kind": self.kind,
             self.system.label(self.parameter): self.value,
@@ -190,36 +190,36 @@ def find_equilibria(
     samples: int = 64,
     modes: Sequence[str | int] | None = None,
 ) -> tuple[Equilibrium, ...]:
-    """Find the equilibria of each mode of a system without forcing.
+    """Find the equilibria of each mode of an autonomous system.
 
-    Newton's method starts from the guess, and from places between the bounds; the derivatives of
-    the flow are taken by differences of sixth order. Cyclic states need not stand still.
+    Newton's method starts from the guess and from points between the bounds, with a Jacobian by
+    finite differences of sixth order. Cyclic states need not be constant.
 
     Parameters
     ----------
     system : System, or Run
-        A run stands for its system, and its last state for `guess`.
+        A run provides its system and, as `guess`, its last state.
     guess : State or mapping of str to float, optional
-        A state near an equilibrium; the system's start by default.
+        A state near an equilibrium; the initial state of the system by default.
     bounds : mapping of str to (float, float), optional
-        By state, between which values to look as well; other states start as in `guess`.
+        Intervals by state, in which to search as well; other states start as in `guess`.
     samples : int, optional
-        Places between the bounds, of a Sobol sequence.
+        Number of starting points between the bounds, from a Sobol sequence.
     modes : sequence of str or int, optional
-        Where to look; in all modes by default.
+        Modes to search; all by default.
 
     Returns
     -------
     tuple of Equilibrium
-        In the order of the modes, those that are admissible first. Of a continuum the one next to
-        the guess.
+        Equilibria in order of the modes, admissible ones first. A continuum is represented by the
+        equilibrium closest to the guess.
 
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or something forces the system.
+        If an argument is out of range, or the system has forcing.
     OrbitError
-        If none is found.
+        If no equilibrium is found.
 
     See Also
     --------
@@ -236,9 +236,7 @@ def find_equilibria(
     [(-1.0, True), (0.0, False), (1.0, True)]
     """
     if system.forced:
-        problem = (
-            "something forces the system: it has orbits (find_orbit), and nothing stands still"
-        )
+        problem = "the system has forcing, hence periodic orbits (find_orbit) but no equilibria"
         raise InvalidParameter("period", system.forcing_period, "", problem=problem)
     inner = system.problem(ORBIT_OPTIONS)
     start = system.hybrid_state(guess, inner, field="guess")
@@ -258,7 +256,8 @@ def find_equilibria(
                 continue
             if not _inside(system, state.state, bounds or {}) and y is not start.y:
                 continue
-            # A contact that holds says nothing of where: the state has to be one of its own.
+            # A contact that holds leaves the position open: the state has to be admissible in its
+            # mode.
             if state.admissible and not system.fits(mode, state.state, inner):
                 continue
             if not any(_same(state, other) for other in here):
@@ -267,12 +266,12 @@ def find_equilibria(
         found += [Equilibrium(system=system, found=state) for state in here]
     if not found:
         reason = "no equilibrium was found" if failed is None else failed.reason
-        raise OrbitError(reason, 'give another guess, or bounds={"x": (low, high)} to look between')
+        raise OrbitError(reason, 'give another guess, or bounds={"x": (low, high)} for the search')
     return tuple(found)
 
 
 def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
-    """Return whether two are one equilibrium, or of one continuum."""
+    """Return whether two states are the same equilibrium, or belong to one continuum."""
     if state.neutral and state.neutral == other.neutral:
         return True
     size = 1.0 + float(np.abs(state.state).max(initial=0.0))
@@ -280,7 +279,7 @@ def _same(state: EquilibriumState, other: EquilibriumState) -> bool:
 
 
 def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]]) -> bool:
-    """Return whether a state that was looked for between bounds lies there."""
+    """Return whether a state lies within the bounds of the search."""
     values = dict(zip(system.states, y.tolist(), strict=True))
     return all(
         low <= system.out(name, values[name]) <= high for name, (low, high) in bounds.items()
@@ -290,7 +289,7 @@ def _inside(system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, f
 def _between(
     system: HybridSystem, y: Floats, bounds: Mapping[str, tuple[float, float]], samples: int
 ) -> list[Floats]:
-    """Return the places between bounds from which to look."""
+    """Return the starting points between bounds."""
     if not bounds:
         return []
     from scipy.stats import qmc
@@ -306,7 +305,7 @@ def _between(
         low.append(system.into(name, range_[0]))
         high.append(system.into(name, range_[1]))
     sobol = qmc.Sobol(len(places), scramble=False, seed=SEED)
-    # A whole power of two, as the sequence is made for; the first one is a corner.
+    # Sobol sequences need a power of two; the first point is a corner.
     drawn = sobol.random(1 << (samples - 1).bit_length())[:samples]
     guesses = np.tile(y, (samples, 1))
     guesses[:, places] = qmc.scale(drawn, low, high)

@@ -29,40 +29,37 @@ from mems_impact.systems.validation import tell_of_side
 
 __all__ = ["LyapunovSpectrum", "classify", "lyapunov"]
 
-TRANSIENT = 300.0  # periods, where nothing is said
+TRANSIENT = 300.0  # periods, by default
 DEFAULT_PERIODS = 20_000.0
 LYAPUNOV_OPTIONS = Options(method=ORBIT_OPTIONS.method)
-# Of an exponent near zero the error counts beside this, a growth by a tenth in a period.
+# The error of an exponent near zero is relative to this, a growth by a tenth per period.
 SMALL_EXPONENT_RATIO = 0.1
 
-SURE = 4.0  # standard errors by which an exponent must differ from zero to have a sign
-ZERO_EXPONENT = (
-    1e-3  # in a period; what differs from zero by less has no sign, however small its error
-)
-VAGUE = 0.01  # in a period; an exponent that is zero to no better than this tells nothing
+SURE = 4.0  # number of standard errors by which an exponent with a sign differs from zero
+ZERO_EXPONENT = 1e-3  # per period; a smaller exponent has no sign, however small its error
+VAGUE = 0.01  # per period; a zero exponent with a larger error is undecided
 REST_SPEED = 1e-6  # a state that changes no faster, in the units of the numerics, is at rest
 
 
 def classify(exponent: float, error: float, *, returns: bool | None = None) -> str:
-    """Return what kind of motion has this largest Lyapunov exponent.
+    """Classify a motion by its largest Lyapunov exponent.
 
     Parameters
     ----------
     exponent : float
-        In a period, or in the time within which the system shows what it does; without those that
-        are zero for every motion (see `LyapunovSpectrum.trivial`). -inf where nothing is left of
-        perturbations.
+        Largest exponent per period or time scale, without those that are zero for every motion (see
+        `LyapunovSpectrum.trivial`). -inf if events annihilate perturbations.
     error : float
         Its standard error.
     returns : bool, optional
-        Whether the motion has been seen to repeat after some periods, if that was looked for.
+        Whether the motion was found to repeat after some periods; None if unknown.
 
     Returns
     -------
     str
-        "chaotic": above zero by more than 4 standard errors and 1e-3. "periodic": as much below
-        zero, or zero of a motion that repeats, as near a bifurcation. "quasi-periodic": zero to
-        within 0.01, of a motion that has not been seen to repeat. "undecided": none of these.
+        "chaotic": above zero by more than 4 standard errors and 1e-3. "periodic": below zero by as
+        much, or zero for a motion that repeats, as near a bifurcation. "quasi-periodic": zero to
+        within 0.01 for a motion that was not found to repeat. "undecided": none of these.
 
     See Also
     --------
@@ -91,23 +88,24 @@ class LyapunovSpectrum(Result):
     system : System
     options : Options
     exponents : float array, shape (k,)
-        Largest first, in 1/(the system's unit of time). -inf where events leave nothing of
-        perturbations, as where all bodies come to rest on each other.
+        Largest first, in 1/(the system's unit of time). -inf if events annihilate perturbations,
+        for example when all bodies rest on each other.
     errors : float array, shape (k,)
-        Standard errors, from parts of the run so long that they no longer depend on each other (see
+        Standard errors, from parts of the run long enough to be independent (see
         `docs/lyapunov.md`).
     periods : float
-        Forcing periods over which they were averaged; time scales, where nothing forces the system.
+        Number of forcing periods over which they were averaged; time scales for an autonomous
+        system.
     period : float
-        How long one of these is.
+        Length of one period or time scale.
     converged : bool
-        Whether the errors came below the tolerance before the budget of periods was spent.
+        Whether the errors reached the tolerance within the given number of periods.
     moving : bool
         Whether the state still changes at the end.
     returns : bool or None
-        Whether the motion has been seen to repeat; None where the exponents tell enough.
+        Whether the motion was found to repeat; None where the exponents alone decide.
     final : State
-        Where the run ended; from a spectrum other verbs go on, and `lyapunov` itself.
+        The last state of the run, from which other verbs, and `lyapunov` itself, continue.
 
     See Also
     --------
@@ -140,7 +138,7 @@ class LyapunovSpectrum(Result):
         return f"{type(self).__name__}({told}; {self.kind}, {lasted}{rest})"
 
     def summary(self) -> dict[str, Any]:
-        """Return exponents, kind of motion, and what is not listed."""
+        """Return the exponents, the kind of motion, and which zero exponents are not listed."""
         unit = self.system.unit("time")
         return {
             "system": repr(self.system),
@@ -153,12 +151,12 @@ class LyapunovSpectrum(Result):
 
     @property
     def per_period(self) -> Floats:
-        """The exponents in one forcing period; time scale, where nothing forces the system."""
+        """The exponents per forcing period; per time scale for an autonomous system."""
         return self.exponents * self.period
 
     @property
     def kind(self) -> str:
-        """What `classify` says; "equilibrium" where nothing moves."""
+        """The kind of motion by `classify`; "equilibrium" if the state is constant."""
         if not self.system.forced and not self.moving:
             return "equilibrium"
         others = np.delete(np.arange(self.exponents.size), self.along_flow or [])
@@ -171,7 +169,7 @@ class LyapunovSpectrum(Result):
 
     @property
     def along_flow(self) -> list[int]:
-        """Which exponent is that along the flow itself, zero where nothing forces the system."""
+        """Index of the exponent along the flow, zero for an autonomous system."""
         if self.system.forced or not self.moving:
             return []
         near = int(np.argmin(np.abs(self.exponents)))
@@ -180,7 +178,7 @@ class LyapunovSpectrum(Result):
 
     @property
     def trivial(self) -> tuple[str, ...]:
-        """What is zero for every motion of the system, and whether it is listed."""
+        """The exponents that are zero for every motion, and whether they are listed."""
         automaton, told = self.system.automaton, []
         if self.system.forced:
             told.append("the phase of the forcing: not listed")
@@ -216,35 +214,35 @@ def lyapunov(
     options: Options = LYAPUNOV_OPTIONS,
     progress: bool | Callable[[float], None] = False,
 ) -> LyapunovSpectrum:
-    """Return the Lyapunov exponents of a system's run, from its variational equations.
+    """Compute Lyapunov exponents of a system from its variational equations.
 
-    Perturbations are carried along the arcs by the linearized flow, and through events by saltation
-    matrices (Mueller 1995).
+    The linearized flow propagates perturbations along arcs, saltation matrices propagate them
+    through events (Mueller 1995).
 
     Parameters
     ----------
     system : System, or Actuator and Drive, or Run or Orbit
-        A run stands for its system, and its last state for `initial`.
+        A run provides its system and, as `initial`, its last state.
     count : int, optional
-        How many exponents; 1 by default, 2 where nothing forces the system.
+        Number of exponents; 1 by default, 2 for an autonomous system.
     initial : State or mapping of str to float, optional
-        Where the run starts; the system's own start by default.
+        Initial state; that of the system by default.
     transient : float, optional
-        Forcing periods left out before, >= 0; a time, where nothing forces the system. 300 periods
-        or time scales by default.
+        Forcing periods discarded before, >= 0; a time for an autonomous system. 300 periods or time
+        scales by default.
     periods : float, optional
-        Forcing periods after which to stop whatever the error, > 0; 20,000 by default, or as many
+        Largest number of forcing periods, whatever the error, > 0; 20,000 by default, or as many
         time scales.
     duration : float, optional
-        The same as a time, instead.
+        The same as a time, instead of `periods`.
     tolerance : float, optional
-        Standard error at which to stop: relative to each exponent, or, of one near zero, to 0.1 in
-        a period or time scale.
+        Standard error at which to stop: relative to each exponent or, for an exponent near zero, to
+        0.1 per period or time scale.
     options : Options, optional
-        How it is integrated; by default by method ``"auto"``.
+        Options of the integration; method ``"auto"`` by default.
     progress : bool or callable, optional
-        True: say how far it is if it takes over a second. A function is called with the periods
-        done, several times a second; an exception that it raises ends the run.
+        True: show progress if it takes over a second. A function is called with the periods done,
+        several times a second; an exception that it raises ends the run.
 
     Returns
     -------
@@ -255,10 +253,10 @@ def lyapunov(
     InvalidParameter
         If an argument is out of range.
     RunError
-        If the run cannot go on; its ``trajectory`` is the `LyapunovSpectrum` up to there, or the
-        `Run` of the transient.
+        If the run fails; its ``trajectory`` is the `LyapunovSpectrum` up to there, or the `Run` of
+        the transient.
     RunInterrupted
-        On Ctrl-C, with the same.
+        On Ctrl-C, with the same partial result.
 
     See Also
     --------
@@ -266,9 +264,9 @@ def lyapunov(
 
     Notes
     -----
-    Exponents that are zero for every motion say nothing. That of the phase of the forcing, and
-    those of cyclic components, such as the place of an actuator, are not listed; the one along the
-    flow, where nothing forces the system, is. `LyapunovSpectrum.trivial` tells.
+    Exponents that are zero for every motion carry no information. The one of the phase of the
+    forcing, and those of cyclic components, such as the position of an actuator, are not listed;
+    the one along the flow of an autonomous system is. `LyapunovSpectrum.trivial` lists them.
 
     Examples
     --------
@@ -282,7 +280,9 @@ def lyapunov(
     free = len(free_components(problem.automaton))
     count = min(free, 1 if system.forced else 2) if count is None else whole("count", count, 1)
     if count > free:
-        raise InvalidParameter("count", count, f"1 to {free}: as many states are not cyclic")
+        raise InvalidParameter(
+            "count", count, f"1 to {free}, the number of states that are not cyclic"
+        )
     if not (is_number(tolerance) and tolerance > 0.0):
         raise InvalidParameter("tolerance", tolerance, "a finite number > 0")
     if transient is not None and not (is_number(transient) and transient >= 0.0):
@@ -311,7 +311,7 @@ def _start(
     transient: float | None,
     options: Options,
 ) -> HybridState:
-    """Return where the transient ends."""
+    """Return the state at the end of the transient."""
     unit = 1.0 if system.forced else float(system.out("time", problem.period))
     length = TRANSIENT * unit if transient is None else float(transient)
     if length == 0.0:
@@ -333,7 +333,7 @@ def _run_to_tolerance(
     tolerance: float,
     report: Callable[[float], None] | None,
 ) -> LyapunovSpectrum:
-    """Go on until the errors are small enough, or the budget is spent."""
+    """Continue until the errors reach the tolerance, or for the largest number of periods."""
     chunk = max(1, min(CHUNK, int(most) // (MIN_CHUNKS + 1)))
     stretching = LyapunovIntegrator(problem, start, count, chunk=chunk, uneven=not system.forced)
     done = 0.0
@@ -367,7 +367,7 @@ def _run_to_tolerance(
 def _spectrum(
     system: HybridSystem, problem: Problem, stretching: LyapunovIntegrator, converged: bool
 ) -> LyapunovSpectrum:
-    """Return what is known, in the system's units, largest first."""
+    """Return the spectrum so far, in the system's units, largest exponent first."""
     found, period = stretching.result, float(system.out("time", problem.period))
     order = np.argsort(-found.per_period, kind="stable")
     spectrum = LyapunovSpectrum(
@@ -381,8 +381,8 @@ def _spectrum(
         moving=stretching.speed > REST_SPEED,
         final=system.state_of(stretching.final),
     )
-    # An exponent is zero of a motion that repeats, where one state among others is as good: the
-    # distance of two bodies that stick to each other.
+    # A repeating motion has a zero exponent if it is one of a continuum: the distance of two bodies
+    # that stick to each other.
     if not converged or spectrum.kind != QUASI_PERIODIC:
         return spectrum
     return replace(spectrum, returns=returns(problem, stretching.final, forced=system.forced))

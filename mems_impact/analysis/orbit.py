@@ -51,11 +51,11 @@ if TYPE_CHECKING:
 
 __all__ = ["ORBIT_OPTIONS", "Orbit", "find_orbit", "orbit_of"]
 
-# --- How an orbit violates the rules of its system, in words.
+# --- Descriptions of defects.
 
 
 def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityViolation) -> str:
-    """Return a defect of an orbit of the system as a sentence, in the units of the user."""
+    """Return a description of a defect of an orbit, in the system's units."""
     segment, modes = found.segments[defect.segment], system.modes
     where = f"segment {defect.segment} ({modes[segment.mode]})"
     value = system.margin_amount(defect.guard, defect.value, rate=defect.kind == "reversed")
@@ -71,14 +71,14 @@ def sentence(system: HybridSystem, found: PeriodicOrbit, defect: AdmissibilityVi
     return f"{where}: {defect.guard}, {defect.kind}, {value}"
 
 
-# --- Periodic orbits of a system.
+# --- Periodic orbits.
 
 PERIOD_ENDS = "period ends"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Orbit(Result):
-    """A periodic orbit of a system, stable or not.
+    """A periodic orbit of a system, stable or unstable.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Orbit(Result):
     (True, True)
     """
 
-    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_orbit` does not
+    figure: ClassVar[str] = ""  # "module:function" that draws it instead of `plot_orbit`
     system: HybridSystem = field(repr=False)
     found: PeriodicOrbit = field(repr=False)
 
@@ -126,7 +126,7 @@ class Orbit(Result):
         return f"{type(self).__name__}({length}, impacts={hits}, {kind}, {state})"
 
     def summary(self) -> dict[str, Any]:
-        """Return where it is, and whether it is stable and one of the system's."""
+        """Return its parameters and state, its stability and its admissibility."""
         largest = self.multipliers[:3].tolist()
         lasts = self.system.scales.label("period", self.system.unit("time"))
         return {
@@ -141,12 +141,12 @@ class Orbit(Result):
 
     @property
     def period(self) -> float:
-        """The forcing period, of which the orbit takes `periods`; or that of a limit cycle."""
+        """The forcing period, of which the orbit takes `periods`, or the period of a limit cycle."""
         return float(self.system.out("time", self.found.point.period))
 
     @property
     def options(self) -> Options:
-        """How it is integrated."""
+        """Options of the integration."""
         return self._problem.options
 
     @property
@@ -156,7 +156,7 @@ class Orbit(Result):
 
     @property
     def state(self) -> State:
-        """The state where a forcing period begins; ``initial`` of a run along the orbit."""
+        """The state at the start of a forcing period; ``initial`` of a run along the orbit."""
         mode = self.found.segments[0].mode
         y = self.system.snap_to_mode(mode, self.found.state)
         return self.system.state_of(HybridState(0, 0.0, mode, y))
@@ -165,8 +165,8 @@ class Orbit(Result):
     def multipliers(self) -> NDArray[np.complex128]:
         """Floquet multipliers over the whole orbit, largest first.
 
-        Of the components of the state that are free where the orbit begins: x2 and v2 where the
-        frame of an actuator is stuck. A single 0 where none is: at rest on a stopper.
+        One per component of the state that is free at the start of the orbit: x2 and v2 if the
+        frame of an actuator is stuck. A single 0 if none is free, as at rest on a stopper.
         """
         return self.found.multipliers
 
@@ -177,22 +177,22 @@ class Orbit(Result):
 
     @property
     def admissible(self) -> bool:
-        """Whether the system has this orbit; if not, `defects` says why."""
+        """Whether the orbit obeys all guards; otherwise `defects` lists the violations."""
         return self.found.admissible
 
     @property
     def defects(self) -> tuple[str, ...]:
-        """In words, how the solution violates the rules of the system."""
+        """Violations of the system's guards and transitions, one sentence each."""
         return tuple(sentence(self.system, self.found, defect) for defect in self.found.defects)
 
     @property
     def residual(self) -> float:
-        """Largest residual of the equations of the orbit, in the units of the numerics."""
+        """Largest residual of the equations of the orbit, in scaled units."""
         return self.found.residual
 
     @property
     def gains(self) -> dict[str, float]:
-        """What each cyclic state gains over the orbit."""
+        """The change of each cyclic state over the orbit."""
         cyclic = (self.system.states[i] for i in self.system.automaton.cyclic)
         return {
             name: self.system.out(name, float(gain))
@@ -201,9 +201,9 @@ class Orbit(Result):
 
     @property
     def closest_approach(self) -> float:
-        """Smallest gap at which two bodies turn back from each other, NaN if nowhere.
+        """Smallest gap at which two bodies turn back without an impact, NaN if there is none.
 
-        Negative on an inadmissible orbit that penetrates.
+        Negative for an inadmissible orbit with penetration.
         """
         guards = self.system.automaton.guards
         gaps = [i for i, guard in enumerate(guards) if guard.impact]
@@ -216,28 +216,28 @@ class Orbit(Result):
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """One row a transition, with the columns of `Run.events`."""
+        """One row per transition, with the columns of `Run.events`."""
         return run_tables.events(
             self._log, self.found.point.period, self.system, self._observed(self._log)
         )
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """One row an impact, with the columns of `Run.impacts`."""
+        """One row per impact, with the columns of `Run.impacts`."""
         hits = self._hits
         return run_tables.impacts(hits, self.found.point.period, self.system, self._observed(hits))
 
     @cached_property
     def corners(self) -> pd.DataFrame:
-        """One row a transition, with the columns of `Run.corners`."""
+        """One row per transition, with the columns of `Run.corners`."""
         return run_tables.corners(self._log, self._problem.period, self.system)
 
     @cached_property
     def segments(self) -> pd.DataFrame:
-        """One row a stretch of the orbit within one mode and one forcing period.
+        """One row per segment of the orbit within one mode and one forcing period.
 
-        Columns: period, mode, start and end (since the start of that forcing period), and what
-        ends it.
+        Columns: period, mode, start and end (since the start of that forcing period), and the event
+        at its end.
         """
         shown = self.found.segments
         return run_tables.segments(
@@ -250,12 +250,12 @@ class Orbit(Result):
         )
 
     def section(self, direction: int = 0) -> pd.DataFrame:
-        """Return the crossings of the Poincaré section: without one, where periods begin.
+        """Return the crossings of the Poincaré section or, without one, the starts of periods.
 
         Parameters
         ----------
         direction : {0, 1, -1}, optional
-            Both directions, upwards or downwards.
+            Direction of the crossings: both (0), upwards (1) or downwards (-1).
         """
         check_direction("direction", direction)
         if self.system.section is None:
@@ -266,7 +266,7 @@ class Orbit(Result):
     def samples(self, per_period: int = 200) -> pd.DataFrame:
         """Return the state at equal intervals over the orbit, with the columns of `Run.samples`.
 
-        An inadmissible orbit is sampled as it was solved, through what is in its way.
+        An inadmissible orbit is sampled as it was solved, with penetration.
         """
         grid = self._grid(whole("per_period", per_period, 1))
         return run_tables.samples(grid, self.found.point.period, self.system)
@@ -289,7 +289,7 @@ class Orbit(Result):
 
     @cached_property
     def _crossings(self) -> Events:
-        """The crossings of the section, either way."""
+        """The crossings of the section in both directions."""
         parts = []
         for cycle, offset, trajectory, _ in self._arcs():
             log = trajectory.events.crossings(0)
@@ -299,7 +299,7 @@ class Orbit(Result):
 
     @cached_property
     def impact_speeds(self) -> list[float]:
-        """The speed at which the bodies meet in each impact: the rate of its margin."""
+        """The closing speed of the bodies in each impact: the rate of the gap."""
         guards = self.system.automaton.guards
         m, time = len(guards), float(self.system.factor("time"))
         units = [self.system.margin_unit(guard.name) / time for guard in guards]
@@ -334,10 +334,9 @@ class Orbit(Result):
 
     @cached_property
     def shown_states(self) -> dict[str, Floats]:
-        """The displayed states of the system, at the section upwards or where periods begin.
+        """The displayed states, at upward crossings of the section or starts of periods.
 
-        Of a cycle, which begins anywhere, the largest values where there is no section. Each with
-        the largest first.
+        For a limit cycle without a section, their largest values. Each state in descending order.
         """
         if self.system.section is not None:
             y = self._crossings.crossings(1).after
@@ -374,7 +373,7 @@ class Orbit(Result):
 
     @cached_property
     def _log(self) -> Events:
-        """The events of the orbit, in the form of a run's."""
+        """The events of the orbit, in the form of those of a run."""
         automaton = self.system.automaton
         m, n = len(automaton.guards), len(automaton.states)
         cyclic = list(automaton.cyclic)
@@ -408,11 +407,10 @@ class Orbit(Result):
         return later
 
     def _arcs(self, per_period: int = 0) -> Iterator[tuple[int, Floats, Trajectory, Samples]]:
-        """Integrate the orbit's segments, each in its mode to its end whatever the guards say.
+        """Integrate the segments of the orbit, each in its mode to its end, ignoring guards.
 
-        The orbit may penetrate what it strikes, and one that is very unstable would be left by a
-        run. With each come its forcing period, what the cyclic states had gathered before, and its
-        samples, so many per period.
+        The orbit may penetrate, and a run would leave a very unstable orbit. Each arc is returned
+        with its forcing period, the cyclic states before it, and its samples.
         """
         found, problem = self.found, self._problem
         cyclic = list(problem.automaton.cyclic)
@@ -420,7 +418,7 @@ class Orbit(Result):
         states, _ = found.shooting.unpack(found.point.unknowns)
         offset = np.zeros(len(problem.automaton.states))
         for i, segment in enumerate(found.segments):
-            # Where an event meets the start of a period, its time may be below zero by rounding.
+            # At the start of a period the time of an event may be negative by rounding.
             start, end = max(float(found.point.starts[i]), 0.0), float(found.point.ends[i])
             if end > start:
                 y = self.system.snap_to_mode(segment.mode, states[i])
@@ -438,19 +436,19 @@ class Orbit(Result):
 
 
 def orbit_of(system: HybridSystem, found: PeriodicOrbit) -> Orbit:
-    """Return an orbit in the user's terms, at its own parameters."""
+    """Return an orbit of `orbits` as an `Orbit` at its own parameters."""
     orbit: Orbit = (system.orbit_type or Orbit)(system=system.at(found.family.values), found=found)
     return orbit
 
 
-# --- Finding a periodic orbit near a state.
+# --- Search for a periodic orbit.
 
 ORBIT_OPTIONS = Options(method="auto", rtol=1e-11, atol=1e-13)
 """Tighter than for runs, as special points are located to ten digits."""
-DEFECTS = 3  # of a solution that is no orbit, that a message tells
+DEFECTS = 3  # largest number of defects in a message
 UNFORCED_PROBLEM = (
-    "nothing in the system depends on t, and its motion does not repeat with this period: leave "
-    "period= out of the System, and its own cycle is found"
+    "no function of the system depends on t, and its motion does not repeat with this period: omit "
+    "period= of the System to find its limit cycle"
 )
 
 
@@ -466,28 +464,29 @@ def find_orbit(
 ) -> Orbit:
     """Find a periodic orbit near a state.
 
-    Its modes and events are read off a run from `guess`; all its states and event times are then
-    corrected together by Newton's method, which finds unstable orbits as well. Where nothing forces
-    the system the orbit is a limit cycle, whose period is found with it.
+    A run from `guess` provides modes and events; Newton's method then corrects all states and event
+    times together (multiple shooting), and finds unstable orbits as well. For an autonomous system
+    the orbit is a limit cycle, and its period is an unknown.
 
     Parameters
     ----------
     system : System, or Actuator and Drive, or Run
-        A run stands for its system, and its last state for `guess`.
+        A run provides its system and, as `guess`, its last state.
     guess : State or mapping of str to float, optional
-        A state near the orbit, such as the last one of a run; the system's start by default.
+        A state near the orbit, such as the last state of a run; by default the initial state of the
+        system.
     periods : int, optional
-        Forcing periods after which the orbit closes, >= 1; recognised from a run by default.
+        Number of forcing periods after which the orbit closes, >= 1; detected in a run by default.
     period : float, optional
-        Of a cycle near `guess`, roughly; recognised from a run by default. Of a system without
-        forcing.
+        Approximate period of a limit cycle near `guess`, for an autonomous system; detected in a
+        run by default.
     transient : float, optional
-        Forcing periods to run before that, >= 0: a stable orbit attracts. A time, where nothing
-        forces the system.
+        Forcing periods to run before the search, >= 0, so that the run approaches a stable orbit. A
+        time for an autonomous system.
     options : Options, optional
-        How it is integrated; by default to 1e-11 relative and 1e-13 absolute, with method
-        ``"auto"``: the run from the guess tells whether the orbit takes ``"dop853"``, or ``"bdf"``
-        because it is stiff. `Orbit.options` has what was taken.
+        Options of the integration; by default tolerances of 1e-11 relative and 1e-13 absolute, and
+        method ``"auto"``: the run from the guess selects ``"dop853"`` or, if the system is stiff,
+        ``"bdf"``. `Orbit.options` holds the selected method.
 
     Returns
     -------
@@ -496,17 +495,17 @@ def find_orbit(
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or the system has a period though none of its functions
-        depends on time.
+        If an argument is out of range, or the system has a forcing period although none of its
+        functions depends on time.
     OrbitError
-        If there is no orbit near the guess, or the motion does not return, diverges, comes to
-        rest, or grows for ever in a state that is to be `cyclic`; its ``partial`` is the `State`
-        that was reached. If the equations have a solution that is no orbit of the system: then that
-        is the `Orbit`, whose ``defects`` say why not.
+        If there is no orbit near the guess, or the motion does not return, diverges, comes to rest,
+        or grows without bound in a state that should be `cyclic`; its ``partial`` is the `State`
+        that was reached. If the converged solution is inadmissible; its ``partial`` is this
+        `Orbit`, whose ``defects`` list the violations.
     RunError
         If the run from the guess fails.
     FunctionError
-        If a function does not do what it must in a mode of the orbit that no run has come to.
+        If a function is wrong in a mode of the orbit that no run has reached.
 
     See Also
     --------
@@ -530,10 +529,10 @@ def find_orbit(
     if not is_number(transient) or transient < 0.0:
         raise InvalidParameter("transient", transient, "a finite number >= 0")
     if not system.forced and periods is not None:
-        refusal = "the system has no forcing period that an orbit could take several of"
+        refusal = "the system has no forcing period to count"
         raise InvalidParameter("periods", periods, "", problem=refusal)
     if system.forced and period is not None:
-        refusal = "an orbit of this system takes whole forcing periods: give periods="
+        refusal = "an orbit of this system closes after whole forcing periods: give periods="
         raise InvalidParameter("period", period, "", problem=refusal)
     chosen = ORBIT_OPTIONS if options is None else options
     problem = system.problem(chosen)
@@ -569,7 +568,7 @@ def find_orbit(
         elif isinstance(error.partial, HybridState):
             error.partial = system.state_of(error.partial)
         raise
-    # At rest all repeats with any period; but a motion that leaves it does not.
+    # A state of rest repeats with any period; a motion that leaves it does not.
     if system.forced and not found.stable and not is_time_dependent(problem, start.y):
         raise _unforced(system)
     meets = mode_monitor(system, problem)
@@ -581,9 +580,9 @@ def find_orbit(
     orbit = orbit_of(system, found)
     if not orbit.admissible:
         raise OrbitError(
-            f"what solves the equations here is no orbit: {'; '.join(orbit.defects[:DEFECTS])}",
-            "let transients die out (transient=…) or give a guess with the events of an orbit; "
-            "what was found is in .partial",
+            f"the converged solution is inadmissible: {'; '.join(orbit.defects[:DEFECTS])}",
+            "give a longer transient=, or a guess with the events of an orbit; "
+            "the solution is in .partial",
             orbit,
         )
     return orbit
@@ -592,7 +591,7 @@ def find_orbit(
 def _diverged(
     error: OrbitError | RunError, system: HybridSystem, problem: Problem
 ) -> OrbitError | None:
-    """Return what tells where a motion has diverged; None if that is not why none was found."""
+    """Return an error that states where the motion diverged; None if it did not."""
     if isinstance(error, RunError):
         at = error.trajectory.final if isinstance(error.trajectory, Trajectory) else None
     else:
@@ -610,7 +609,7 @@ def _diverged(
 def _drifting(
     system: HybridSystem, problem: Problem, start: HybridState, transient: float
 ) -> OrbitError | None:
-    """Return what tells which states grow for ever; None if that is not why none was found."""
+    """Return an error that states which states grow without bound; None if none does."""
     names = system.states
     units = np.array([float(system.into(name, 1.0)) for name in names])
     try:
@@ -642,8 +641,8 @@ def _drifting(
             "2 pi",
         ),
         "together": (
-            "functions read only how far apart they are",
-            f"take the distances between {together} as states, and of their places only one, in "
+            "functions read only the distance between them",
+            f"take the distances between {together} as states, and only one of their positions, in "
             "cyclic=",
         ),
     }[drift.kind]
@@ -657,7 +656,7 @@ def _unforced(system: HybridSystem) -> InvalidParameter:
 
 
 def _reached(point: ShootingEvaluation, system: HybridSystem) -> State | None:
-    """Return the first state of an iteration that did not converge."""
+    """Return the state at the start of the orbit, from an iteration that did not converge."""
     free = [i for i in range(len(system.states)) if i not in system.automaton.cyclic]
     y = np.zeros(len(system.states))
     y[free] = point.unknowns[: len(free)]

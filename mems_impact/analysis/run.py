@@ -32,9 +32,9 @@ Keep = Literal["events", "statistics"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run(Result):
-    """A run of a system; its tables are made when they are first asked for.
+    """A run of a system. Its tables are computed on first access.
 
-    Results are in the units of the system, which stand in ``table.attrs["units"]``.
+    Results are in the units of the system, given in ``table.attrs["units"]``.
 
     Attributes
     ----------
@@ -42,12 +42,12 @@ class Run(Result):
     options : Options
     keep : {"events", "statistics"}
     window : tuple of float
-        First and last forcing period of the statistics; times, where nothing forces the system.
+        First and last forcing period of the statistics; times for an autonomous system.
     trajectory : Trajectory
-        What the event loop returned: the events as arrays, the first and last instant; always in
-        the units of the numerics.
+        The result of the event loop: the events as arrays, the first and last instant; always in
+        scaled units.
     ended : str
-        What ended the run: "time", "until", or "still".
+        Reason why the run ended: "time", "until", or "still".
 
     See Also
     --------
@@ -72,8 +72,8 @@ class Run(Result):
     options: Options = field(repr=False)
     keep: Keep
     window: tuple[float, float]
-    figure: ClassVar[str] = ""  # "module:function" that draws it, where `plot_run` does not
-    scene: ClassVar[str] = ""  # and that moves it, where `animate` does not
+    figure: ClassVar[str] = ""  # "module:function" that draws it instead of `plot_run`
+    scene: ClassVar[str] = ""  # and that animates it instead of `animate`
     trajectory: Trajectory = field(repr=False)
     ended: str = "time"
     _gatherer: StatisticsAccumulator | LazyStatistics = field(repr=False, compare=False)
@@ -91,7 +91,7 @@ class Run(Result):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what was run, how long, and where it ended."""
+        """Return the system, the length of the run, and its last state."""
         first, last = (border * self._unit for border in self.extent)
         return {
             "system": repr(self.system),
@@ -106,7 +106,7 @@ class Run(Result):
 
     @property
     def arcs(self) -> dict[str, int]:
-        """How many arcs, from one transition or handover to the next, each method has taken."""
+        """Number of arcs, between transitions or handovers, integrated by each method."""
         count, implicit = self.trajectory.arcs, self.trajectory.implicit_arcs
         if self.options.method != "auto":
             return {str(self.options.method): count}
@@ -114,9 +114,9 @@ class Run(Result):
 
     @cached_property
     def handovers(self) -> pd.DataFrame:
-        """One row a change of method by ``"auto"``: when, in which mode, the method from then on.
+        """One row per change of method by ``"auto"``: its time, the mode, the new method.
 
-        An arc begins with the method with which the last one in its mode has ended.
+        An arc starts with the method at the end of the previous arc in its mode.
         """
         log = self._log("handovers").handovers
         return run_tables.handovers(log, self.trajectory.period, self.system)
@@ -133,34 +133,34 @@ class Run(Result):
 
     @property
     def extent(self) -> tuple[float, float]:
-        """Where the run begins and ends, in forcing periods (0: start of the first of them)."""
+        """Start and end of the run, in forcing periods (0: start of the first one)."""
         start, final = self.trajectory.start, self.trajectory.final
         period = self.trajectory.period
         return start.cycle + start.time / period, final.cycle + final.time / period
 
     @property
     def final(self) -> State:
-        """The state at the end; ``initial`` of a run that goes on from there."""
+        """The state at the end; ``initial`` of a run that continues this one."""
         return self.system.state_of(self.trajectory.final)
 
     @cached_property
     def events(self) -> pd.DataFrame:
-        """One row a transition: when, event, modes before and after, state after, observables."""
+        """One row per transition: time, event, modes before and after, state after, observables."""
         log = self._log("events")
         return run_tables.events(log, self.trajectory.period, self.system, self._observed(log))
 
     @cached_property
     def impacts(self) -> pd.DataFrame:
-        """One row an impact: when, which, the states before and after it, observables."""
+        """One row per impact: time, guard, states before and after, observables."""
         log = self._log("impacts")
         hits = log[log.impacts(self.system.automaton)]
         return run_tables.impacts(hits, self.trajectory.period, self.system, self._observed(hits))
 
     @cached_property
     def corners(self) -> pd.DataFrame:
-        """One row a transition: when, event, modes, whether it is an impact, states around it.
+        """One row per transition: time, event, modes, whether it is an impact, states around it.
 
-        Where a curve of the motion has its corners and jumps.
+        At these instants the curves of the states have corners and jumps.
         """
         return run_tables.corners(self._log("corners"), self.trajectory.period, self.system)
 
@@ -170,13 +170,13 @@ class Run(Result):
         Parameters
         ----------
         direction : {0, 1, -1}, optional
-            Both directions, upwards or downwards.
+            Direction of the crossings: both (0), upwards (1) or downwards (-1).
 
         Returns
         -------
         DataFrame
-            When, the state, the direction; one row a crossing. Of a system with forcing and no
-            section of its own, the states at the beginnings of the forcing periods.
+            Time, state and direction; one row per crossing. For a system with forcing and no
+            section, the states at the starts of the forcing periods.
         """
         check_direction("direction", direction)
         log = self._log("section")
@@ -192,16 +192,16 @@ class Run(Result):
         Parameters
         ----------
         per_period : int, optional
-            Samples per forcing period, > 0; of a system without forcing, samples in its
-            ``time_scale`` (1 by default).
+            Samples per forcing period, > 0; for an autonomous system, samples per ``time_scale`` (1
+            by default).
         first, last : float, optional
-            Forcing periods between which to sample; the whole run by default. Times, where nothing
-            forces the system.
+            First and last forcing period of the samples; the whole run by default. Times for an
+            autonomous system.
 
         Returns
         -------
         DataFrame
-            When, the state, the mode.
+            Time, state and mode.
         """
         self._log("samples")
         whole = isinstance(per_period, int | np.integer) and not isinstance(per_period, bool)
@@ -221,11 +221,11 @@ class Run(Result):
         return run_tables.samples(grid, self.trajectory.period, self.system)
 
     def verify(self) -> Verification:
-        """Run the same again by an unrelated method, more precisely, and compare event by event.
+        """Repeat the run by an independent, more precise method and compare event by event.
 
-        A run by Adams or BDF is verified by dop853 and one by dop853 or ``"auto"`` by Adams, with a
+        A run by Adams or BDF is verified by dop853, a run by dop853 or ``"auto"`` by Adams, with a
         hundredth of its tolerances (rtol at least 1e-13, atol 1e-15). In a stiff system ``"auto"``
-        takes the place of dop853 and BDF that of Adams, so that what is stiff is run by BDF again.
+        replaces dop853 and BDF replaces Adams, so that BDF repeats the stiff arcs.
 
         Returns
         -------
@@ -235,14 +235,14 @@ class Run(Result):
         Raises
         ------
         InvalidParameter
-            If the run has kept no events.
+            If the run was made with ``keep="statistics"``.
         RunError
-            If the second run cannot go on.
+            If the second run fails.
 
         Warns
         -----
         StiffnessWarning
-            If a run by BDF is so stiff that dop853 takes long.
+            If a run by BDF is so stiff that dop853 takes a long time.
 
         Examples
         --------
@@ -253,7 +253,7 @@ class Run(Result):
         'agree to the end, period 50'
         """
         self._log("verification")
-        chose = self.options.method == "auto"  # it has seen whether the system is stiff
+        chose = self.options.method == "auto"  # which has detected whether the system is stiff
         stiff = self.trajectory.stiff if chose else self.trajectory.automaton.stiff
         problem = self.system.problem(other_family(self.options, stiff=stiff))
         try:
@@ -265,30 +265,30 @@ class Run(Result):
 
     @cached_property
     def statistics(self) -> pd.Series:
-        """What happened in the window, number by number."""
+        """The statistics of the window."""
         return run_tables.statistics(self.gathered, self.system)
 
     @cached_property
     def gathered(self) -> Mapping[str, float]:
-        """The statistics as numbers by name, in the units of the numerics."""
+        """The statistics by name, in scaled units."""
         borders = [self._state_at(border) for border in (0, 1)]
         return self.gatherer.result(self.trajectory.final, borders)
 
     @property
     def gatherer(self) -> StatisticsAccumulator:
-        """What has gathered the statistics, with all events."""
+        """The accumulator of the statistics, after all events."""
         waiting = self._gatherer
         return waiting.ready if isinstance(waiting, LazyStatistics) else waiting
 
     @property
     def _unit(self) -> float:
-        """What arguments count in: forcing periods, or a unit of time where nothing forces."""
+        """Unit of the arguments: forcing periods, or the unit of time of an autonomous system."""
         if self.system.forced:
             return 1.0
         return float(self.system.out("time", self.trajectory.period))
 
     def _state_at(self, border: int) -> Floats:
-        """Return the state where the window begins (0) or ends (1)."""
+        """Return the state at the start (0) or end (1) of the window."""
         final, period = self.trajectory.final, self.trajectory.period
         first, last = (value / self._unit for value in self.window)
         cycle, time = TimeWindow(first, last, period).instant(border)
@@ -298,7 +298,7 @@ class Run(Result):
         wait = (cycle - anchor.cycle) + (time - anchor.time) / period
         if wait <= 0.0 or not self.system.moves(anchor):
             return anchor.y
-        # Integrate the arc that reaches across the border again, up to there.
+        # Integrate the arc that contains this instant again, up to it.
         problem = self.system.problem(self.options)
         try:
             return integrate(problem, anchor, wait, consume=lambda _: None).final.y
@@ -317,6 +317,6 @@ class Run(Result):
 
 
 def check_direction(field: str, direction: object) -> None:
-    """Raise InvalidParameter unless `direction` is that of crossings of a section."""
+    """Raise InvalidParameter unless `direction` is 1, -1 or 0."""
     if direction not in (-1, 0, 1):
         raise InvalidParameter(field, direction, "1 (upwards), -1 (downwards) or 0 (both)")

@@ -1,4 +1,4 @@
-"""Classes of this room that result files may contain."""
+"""Serialization of the results of this subpackage."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ TRAJECTORY = ("start", "final", "events", "steps", "arcs", "ended", "implicit_ar
 
 
 def restored(told: Mapping[str, Any], reader: Reader) -> HybridSystem:
-    """Return the system of a description: the user's own, at these parameters, if it is given."""
+    """Return the system of a description: the user's own at these parameters, if given."""
     if reader.system is None:
         return DetachedSystem(told, reader.path)
     check_same_system(reader.system, told, reader.path)
@@ -56,12 +56,12 @@ def restored(told: Mapping[str, Any], reader: Reader) -> HybridSystem:
 
 
 def variables(value: Any) -> Mapping[str, Any]:
-    """Return all that an object holds."""
+    """Return all attributes of an object."""
     return vars(value)
 
 
 def register_object(kind: type, name: str = "") -> None:
-    """Let the objects of a class be stored that have no more to them than their variables."""
+    """Register a class whose objects consist of their attributes."""
 
     def whole(**found: Any) -> Any:
         value: Any = object.__new__(kind)
@@ -72,7 +72,7 @@ def register_object(kind: type, name: str = "") -> None:
 
 
 def register_run(kind: type[run.Run]) -> None:
-    """Let the runs of a class be stored: without the problem, which their system makes."""
+    """Register a class of runs, stored without the problem, which their system provides."""
 
     def parts(value: run.Run) -> Mapping[str, Any]:
         return {

@@ -23,7 +23,7 @@ from mems_impact.systems.validation import mode_monitor, tell_of_side
 
 __all__ = ["simulate"]
 
-# --- Runs that end when nothing goes on any more.
+# --- Runs until standstill.
 
 UNTIL_STILL = "still"
 FIRST, MORE = 64, 4  # periods of the first attempt, and how many times as long the next one is
@@ -35,19 +35,19 @@ def run_until_standstill(
     run: Callable[[float], Run],
     most: float,
 ) -> Run:
-    """Return the run up to where the system stands still, or over `most` periods if it never does.
+    """Return the run until standstill, or over `most` periods if there is none.
 
-    A run has the same steps however far it goes, so that what a longer one has shown holds for the
-    one that ends there.
+    The steps of a run do not depend on its length, so that a standstill found in a longer run holds
+    for the run that ends there.
 
     Parameters
     ----------
     still : callable
-        ``still(trajectory)``, the periods after which the system stands still; None if it does not.
+        ``still(trajectory)`` returns the number of periods until standstill, or None.
     attempt, run : callable
-        Runs over so many periods: with events, and as it was asked for.
+        Run over a number of periods: with events, and with the requested options.
     most : float
-        Periods.
+        Largest number of periods.
     """
     length = min(float(FIRST), most)
     while True:
@@ -59,9 +59,9 @@ def run_until_standstill(
         length = min(MORE * length, most)
 
 
-# --- One run of a system from an initial state.
+# --- One run from an initial state.
 
-DEFAULT_PERIODS_FORCED = 300  # of a system with forcing, where nothing is said
+DEFAULT_PERIODS_FORCED = 300  # of a system with forcing, by default
 
 
 @takes_system(start="initial")
@@ -77,7 +77,7 @@ def simulate(
     options: Options = Options(),  # noqa: B008 - immutable
     progress: bool | Callable[[float], None] = False,
 ) -> Run:
-    """Simulate a system; ``simulate(actuator, drive, …)`` an actuator under a drive.
+    """Simulate a system, or an actuator under a drive: ``simulate(actuator, drive, …)``.
 
     Parameters
     ----------
@@ -85,26 +85,25 @@ def simulate(
     periods : float, optional
         Length of the run in forcing periods, > 0; 300 by default.
     duration : float, optional
-        Length of the run in time, instead.
+        Length of the run in time, instead of `periods`.
     until : callable or "still", optional
-        ``until(mode, t, y, p)``, positive while the run goes on: it ends where this falls through
-        zero. Of an actuator ``p`` has the eleven parameters of the device; besides, ``"still"``:
-        the run ends when its motion repeats and the frame gets nowhere, or after `periods` if that
-        does not come; `Run.ended` tells.
+        ``until(mode, t, y, p)``, positive during the run, which ends where it falls through zero.
+        For an actuator ``p`` holds the eleven parameters of the device, and ``"still"`` ends the
+        run when the motion repeats without net displacement of the frame, or after `periods`;
+        `Run.ended` holds the reason.
     initial : State or mapping of str to float, optional
-        Where the run starts; the system's own start by default.
+        Initial state; that of the system by default.
     window : tuple of float, optional
-        First and last forcing period of the statistics, within the run; by default its last half,
-        or all of it with `until`.
-        Periods are counted from the start of the forcing period in which the run begins. Times,
-        where nothing forces the system.
+        First and last forcing period of the statistics, within the run and counted from the start
+        of the forcing period in which the run begins; by default the second half of the run, or all
+        of it with `until`. Times for an autonomous system.
     keep : {"events", "statistics"}, optional
-        ``"statistics"`` keeps no events, so that memory does not grow with the run.
+        ``"statistics"`` discards events, so that memory does not grow with the length of the run.
     options : Options, optional
-        How it is integrated.
+        Options of the integration.
     progress : bool or callable, optional
-        True: say how far it is if the run takes over a second. A function is called with the
-        periods done, several times a second; an exception that it raises ends the run.
+        True: show progress if the run takes over a second. A function is called with the periods
+        done, several times a second; an exception that it raises ends the run.
 
     Returns
     -------
@@ -115,10 +114,10 @@ def simulate(
     InvalidParameter
         If an argument is out of range.
     RunError
-        If the run cannot go on; its ``trajectory`` is the `Run` up to there.
+        If the run fails; its ``trajectory`` is the `Run` up to there.
     FunctionError
-        If a function does not do what it must in a mode that the run was the first to come to; its
-        ``trajectory`` is the `Run`.
+        If a function is wrong in a mode that this run is the first to reach; its ``trajectory`` is
+        the `Run`.
 
     See Also
     --------
@@ -126,9 +125,9 @@ def simulate(
 
     Notes
     -----
-    An actuator starts at rest in the middle by default. A sliding frame is allowed; a block on a
-    stopper that moves into it strikes at once. The frame at rest stays so if static friction holds
-    it: the initial mode follows from Equation (4) of the paper.
+    By default an actuator starts at rest in the middle. The frame may slide at the start; a block
+    on a stopper that moves into it strikes at once. A frame at rest sticks if static friction can
+    hold it: the initial mode follows from Equation (4) of the paper.
 
     Examples
     --------
@@ -160,7 +159,7 @@ def simulate(
     periods = _length(system, periods, duration, until, problem.period)
     if keep not in get_args(Keep):
         raise InvalidParameter("keep", keep, f"one of {', '.join(get_args(Keep))}")
-    half = until is None  # of a run that ends nobody knows where, all counts
+    half = until is None  # the end of the run is unknown, so all of it counts
     first, last = _window(window, start.time / problem.period, periods, unit, half)
     begin = partial(system.gatherer, problem, start, TimeWindow(first, last, problem.period))
     gatherer = begin()
@@ -232,7 +231,7 @@ def _length(
             raise InvalidParameter(field, value, "a finite number > 0")
     if duration is not None:
         if periods is not None:
-            raise InvalidParameter("duration", duration, "given, or periods, not both")
+            raise InvalidParameter("duration", duration, "None where periods is given")
         return float(system.into("time", duration)) / period
     if system.forced:
         return float(DEFAULT_PERIODS_FORCED if periods is None else periods)
@@ -240,7 +239,7 @@ def _length(
         problem = "the system has no forcing period: give duration="
         raise InvalidParameter("periods", periods, "", problem=problem)
     if until is None:
-        problem = "the system has no forcing period: say how long to run, or until="
+        problem = "the system has no forcing period: give duration= or until="
         raise InvalidParameter("duration", None, "", problem=problem)
     return float(MAX_CYCLE) / 2.0
 
@@ -248,7 +247,7 @@ def _length(
 def _window(
     window: tuple[float, float] | None, phase: float, periods: float, unit: float, half: bool
 ) -> tuple[float, float]:
-    """Return the window in periods of the problem; `unit` is what it is given in."""
+    """Return the window in periods of the problem; `unit` is the unit of the argument."""
     end = phase + periods
     if window is None:
         return phase + (0.5 * periods if half else 0.0), end
@@ -258,7 +257,7 @@ def _window(
     except (TypeError, ValueError):
         raise InvalidParameter("window", window, allowed) from None
     numbers = is_number(first) and is_number(last)
-    # The last digits of a phase shall not matter.
+    # The comparison must not depend on the last digits of a phase.
     if not (numbers and 0.0 <= first < last <= end * (1.0 + 1e-12) and last > phase):
         raise InvalidParameter("window", window, allowed)
     return max(float(first), phase), min(float(last), end)

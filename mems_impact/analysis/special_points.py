@@ -25,16 +25,16 @@ from mems_impact.systems.result import Result
 __all__ = ["CodimensionTwo", "GrazingType", "SpecialPoint", "check_kind", "grazing_type"]
 
 GRAZING_SEARCH_RATIO = (
-    1e-3  # within this part of its parameter, the other side of a grazing is looked for
+    1e-3  # relative range of the parameter in which the other side of a grazing is sought
 )
 
 
 class GrazingType(StrEnum):
-    """How the attractor leaves a grazing orbit when the parameter goes on.
+    """Type of a grazing bifurcation: the attractor beyond it.
 
-    CONTINUOUS: a small attractor with impacts bifurcates from it, the paper's type II. JUMP: the
-    next attractor is far away, and there is hysteresis, type I. DIED_EARLIER: the orbit was
-    unstable before it grazed, the stable one having vanished in a fold, type III.
+    CONTINUOUS: a small attractor with impacts bifurcates from the grazing orbit, the paper's type
+    II. JUMP: the next attractor is far away, with hysteresis, type I. DIED_EARLIER: the orbit is
+    already unstable when it grazes, since the stable orbit vanished in a fold, type III.
 
     See Also
     --------
@@ -61,24 +61,25 @@ class GrazingType(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpecialPoint(Result):
-    """A point of a branch at which something happens.
+    """A special point of a branch of periodic orbits.
 
     Attributes
     ----------
     kind : str
         "grazing", "fold", "period-doubling", "Neimark-Sacker", "branch point" (another branch
-        crosses, as in symmetric systems), the guard that is touched, such as "break-away", "onset
-        of complete chatter" (beyond it impacts no longer accumulate into a rest), or "unexplained"
-        where the number of unstable multipliers changes and no such point is found.
+        crosses, as in symmetric systems), the name of another guard that is touched, such as
+        "break-away", "onset of complete chatter" (beyond it the chatter sequence no longer ends in
+        sticking contact), or "unexplained" where the number of unstable multipliers changes without
+        such a point.
     label : str
-        As in the paper: G, CF, PD; NS, BP, CC, ?; else the kind.
+        G, CF or PD, as in the paper; NS, BP, CC, ?; for another guard the kind.
     parameter : str
     value : float
-        Of the parameter.
+        Value of the parameter.
     orbit : Orbit
-        There.
+        The orbit at that value.
     bounds : tuple of float
-        Of the branch.
+        Bounds of the branch.
 
     See Also
     --------
@@ -116,7 +117,7 @@ class SpecialPoint(Result):
         return self.orbit.system
 
     def summary(self) -> dict[str, Any]:
-        """Return what happens, where, and to which orbit."""
+        """Return the kind, the values of the parameters and the orbit."""
         return {
             "kind": self.kind,
             self.system.label(self.parameter): self.value,
@@ -125,14 +126,14 @@ class SpecialPoint(Result):
 
     @property
     def multipliers(self) -> NDArray[np.complex128]:
-        """Floquet multipliers; where an impact comes in or drops out they grow without bound."""
+        """Floquet multipliers; unbounded at a grazing on the side with the impact."""
         return self.orbit.multipliers
 
     @cached_property
     def without_impact(self) -> BranchEvent:
-        """The same grazing, as the end of the branch that does not have the impact.
+        """The same grazing, as a point of the branch without the impact.
 
-        There everything is smooth, while on the side of the impact multipliers are infinite.
+        On that side everything is smooth; on the side with the impact multipliers are infinite.
         """
         found = self.found
         if not isinstance(found.monitor, ContactSpeedTest) or self.beyond is None:
@@ -153,19 +154,18 @@ class SpecialPoint(Result):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CodimensionTwo(Result):
-    """A point of a curve at which a second thing happens.
+    """A point of codimension two on a curve.
 
     Attributes
     ----------
     kind : str
-        What is followed and what else happens: "cusp", "fold-flip", "fold-Neimark-Sacker",
-        "flip-Neimark-Sacker", "double Neimark-Sacker"; "1:1 resonance" to "1:4 resonance" by the
-        angle of a pair of multipliers on the unit circle; "grazing-fold" (a grazing orbit with a
-        multiplier +1), "grazing-flip", "grazing-Neimark-Sacker", "degenerate grazing" (the first
-        impact leads neither away from the stopper nor towards it), "double grazing"; of another
-        guard with its name in place of grazing.
+        "cusp", "fold-flip", "fold-Neimark-Sacker", "flip-Neimark-Sacker", "double Neimark-Sacker";
+        "1:1 resonance" to "1:4 resonance" by the angle of a pair of multipliers on the unit circle;
+        "grazing-fold" (a grazing orbit with a multiplier +1), "grazing-flip",
+        "grazing-Neimark-Sacker", "degenerate grazing" (the first impact leads neither away from the
+        stopper nor towards it), "double grazing"; for another guard its name replaces "grazing".
     values : dict of str to float
-        Of the two parameters.
+        Values of the two parameters.
     orbit : Orbit
     """
 
@@ -183,17 +183,17 @@ class CodimensionTwo(Result):
         return self.orbit.system
 
     def summary(self) -> dict[str, Any]:
-        """Return what happens, where, and to which orbit."""
+        """Return the kind, the values of the parameters and the orbit."""
         return {"kind": self.kind, **self.values, **self.orbit.summary()}
 
 
 def grazing_type(special: SpecialPoint) -> GrazingType:
-    """Return how the attractor leaves a grazing, from the normal form of the first impact.
+    """Classify a grazing bifurcation by the normal form of the first impact.
 
     Parameters
     ----------
     special : SpecialPoint
-        The grazing of an orbit without impacts, met from either side.
+        A grazing of an orbit without impacts, located from either side.
 
     Returns
     -------
@@ -204,9 +204,9 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
     Raises
     ------
     InvalidParameter
-        If `special` is another point, or the orbit has other impacts.
+        If `special` is another kind of point, or the orbit has other impacts.
     OrbitError
-        If a weak contact does not lead back to the mode it came from.
+        If a weak contact does not lead back to the mode before it.
 
     See Also
     --------
@@ -236,6 +236,6 @@ def grazing_type(special: SpecialPoint) -> GrazingType:
 
 
 def check_kind(value: object, field: str, kind: type | UnionType, allowed: str) -> None:
-    """Raise InvalidParameter unless `value` is of a kind."""
+    """Raise InvalidParameter unless `value` is an instance of `kind`."""
     if not isinstance(value, kind):
         raise InvalidParameter(field, value, allowed)

@@ -24,41 +24,42 @@ if TYPE_CHECKING:
 __all__ = ["Verification", "compare", "other_family"]
 
 TIGHTER, TIGHTEST_RTOL, TIGHTEST_ATOL = 0.01, 1e-13, 1e-15
-MORE_STEPS = 10  # times as many may be taken by what is so much more precise
+MORE_STEPS = 10  # times as many steps are allowed for the more precise run
 
-# What local errors of `rtol` may sum up to from one event to the next, in the device's own units;
-# and the most that counts as an agreement.
+# Bound on the accumulated local errors of `rtol` between two events, in the system's units; and the
+# largest difference that counts as agreement.
 EXPECTED, MOST_EXPECTED = 100.0, 1e-4
-# Differences end the comparison that are so many times those of the first periods, and not below
-# what is an agreement.
+# The comparison ends where differences exceed those of the first periods by this factor and are
+# larger than an agreement.
 SENSITIVE, FIRST_PERIODS = 1e3, 3.0
-# From one event to the next differences grow by no more than this (a chaotic motion doubles them),
-# times the periods between; but an impact slower than `SLOW` multiplies its own by up to
-# SLOW / speed besides.
+# Between two events differences grow at most by this factor (a chaotic motion doubles them), times
+# the number of periods between; an impact slower than `SLOW` multiplies its own difference by up to
+# SLOW / speed in addition.
 GROWTH, SLOW = 100.0, 0.1
-# A block that misses a stopper by a distance y would have struck at sqrt(2 a y), where its
-# acceleration a is of order 1, had it come so much further: such an event may be in one run alone.
+# A block that misses a stopper by a distance y would have struck it at speed sqrt(2 a y), with an
+# acceleration a of order 1: one run alone may have such an event.
 WEAK_ORDER = 3.0
-MOST_SKIPPED = 60  # so many more impacts may one of two sequences have that end in rest
+MOST_SKIPPED = 60  # allowed difference of the numbers of impacts of two complete chatter sequences
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Verification(Result):
-    """A run beside the same run by an unrelated method.
+    """Comparison of a run with the same run by an independent method.
 
     Attributes
     ----------
     table : DataFrame
-        One row a kind of event: how many were matched, how many (weak ones) only one run has, and
-        the largest differences of instants, impact speeds and each component of the state. The last
-        row is the state at the end of the run, where the comparison came so far.
+        One row per kind of event: the number of matched events, the number of (weak) events in one
+        run only, and the largest differences of instants, impact speeds and each component of the
+        state. The last row is the state at the end of the run, if the comparison reaches it.
     agrees : bool
-        False if an event is lost, doubled or shifted in one of the runs and nothing led up to it.
-        A motion too sensitive to be compared to its end agrees as far as it can be compared.
+        False if an event is missing, doubled or shifted in one of the runs without growing
+        differences before it. A motion too sensitive to be compared to its end agrees as far as the
+        comparison goes.
     until : float
-        Forcing periods up to which the runs were compared, and agree.
+        Forcing period up to which the runs were compared and agree.
     verdict : str
-        The same in one line.
+        The result in one line.
 
     See Also
     --------
@@ -91,10 +92,10 @@ class Verification(Result):
 
 
 def other_family(options: Options, *, stiff: bool = False) -> Options:
-    """Return options of a method that shares no formula with that of `options`, more precise.
+    """Return options of a more precise method of an independent family.
 
-    Explicit methods get nowhere in a stiff system: what an implicit one has done is then done by
-    BDF again, in finer steps, and by unrelated methods all the rest.
+    Explicit methods are too slow for a stiff system: there BDF repeats the stiff arcs with smaller
+    steps, and independent methods all others.
     """
     first, second = ("auto", "bdf") if stiff else ("dop853", "adams")
     return replace(
@@ -107,16 +108,16 @@ def other_family(options: Options, *, stiff: bool = False) -> Options:
 
 
 def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> Verification:
-    """Compare two trajectories that ought to be the same.
+    """Compare two trajectories of the same motion.
 
     Parameters
     ----------
     run, other : Trajectory
-        From the same start, over the same time.
+        From the same initial state, over the same time.
     rtol : float
         Relative tolerance of the less precise one.
     labels : Labels
-        The system, for the table.
+        Names and units of the system, for the table.
     """
     comparison = EventMatcher(EventLog(run), EventLog(other), rtol)
     agrees, until, verdict = comparison.walk()
@@ -127,7 +128,7 @@ def compare(run: Trajectory, other: Trajectory, rtol: float, labels: Labels) -> 
 
 
 class EventLog:
-    """What is compared of one run: its events, and its end after the last of them."""
+    """The events of one run, followed by its end, as they are compared."""
 
     def __init__(self, trajectory: Trajectory) -> None:
         automaton = trajectory.automaton
@@ -143,18 +144,19 @@ class EventLog:
         self.speed = np.append(speed, math.nan)
         self.end = len(self.events)
         self.strength = np.append(self._strength(speed), math.inf)
-        # Each event begins in the mode that the one before has left; where it does not, one is
-        # lost or doubled, be it ever so weak.
+        # Each event starts in the mode after the previous one; otherwise an event is missing or
+        # doubled, however weak.
         modes = np.append(trajectory.start.mode, self.events.mode_after)
         self.broken = modes != np.append(self.events.mode_before, final.mode)
         self.strength[self.broken] = math.inf
 
     def _strength(self, speed: Floats) -> Floats:
-        """Return how strong each event is, as a speed; infinity for a switch of the drive.
+        """Return the strength of each event, as a speed; infinity for a switch of the drive.
 
-        An impact counts by its speed. A change of mode is as strong as the modes on either side of
-        it last: within a time T, accelerations of order one come to a speed T. Where a rest begins
-        and ends counts by how long it lasts, whatever else changes before and in it.
+        The strength of an impact is its speed. That of a change of mode is the duration of the
+        modes before and after it: within a time T, accelerations of order one produce a speed T.
+        The strength of the start and end of a rest is its duration, whatever else changes before
+        and during it.
         """
         events = self.events
         strength = np.where(np.isnan(speed), math.inf, speed)
@@ -178,10 +180,10 @@ class EventLog:
 
 
 def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Give, guard by guard, the events with which rests begin, and those with which they end.
+    """Yield, for each guard, the events that start rests and the events that end them.
 
-    A rest follows a sequence of impacts, and lasts until the mode is one in which they occur. The
-    last one may not have ended.
+    A rest follows a sequence of impacts and lasts until a mode in which the guard is active. The
+    last rest may have no end.
     """
     accumulated = events.kind == workspace.ACCUMULATION
     for guard in np.unique(events.guard[accumulated]):
@@ -194,7 +196,7 @@ def rests(events: Events) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64]
 
 
 def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> Floats:
-    """Return the speed at which the gap closes before each impact, NaN at other events."""
+    """Return the closing speed before each impact, NaN at other events."""
     impact = events.impacts(automaton)
     speeds = np.full(len(events), math.nan)
     for i in np.flatnonzero(impact):
@@ -205,17 +207,17 @@ def closing_speeds(events: Events, automaton: Automaton, parameters: Floats) -> 
 
 
 class EventMatcher:
-    """Walks along two logs and remembers by how much the events differ of late."""
+    """Matches the events of two logs and tracks their recent differences."""
 
     def __init__(self, run: EventLog, other: EventLog, rtol: float) -> None:
         self.run, self.other, self.until = run, other, run.start
         self.expected = min(EXPECTED * rtol, MOST_EXPECTED)
         self.apart = self.first = self.expected
-        self.matched: list[tuple[int, Floats]] = []  # what, and its `_differences`
-        self.alone: list[int] = []  # what only one run has
+        self.matched: list[tuple[int, Floats]] = []  # the name of the event, and its `_differences`
+        self.alone: list[int] = []  # events that only one run has
 
     def walk(self) -> tuple[bool, float, str]:
-        """Return whether the runs agree, up to where, and the verdict."""
+        """Return whether the runs agree, up to which instant, and the verdict."""
         run, other = self.run, self.other
         i, j = 0, 0
         while True:
@@ -228,8 +230,8 @@ class EventMatcher:
                 return True, run.at(run.end), self._to_the_end()
             if found is None:
                 return False, self.until, (
-                    f"do not agree: {run.said(i)} stands against {other.said(j)}, which the "
-                    f"differences up to there, {self.apart:.0e} at most, do not explain"
+                    f"do not agree: {run.said(i)} against {other.said(j)}, which the "
+                    f"differences before, {self.apart:.0e} at most, do not explain"
                 )  # fmt: skip
             i, j = self._leave_out((i, j), found)
             differences = self._differences(i, j)
@@ -244,7 +246,8 @@ class EventMatcher:
             if i == run.end:
                 return True, self.until, self._to_the_end()
             largest = float(np.nanmax(differences))
-            # At once up, and down by and by: what an impact does to one is not undone by the next.
+            # It rises at once and decays slowly: the next event does not undo the effect of an
+            # impact.
             self.apart = max(largest, 0.5 * self.apart, self.expected)
             if self.until < run.start + FIRST_PERIODS:
                 self.first = max(self.first, size)
@@ -252,16 +255,16 @@ class EventMatcher:
 
     def _to_the_end(self) -> str:
         number = len(self.alone)
-        weak = f"; weak events that one run only has: {number}" if number else ""
+        weak = f"; weak events in one run only: {number}" if number else ""
         return f"agree to the end, period {self.run.at(self.run.end):.9g}{weak}"
 
     def _cut_off(self, log: EventLog, i: int) -> bool:
-        """Return whether event i is so near the end that the other run may end just before it."""
+        """Return whether event i is so near the end that the other run may end before it."""
         left = (log.cycle[log.end] - log.cycle[i]) * log.period + log.time[log.end] - log.time[i]
         return bool(i < log.end and left <= GROWTH * self.apart)
 
     def _next_match(self, i: int, j: int) -> tuple[int, int] | None:
-        """Return the next events, from i and j on, that are the same; with weak ones between."""
+        """Return the next matching events from i and j on, with only weak events between."""
         for skipped in range(MOST_SKIPPED + 1):
             for k in range(i, i + skipped + 1):
                 m = j + skipped - (k - i)
@@ -277,32 +280,32 @@ class EventMatcher:
         return self._size(self._differences(i, j), i, j) <= GROWTH * self._grown(self.run, i)
 
     def _weak(self, log: EventLog, first: int, end: int) -> bool:
-        """Return whether the events from `first` up to `end` may be in one run alone."""
+        """Return whether the events from `first` up to `end` may be missing in the other run."""
         limit = WEAK_ORDER * math.sqrt(self._grown(log, first))
         return bool((log.strength[first:end] <= limit).all())
 
     def _grown(self, log: EventLog, i: int) -> float:
-        """Return what the last difference may be by event i, after periods without any event."""
+        """Return the bound of the last difference at event i, after periods without events."""
         return self.apart * max(1.0, log.at(i) - self.until)
 
     def _leave_out(self, here: tuple[int, int], there: tuple[int, int]) -> tuple[int, int]:
         for log, first, end in zip((self.run, self.other), here, there, strict=True):
             self.alone += log.what[first:end].tolist()
-            # From here on the motions differ by what this event has done.
+            # From here on the motions differ by the effect of this event.
             self.apart = max(self.apart, float(log.strength[first:end].max(initial=0.0)))
         return there
 
     def _differences(self, i: int, j: int) -> Floats:
         """Return the differences of instants, impact speeds and components of the state."""
         run, other = self.run, self.other
-        # Periods are counted in integers first, so that late ones lose no digits.
+        # Subtract whole periods as integers first, so that late instants lose no digits.
         late = (run.cycle[i] - other.cycle[j]) * run.period + (run.time[i] - other.time[j])
         state = np.abs(run.after[i] - other.after[j])
         return np.array([abs(late), abs(run.speed[i] - other.speed[j]), *state])
 
     def _size(self, differences: Floats, i: int, j: int) -> float:
-        """Return the largest of `differences`, without what the slowness of an impact makes."""
+        """Return the largest of `differences`, without the amplification by a slow impact."""
         speed = max(self.run.speed[i], self.other.speed[j])
-        # A graze is met within the root of a difference.
+        # The instant of a graze differs by the square root of a difference.
         speed = SLOW if math.isnan(speed) else min(SLOW, max(speed, math.sqrt(self.apart)))
         return speed / SLOW * float(np.nanmax(differences))

@@ -142,7 +142,7 @@ def test_weak_impacts_that_one_run_has_alone_are_counted():
     assert found.agrees
     table = found.table.set_index("event")
     weak = table["in one run only"].sum()
-    assert found.verdict == f"agree to the end, period 3; weak events that one run only has: {weak}"
+    assert found.verdict == f"agree to the end, period 3; weak events in one run only: {weak}"
     assert table.loc["right impact", "in one run only"] > 0
     assert table.loc["chatter ends", "in one run only"] == 0
     chatter = (run.events["event"] == "chatter ends").sum()

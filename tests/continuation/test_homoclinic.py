@@ -69,7 +69,7 @@ def test_slow_relaxation_is_not_taken_for_it():
 def test_a_cycle_on_which_two_equilibria_are_about_to_be_born():
     branch = followed(circle, 1.0, 1.5, 0.5, 50.0)
     assert "beyond bounds" in branch.ended
-    assert "about to be born" in branch.ended
+    assert "saddle-node of equilibria" in branch.ended
     table = branch.table[branch.table["m"] > 1.001]
     assert table["period"].to_numpy() == pytest.approx(
         2.0 * math.pi / np.sqrt(table["m"].to_numpy() ** 2 - 1.0), rel=1e-7

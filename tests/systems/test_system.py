@@ -53,7 +53,7 @@ def test_no_forcing_no_periods_in_tables():
     assert list(run.samples(10).columns) == ["t", "x", "v", "mode"]
     with pytest.raises(mi.InvalidParameter, match="no forcing period: give duration="):
         mi.simulate(ball(), 3)
-    with pytest.raises(mi.InvalidParameter, match="say how long to run"):
+    with pytest.raises(mi.InvalidParameter, match="give duration= or until="):
         mi.simulate(ball())
     with pytest.raises(mi.OrbitError, match="an equilibrium was reached"):
         mi.find_orbit(ball(), options=PLAIN)
