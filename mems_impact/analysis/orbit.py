@@ -141,7 +141,7 @@ class Orbit(Result):
 
     @property
     def period(self) -> float:
-        """The forcing period, of which the orbit takes `periods`, or the period of a limit cycle."""
+        """The forcing period (the orbit takes `periods` of them), or that of a limit cycle."""
         return float(self.system.out("time", self.found.point.period))
 
     @property

@@ -1,1 +1,1 @@
-"""Systems that users define, and what all systems have in common."""
+"""Hybrid systems: their interface, systems defined by functions, and components."""

@@ -43,11 +43,11 @@ ARGUMENTS = ("mode", "t", "y", "p")
 
 
 def states(given: Sequence[str] | int) -> tuple[str, ...]:
-    """Return the names of the states; u0, u1, … for so many."""
+    """Return the names of the states; u0, u1, … for a number of states."""
     count: Any = given
     if _is_whole(count) and count > 0:
         return tuple(f"u{i}" for i in range(count))
-    found = as_tuple("states", given, "names, or how many there are")
+    found = as_tuple("states", given, "names of the states, or their number")
     if not found:
         raise InvalidParameter("states", given, "one or more")
     for name in found:
@@ -63,14 +63,14 @@ def numbers(values: Mapping[str, float]) -> dict[str, float]:
         raise InvalidParameter("parameters", values, "numbers by name: {'g': 9.81}")
     for name, value in values.items():
         if not isinstance(name, str):
-            raise InvalidParameter("parameters", name, "each called by a name")
+            raise InvalidParameter("parameters", name, "each with a name")
         if not is_number(value):
             raise InvalidParameter(name, value, "a finite number")
     return {name: float(value) for name, value in values.items()}
 
 
 def function(field: str, value: Any, *arguments: str) -> Any:
-    """Return a plain function that takes these arguments."""
+    """Return a Python function that takes these arguments."""
     if not isinstance(getattr(value, "py_func", value), FunctionType):
         raise InvalidParameter(field, value, FUNCTION_KIND)
     if arguments and not _takes(value, len(arguments)):
@@ -81,23 +81,23 @@ def function(field: str, value: Any, *arguments: str) -> Any:
 
 
 def check_flow(value: Any) -> Any:
-    """Return the flow, in either form."""
+    """Return the flow, in either of its forms."""
     writes_into_arrays(function("flow", value))
     return value
 
 
 def transition_arguments(flow: Callable[..., Any]) -> tuple[str, ...]:
-    """Return the arguments of what changes a state, beside such a flow."""
+    """Return the arguments of transitions that match such a flow."""
     return (*ARGUMENTS, "new") if writes_into_arrays(flow) else ARGUMENTS
 
 
 def check_optional(field: str, value: Any, *arguments: str) -> Any:
-    """Return a plain function that takes these arguments, or None."""
+    """Return a Python function that takes these arguments, or None."""
     return None if value is None else function(field, value, *arguments)
 
 
 def guards(given: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]:
-    """Return guards that each have a name and a margin, and functions of the right kind.
+    """Return guards with unique names, and functions with the right arguments.
 
     `changing` are the arguments of transitions.
     """
@@ -118,12 +118,12 @@ def guards(given: Sequence[Guard], changing: Sequence[str]) -> tuple[Guard, ...]
             raise InvalidParameter(f"order of {guard.name!r}", guard.order, "a whole number")
     names = [guard.name for guard in found]
     if len(set(names)) != len(names):
-        raise InvalidParameter("guards", names, "a name of its own for each")
+        raise InvalidParameter("guards", names, "unique names")
     return found
 
 
 def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> tuple[str, ...]:
-    """Return the names of all modes, from what is given or from what guards name."""
+    """Return the names of all modes, as given or as named by guards."""
     if given is None:
         watched = [(guard, _modes_of(guard)) for guard in guards]
         found = {mode.names for _, modes in watched for mode in modes if isinstance(mode, Mode)}
@@ -147,13 +147,13 @@ def mode_names(given: Sequence[Mode | str] | None, guards: Iterable[Guard]) -> t
 def constraints(
     given: Mapping[Any, Any] | None, flow: Callable[..., Any], modes: tuple[str, ...]
 ) -> tuple[tuple[int, Callable[..., Any]], ...]:
-    """Return what holds for as long as modes last: each a mode, and a function."""
+    """Return the constraints of modes: pairs of a mode and a function."""
     if not given:
         return ()
     if not isinstance(given, Mapping):
         raise InvalidParameter("constraints", given, "a mapping of modes to functions")
     if writes_into_arrays(flow):
-        allowed = "left out where the flow writes into an array"
+        allowed = "omitted if the flow writes into an array"
         raise InvalidParameter("constraints", list(given), allowed)
     found = []
     for mode, functions in given.items():
@@ -186,14 +186,14 @@ def sizes(given: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def reject_with_components(**others: Any) -> None:
-    """Raise InvalidParameter if something is given that parts say."""
+    """Raise InvalidParameter for an argument that parts determine."""
     for field, value in others.items():
         if value is not None:
-            raise InvalidParameter(field, value, "left out where parts are given, which say it")
+            raise InvalidParameter(field, value, "omitted if parts are given, which determine it")
 
 
 def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Section | None:
-    """Return a section with the number of its state; in either direction."""
+    """Return a section with the number of its state, for both directions."""
     if section is None:
         return None
     pair = isinstance(section, Sequence) and not isinstance(section, str) and len(section) == 2
@@ -203,7 +203,7 @@ def section(section: tuple[str, float] | None, states: tuple[str, ...]) -> Secti
 
 
 def units(given: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, str]:
-    """Return units by the names of states and parameters, and of time."""
+    """Return units by the names of states and parameters and "time"."""
     if given is not None and not isinstance(given, Mapping):
         raise InvalidParameter("units", given, f"units by name: {{{known[0]!r}: 'm'}}")
     for name, unit in (given or {}).items():
@@ -217,7 +217,7 @@ def units(given: Mapping[str, str] | None, known: Sequence[str]) -> dict[str, st
 def observables(
     given: Sequence[Observable], states: Sequence[str], guards: Sequence[Guard]
 ) -> tuple[Observable, ...]:
-    """Return observables with names of their own, at guards that there are."""
+    """Return observables with unique names, at existing guards."""
     found = as_tuple("observables", given, "a list of Observable")
     taken = set(states)
     events = [guard.name for guard in guards]
@@ -225,7 +225,7 @@ def observables(
         if not isinstance(each, Observable):
             raise InvalidParameter("observables", each, "each an Observable")
         if not isinstance(each.name, str) or each.name in taken:
-            raise InvalidParameter("observables", each.name, "a name of its own for each")
+            raise InvalidParameter("observables", each.name, "unique names")
         taken.add(each.name)
         field = f"at of {each.name!r}"
         for name in as_tuple(field, each.at, "a list of names of guards"):
@@ -239,7 +239,7 @@ def observables(
 
 
 def initial(given: Mapping[str, float] | State | None) -> State:
-    """Return the state from which runs start."""
+    """Return the initial state of runs."""
     if given is None or isinstance(given, State):
         return given or state_from({})
     if not isinstance(given, Mapping):
@@ -248,7 +248,7 @@ def initial(given: Mapping[str, float] | State | None) -> State:
 
 
 def number(field: str, given: Any, p: Any) -> float | None:
-    """Return a number, or that which a function of the parameters gives."""
+    """Return a number, or the value of a function of the parameters."""
     value = _called(field, given, p) if callable(given) else given
     if value is not None and not is_number(value):
         raise InvalidParameter(field, value, "a finite number, or a function of the parameters")
@@ -256,7 +256,7 @@ def number(field: str, given: Any, p: Any) -> float | None:
 
 
 def times(field: str, given: Any, p: Any) -> tuple[float, ...]:
-    """Return times, or those which a function of the parameters gives."""
+    """Return times, or the values of a function of the parameters."""
     value = _called(field, given, p) if callable(given) else given
     numbers = isinstance(value, Iterable) and not isinstance(value, str | Mapping)
     found = tuple(value) if numbers else (None,)
@@ -273,7 +273,7 @@ def _called(field: str, function: Callable[..., Any], p: Any) -> Any:
 
 
 def as_tuple(field: str, given: Any, allowed: str) -> tuple[Any, ...]:
-    """Return what is given as a list or the like; a text is none."""
+    """Return a sequence as a tuple; a string is rejected."""
     if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
         raise InvalidParameter(field, given, allowed)
     return tuple(given)
@@ -292,7 +292,7 @@ def _is_whole(value: Any) -> bool:
 
 
 def _modes_of(guard: Guard) -> tuple[Any, ...]:
-    """Return the modes in which a guard watches, none for all."""
+    """Return the modes in which a guard is active, empty for all."""
     if guard.modes is None:
         return ()
     field, allowed = (
@@ -312,7 +312,7 @@ def _mode_names(given: Any) -> tuple[str, ...]:
     if not names or not all(isinstance(name, str) and name for name in names):
         raise InvalidParameter("modes", given, allowed)
     if len(set(names)) != len(names):
-        raise InvalidParameter("modes", list(names), "a name of its own for each")
+        raise InvalidParameter("modes", list(names), "unique names")
     for i, mode in enumerate(found):
         if isinstance(mode, Mode) and mode != i:
             raise InvalidParameter("modes", list(names), "in the order of their numbers")

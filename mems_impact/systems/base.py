@@ -1,4 +1,4 @@
-"""The interface of a hybrid system: what runs, orbits, studies, tables and figures ask of it."""
+"""The interface of a hybrid system, used by runs, orbits, studies, tables and figures."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ DERIVED = ("_checked_numbers", "internal_parameters")  # cached on a system
 
 @dataclass(frozen=True)
 class SystemFamily(Family):
-    """The problems of a system for all values of its parameters, in the units of the numerics."""
+    """The problems of a system for all values of its parameters, in scaled units."""
 
     system: HybridSystem
     options: Options
@@ -65,14 +65,14 @@ class SystemFamily(Family):
         return replace(self, options=replace(self.options, method=method))
 
     def numbers(self, /, **changes: float) -> ProblemParameters:
-        """Return what of the problem depends on the values, without making it."""
+        """Return the part of the problem that depends on the values."""
         values = {**self.values, **changes}
         return self.system.numbers(
             self.system.parameter_changes(values, self.system.internal_parameters)
         )
 
     def amount(self, heading: str, value: float) -> str:
-        """Return a number in the system's units, to be printed."""
+        """Return a number in the system's units, as text."""
         return self.system.amount(heading, value)
 
     def convert(self, error: RunError) -> None:
@@ -81,24 +81,24 @@ class SystemFamily(Family):
 
 
 class HybridSystem(Result, ABC):
-    """A system that switches between smooth modes, whatever defines it.
+    """A hybrid system: smooth modes, guards and transitions.
 
-    Three kinds implement it: `System` by functions, `ActuatorSystem` by an actuator and a drive,
-    `DetachedSystem` by the description in a file. Users see the system's units; the numerics
-    count in `scales` or typical sizes.
+    Three classes implement it: `System` by functions, `ActuatorSystem` by an actuator and a drive,
+    `DetachedSystem` by the description in a file. Arguments and results are in the system's units;
+    computations use variables scaled by `scales` or typical magnitudes.
     """
 
     name: str
     observables: tuple[Observable, ...]
     definition: Definition | None = None
-    """The functions of a user and what they are of; none of other kinds."""
+    """The user's functions, with states, parameters and modes; None for other classes."""
     typical: Typical | None = None
-    """Typical sizes in which the numerics count, where a user gives them."""
+    """Typical magnitudes given by the user, by which variables are scaled."""
 
     run_type: ClassVar[Any] = None
-    """The class of its runs, where a kind of system adds tables of its own."""
+    """The class of its runs; a subclass may add tables."""
     orbit_type: ClassVar[Any] = None
-    """The class of its orbits, likewise."""
+    """The class of its orbits; a subclass may add tables."""
 
     @property
     @abstractmethod
@@ -113,22 +113,22 @@ class HybridSystem(Result, ABC):
     @property
     @abstractmethod
     def units(self) -> Mapping[str, str]:
-        """Units by name; none for pure numbers."""
+        """Units by name, without dimensionless quantities."""
 
     @property
     @abstractmethod
     def scales(self) -> Scales:
-        """The units of the numerics."""
+        """The units of the scaled variables."""
 
     @property
     @abstractmethod
     def initial(self) -> State:
-        """Where runs start if nothing else is said."""
+        """Initial state of runs by default."""
 
     @property
     @abstractmethod
     def forcing_period(self) -> float | None:
-        """The forcing period; None for a system without forcing."""
+        """The forcing period; None for an autonomous system."""
 
     @property
     @abstractmethod
@@ -142,28 +142,28 @@ class HybridSystem(Result, ABC):
     @property
     @abstractmethod
     def functions(self) -> dict[str, str]:
-        """Where its functions are defined, as ``module:name``: to be shown."""
+        """Where its functions are defined, as ``module:name``, for display."""
 
     @abstractmethod
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return what of the problem depends on the parameters, in the units of the numerics.
+        """Return the part of the problem that depends on the parameters, in scaled units.
 
         Parameters
         ----------
         changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: differences by
-            a parameter at the end of its range look beyond it, as do trial steps.
+            Other values of some parameters, in the system's units, allowed or not: finite
+            differences at the end of a parameter's range go beyond it, as do trial steps.
         """
 
     @abstractmethod
     def shifted(self, values: Mapping[str, float]) -> Self:
-        """Return the system at values that may not be allowed, at which continuation looks."""
+        """Return the system at other values, allowed or not, as continuation needs it."""
 
     @abstractmethod
     def restored(
         self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
     ) -> Self:
-        """Return the system at the values of a file, and in the units in which it counted."""
+        """Return the system at the values and scales of a file."""
 
     @abstractmethod
     def ending(self, until: Callable[..., float]) -> HybridSystem:
@@ -171,24 +171,24 @@ class HybridSystem(Result, ABC):
 
     @abstractmethod
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable of a state of the numerics."""
+        """Return an observable at a scaled state."""
 
     @abstractmethod
     def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
-        """Return an observable at an event of the numerics."""
+        """Return an observable at an event in scaled units."""
 
     @property
     @abstractmethod
     def observed(self) -> CompiledObservables:
-        """The observables that studies gather, as one function of the numerics."""
+        """The observables that studies record, as one function of scaled states."""
 
     @abstractmethod
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
-        """Return what gathers the statistics of a run."""
+        """Return the accumulator of the statistics of a run."""
 
     @abstractmethod
     def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
@@ -200,16 +200,16 @@ class HybridSystem(Result, ABC):
         """The headings of `measures`."""
 
     def fits(self, mode: int, y: Floats, problem: Problem) -> bool:
-        """Return whether a state may be in a mode, as far as parts say: on its surface, at rest."""
+        """Return whether a state satisfies the constraints of a mode: on its surface, at rest."""
         automaton = problem.automaton
-        if mode in automaton.constrained:  # of a state that is there already
+        if mode in automaton.constrained:  # the projection keeps the mode
             p = np.asarray(problem.parameters, dtype=float)
             return automaton.state_after(mode, automaton.switch_code, 0.0, y, p)[0] == mode
         return self.mode_of(y, 0.0, problem, mode) == mode
 
     @property
     def without_until(self) -> Any:
-        """The system without what ended its run (see `simulate`)."""
+        """The system without the `until` function that ended its run (see `simulate`)."""
         return vars(self).get("_unended", self)
 
     @property
@@ -224,7 +224,7 @@ class HybridSystem(Result, ABC):
 
     @property
     def section_states(self) -> tuple[str, ...]:
-        """The states that tell something where the section cuts an orbit."""
+        """The states that vary on the section."""
         hidden = {self.states[i] for i in self.automaton.cyclic}
         if self.section is not None:
             hidden.add(self.states[self.section[0]])
@@ -245,71 +245,71 @@ class HybridSystem(Result, ABC):
         return self.parameters[name]
 
     def unit(self, name: str) -> str:
-        """Return the unit of a parameter, a state or an observable, empty for a pure number."""
+        """Return the unit of a parameter, a state or an observable, empty if dimensionless."""
         return self.units.get(name, "")
 
     @property
     def is_scaled(self) -> bool:
-        """Whether the numerics count in sizes that are typical of the system."""
+        """Whether the variables are scaled by typical magnitudes."""
         return True
 
     def factor(self, heading: str) -> float:
-        """Return the unit of the numerics for what stands under a heading: a name, or "time"."""
+        """Return the scale of the quantity with a heading: a name, or "time"."""
         factors = self.scales.factors
         return factors.get(unit_of(heading, self.units), 1.0) if factors else 1.0
 
     def margin_unit(self, guard: str) -> float:
-        """Return the unit of the numerics for the margin of a guard."""
+        """Return the scale of the margin of a guard."""
         return 1.0
 
     def into(self, name: str, value: float) -> float:
-        """Return a value of a parameter, a state or the time in the units of the numerics."""
+        """Return a value of a parameter, a state or the time in scaled units."""
         return value / self.factor(name)
 
     def out(self, heading: str, value: Any) -> Any:
-        """Return a value, or an array, in the system's units."""
+        """Return a scaled value, or an array, in the system's units."""
         factor = self.factor(heading)
         return value if factor == 1.0 else value * factor
 
     def amount(self, heading: str, value: float) -> str:
-        """Return a number of the numerics in the system's units, to be printed."""
+        """Return a scaled number in the system's units, as text."""
         return f"{self.out(heading, value):.9g} {unit_of(heading, self.units)}".rstrip()
 
     def margin_amount(self, guard: str, value: float, *, rate: bool = False) -> str:
-        """Return the margin of a guard, or its rate, in the system's units, to be printed."""
+        """Return the margin of a guard, or its rate, in the system's units, as text."""
         factor = self.margin_unit(guard) / (self.factor("time") if rate else 1.0)
         return f"{value * factor:.3g}"
 
     def convert(self, error: RunError) -> None:
-        """Let an error of a run tell all in the system's units."""
+        """Convert the numbers in an error of a run to the system's units."""
         error.convert(self.out, self.units)
 
     def label(self, name: str) -> str:
-        """Return a name with its unit, to be printed."""
+        """Return a name with its unit."""
         return self.scales.label(name, self.unit(name))
 
     @cached_property
     def internal_parameters(self) -> dict[str, float]:
-        """Names and values of all parameters, in the units of the numerics."""
+        """Names and values of all parameters, in scaled units."""
         return {name: self.into(name, value) for name, value in self.parameters.items()}
 
     def parameter_changes(
         self, inner: Mapping[str, float], here: Mapping[str, float]
     ) -> dict[str, float]:
-        """Return what differs between two sets of inner values, in the system's units."""
+        """Return the parameters that differ between two scaled sets, in the system's units."""
         return {name: self.out(name, value) for name, value in inner.items() if value != here[name]}
 
     def hybrid_state(
         self, state: State | Mapping[str, float] | None, problem: Problem, field: str = "initial"
     ) -> HybridState:
-        """Return where a run from `state` starts, in the units of the numerics.
+        """Return the initial condition of a run from `state`, in scaled units.
 
-        `field` is what errors call the state.
+        `field` is the name of the argument in errors.
 
         Raises
         ------
         InvalidParameter
-            If the state has other components, a mode that there is not, or lies beyond the period.
+            If the state has unknown components, an unknown mode, or a time beyond the period.
         """
         if state is None:
             state = self.initial
@@ -328,7 +328,7 @@ class HybridSystem(Result, ABC):
                 "time", state.time, f"below the forcing period {period:g} {unit}".rstrip()
             )
         if not self.forced and state.time != 0.0:
-            allowed = "0: nothing forces the system, and its functions do not depend on time"
+            allowed = "0: the system is autonomous"
             raise InvalidParameter("time", state.time, allowed)
         time = min(time, math.nextafter(problem.period, 0.0))  # scaling may round it up
         mode = state.mode if state.mode is not None else self.initial.mode
@@ -337,7 +337,7 @@ class HybridSystem(Result, ABC):
         return HybridState(0, time, self.mode_number(mode), y)
 
     def state_of(self, instant: HybridState) -> State:
-        """Return an instant of the numerics as a state in the system's units."""
+        """Return a scaled instant as a state in the system's units."""
         values = zip(self.states, instant.y.tolist(), strict=True)
         return state_from(
             {name: self.out(name, value) for name, value in values},
@@ -346,7 +346,7 @@ class HybridSystem(Result, ABC):
         )
 
     def mode_number(self, mode: str | int, field: str = "mode") -> int:
-        """Return the number of a mode; InvalidParameter if there is none such."""
+        """Return the number of a mode; InvalidParameter if there is no such mode."""
         if isinstance(mode, str) and mode in self.modes:
             return self.modes.index(mode)
         if isinstance(mode, Integral) and 0 <= mode < len(self.modes):
@@ -360,43 +360,43 @@ class HybridSystem(Result, ABC):
 
     @property
     def displayed_states(self) -> tuple[str, ...]:
-        """The states by which sweeps and branches show an orbit, where the section cuts it."""
+        """The states by which sweeps and branches display an orbit, at its section."""
         return self.section_states
 
     @property
     def sweep_statistics(self) -> tuple[str, ...]:
-        """The statistics that a sweep tells of every value."""
+        """The statistics in the table of a sweep."""
         counted = "period" if self.forced else "time"
         return (f"impacts per {counted}", *(each.name for each in self.observables))
 
     @property
     def quantities(self) -> Mapping[str, tuple[str, str]]:
-        """The statistics that the figure of a sweep shows: column and words, by a short name."""
+        """The statistics that a figure of a sweep can show: column and label, by a short name."""
         return {each.name: (each.name, each.name) for each in self.observables}
 
     @property
     def study_observables(self) -> tuple[Observable, ...]:
-        """The observables that studies gather."""
+        """The observables that studies record."""
         return self.observables
 
     @property
     def symbols(self) -> Mapping[str, str]:
-        """Symbols of parameters in figures, where they are not to be read off the names."""
+        """Symbols of parameters in figures, where they differ from the names."""
         return {}
 
     def start_of(self, direction: str) -> State:
-        """Return where a sweep "up" or "down" starts if nothing is said."""
+        """Return the default initial state of a sweep "up" or "down"."""
         return self.initial
 
     def moves(self, instant: HybridState) -> bool:
-        """Return whether statistics need to know where an arc has come to at any time."""
+        """Return whether statistics need the state within an arc."""
         return any(not each.at for each in self.observables)
 
     @property
     def orbit_quantities(self) -> tuple[Quantity, ...]:
-        """The numbers of an orbit whose derivatives `sensitivity` and `optimize` know.
+        """The quantities of an orbit that `sensitivity` and `optimize` differentiate.
 
-        What each cyclic state gains per period, its observables (over the orbit, as in the tables
+        The gain per period of each cyclic state, the observables (over the orbit, as in the tables
         of branches), the period of a limit cycle, the largest impact speed, the closest approach,
         and the largest modulus of a multiplier.
         """
@@ -437,49 +437,49 @@ class HybridSystem(Result, ABC):
         Raises
         ------
         InvalidParameter
-            If a name is none of the system's, or a value is not a number.
+            If a name is not a parameter of the system, or a value is not a number.
         """
         for name in values:
             self.check_parameter(name)
         other = self.shifted(values)
-        other._checked_numbers  # noqa: B018 - raises where they are not allowed
+        other._checked_numbers  # noqa: B018 - raises if they are not allowed
         return other
 
     @property
     def is_data_only(self) -> bool:
-        """Whether names and numbers say all of it; a file cannot hold functions."""
+        """Whether names and numbers define the system completely; a file cannot hold functions."""
         return False
 
     def standstill_test(self) -> Callable[[Trajectory], float | None]:
-        """Return what tells after how many periods a run stands still; None if it does not."""
-        problem = "of an actuator alone; give a function (mode, t, y, p) that falls through zero"
+        """Return a test for standstill: the number of periods after which a run rests, or None."""
+        problem = "for actuators only; give a function (mode, t, y, p) that falls through zero"
         raise InvalidParameter("until", "still", "", problem=problem)
 
     def validity(self, problem: Problem, start: HybridState) -> EventObserver | None:
-        """Return what warns of a run that leaves the range in which the system's model holds."""
+        """Return an observer that warns if a run leaves the range of validity of the model."""
         return None
 
     def snap_to_mode(self, mode: int, y: Floats) -> Floats:
-        """Return a state that Newton's method has found, without what rounding made of it."""
+        """Return a state found by Newton's method with its constraints satisfied exactly."""
         return y
 
     def check_continued(self, name: str) -> None:
-        """Raise InvalidParameter unless an orbit can be followed over the parameter `name`."""
+        """Raise InvalidParameter unless orbits can be continued in the parameter `name`."""
         self.check_parameter(name)
 
     def family(self, options: Options) -> Family:
-        """Return the problems for all values of the parameters, in the units of the numerics."""
+        """Return the problems for all values of the parameters, in scaled units."""
         if not self.is_scaled and self.forced:
             warn_if_badly_scaled_orbit(self.numbers().period, self.parameters)
         return SystemFamily(self.internal_parameters, self, options)
 
     def at(self, inner: Mapping[str, float]) -> Self:
-        """Return the system at values in the units of the numerics, allowed or not."""
+        """Return the system at scaled values of the parameters, allowed or not."""
         changes = self.parameter_changes(inner, self.internal_parameters)
         return self.shifted(changes) if changes else self
 
     def problem(self, options: Options) -> Problem:
-        """Return what the event loop integrates, in the units of the numerics."""
+        """Return the problem that the event loop integrates, in scaled units."""
         return Problem(
             automaton=self.automaton,
             section=self.section,
@@ -490,17 +490,17 @@ class HybridSystem(Result, ABC):
 
     @property
     def checked_modes(self) -> set[int]:
-        """The modes in which functions of a user have been compared; to be added to."""
+        """The modes in which the user's functions have been validated; mutable."""
         return set()
 
     @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool] | None:
-        """What warns of a jump of the flow where steps become very short, if it can."""
+        """Check for a discontinuity of the flow where steps become very short, if there is one."""
         return None
 
     @cached_property
     def _checked_numbers(self) -> ProblemParameters:
-        """What of the problem depends on the parameters, once for all problems of the system."""
+        """The part of the problem that depends on the parameters, shared by all problems."""
         numbers = self.numbers()
         check_times(numbers, self.factor("time"), self.unit("time"))
         return numbers
@@ -527,23 +527,23 @@ class HybridSystem(Result, ABC):
         return hash((type(self), *self.parameters.items()))
 
     def __copy__(self) -> Self:
-        return self  # it does not change
+        return self  # immutable
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what is pickled, with functions fit to go to another process."""
+        """Return the pickled state, with functions that another process can load."""
         state: dict[str, Any] = portable(self._given)
         return state
 
     @property
     def _given(self) -> dict[str, Any]:
-        """What the system is made of, without what is derived of that."""
+        """The defining attributes of the system, without cached values."""
         return {name: each for name, each in vars(self).items() if name not in DERIVED}
 
     def _key(self) -> tuple[Any, ...]:
-        """Return all by which systems differ."""
+        """Return the key by which systems are compared."""
         return tuple(each for _, each in sorted(self._given.items(), key=itemgetter(0)))
 
     def _copy(self) -> Self:

@@ -19,14 +19,14 @@ Result = TypeVar("Result", covariant=True)
 
 
 class Drivable(Protocol):
-    """What makes a system, given what drives it."""
+    """A model that makes a system from a drive."""
 
     def under(self, drive: Any) -> HybridSystem:
         """Return the system."""
 
 
 class Done(Protocol):
-    """A run or an orbit, which stands for its system and for where it ended."""
+    """A run or an orbit, which provides its system and its last state."""
 
     @property
     def system(self) -> HybridSystem:
@@ -34,7 +34,7 @@ class Done(Protocol):
 
 
 class Verb(Protocol[P, Result]):
-    """What takes a system, or what makes one, before its other arguments."""
+    """A function whose first argument is a system, or an actuator and a drive."""
 
     __name__: str
 
@@ -58,11 +58,11 @@ class Verb(Protocol[P, Result]):
 def takes_system(
     start: str,
 ) -> Callable[[Callable[Concatenate[HybridSystem, P], R]], Verb[P, R]]:
-    """Let a verb be called with what makes a system in place of its first argument.
+    """Decorate a function of a system to accept an actuator and a drive, a run or an orbit.
 
-    ``simulate(system, …)`` goes as it stands, and so does ``simulate(actuator, drive, …)``: a model
-    with a method ``under`` takes the next argument, ``actuator.under(drive)``. A run
-    or an orbit stands for its system, and for where it ended: the verb's argument `start`.
+    ``simulate(actuator, drive, …)`` is equivalent to ``simulate(actuator.under(drive), …)``, for
+    any model with a method ``under``. A run or an orbit provides its system and, for the argument
+    `start`, its last state.
     """
 
     def decorated(verb: Callable[Concatenate[HybridSystem, P], R]) -> Verb[P, R]:

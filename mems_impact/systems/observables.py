@@ -1,4 +1,4 @@
-"""Observables of runs, quantities of orbits, and what gathers them over a window of a run."""
+"""Observables of runs, quantities of orbits, and accumulators over a window of a run."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ __all__ = [
     "TimeWindow",
 ]
 
-# --- Observables: quantities that a model adds to tables and studies.
+# --- Observables.
 
 Reduction = Literal["sum", "mean", "min", "max", "gain"]
 AT_EVENTS = ("sum", "mean", "min", "max")
@@ -32,12 +32,12 @@ AT_EVENTS = ("sum", "mean", "min", "max")
 
 @dataclass(frozen=True)
 class Observable:
-    """A named quantity of a system.
+    """A named quantity of a system, shown in tables and studies.
 
-    Written as plain scalar functions, as all of a system is. At events it is
-    ``function(mode, t, before, after, p)``, with the states just before and after; its values stand
-    in a column of the table of these events. Without events it is ``function(y, p)`` of the state,
-    of which studies tell the gain per period.
+    It is a plain scalar function, like the other functions of a system. At events it is
+    ``function(mode, t, before, after, p)``, with the states just before and after; its values form
+    a column of the table of these events. Without events it is ``function(y, p)`` of the state, and
+    studies show its gain per period.
 
     Parameters
     ----------
@@ -45,10 +45,10 @@ class Observable:
         Heading of its column.
     function : callable
     at : tuple of str, optional
-        Names of the guards at whose events it is taken; none for a quantity of the state.
+        Names of the guards at whose events it is evaluated; empty for a quantity of the state.
     reduce : {"sum", "mean", "min", "max", "gain"}, optional
-        What studies tell of many values: of those at events the sum per period, or the mean,
-        smallest or largest; "gain" is the change of a quantity of the state per period.
+        Reduction in studies: for values at events the sum per period, or the mean, smallest or
+        largest value; "gain" is the change per period of a quantity of the state.
     unit : str, optional
 
     See Also
@@ -75,25 +75,25 @@ class Observable:
             raise InvalidParameter("reduce", self.reduce, f"one of {', '.join(allowed)}")
 
 
-# --- Quantities: numbers that an orbit has, whose derivatives are wanted.
+# --- Quantities of orbits.
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that an orbit has.
+    """A scalar quantity of a periodic orbit.
 
     Parameters
     ----------
     name : str
     function : callable
-        ``function(orbit)`` returns it, in the units of the system, from what the orbit tells:
-        `Orbit.gains`, `Orbit.impacts`, `Orbit.period`, …
+        ``function(orbit)`` returns the quantity in the units of the system, computed from
+        attributes such as `Orbit.gains`, `Orbit.impacts` or `Orbit.period`.
     unit : str, optional
     solved : bool, optional
-        Whether it needs orbits that solve their equations, and not to first order alone, because
-        it depends on derivatives, as `Orbit.multipliers` do.
+        Whether it requires converged orbits rather than first-order approximations, because it
+        depends on derivatives, as `Orbit.multipliers` do.
     costly : bool, optional
-        Whether to tell it only where it is asked for by name.
+        Whether to compute it only if it is requested by name.
 
     See Also
     --------
@@ -112,7 +112,7 @@ class Quantity:
     costly: bool = False
 
     def __call__(self, orbit: Any) -> float:
-        """Return its value on an orbit."""
+        """Return its value for an orbit."""
         return float(self.function(orbit))
 
 
@@ -144,39 +144,39 @@ MULTIPLIER = Quantity("largest multiplier", largest_multiplier, solved=True)
 
 
 class StatisticsAccumulator(Protocol):
-    """Takes the events of a run as they come and says at the end what they amount to."""
+    """Accumulates statistics over the events of a run."""
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
 
     def anchor(self, border: int) -> HybridState:
-        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
+        """Return the start of the arc that contains the start (0) or end (1) of the window."""
 
     def result(self, final: HybridState, borders: Sequence[Floats]) -> Mapping[str, float]:
         """Return the statistics of a run that ended at `final`.
 
-        `borders` are the states where the window begins and ends.
+        `borders` are the states at the start and end of the window.
         """
 
 
 class EventObserver(Protocol):
-    """Looks at the events of a run as they come, and tells what the user should know of it."""
+    """Observes the events of a run and warns the user at its end."""
 
     def __call__(self, events: Events) -> None:
         """Take the next chunk of events."""
 
     def tell(self, final: HybridState) -> None:
-        """Tell it of a run that ended at `final`."""
+        """Warn about a run that ended at `final`."""
 
 
 @dataclass(frozen=True)
 class TimeWindow:
-    """The part of a run that statistics are about.
+    """The part of a run over which statistics are computed.
 
     Attributes
     ----------
     first, last : float
-        In periods; half open: an event at its end is outside.
+        In periods; half-open: an event at its end is outside.
     period : float
     """
 
@@ -185,15 +185,15 @@ class TimeWindow:
     period: float
 
     def instant(self, border: int) -> tuple[int, float]:
-        """Return a border as whole periods and the time within the next one."""
+        """Return the start (0) or end (1) as whole periods and the time within the next one."""
         periods = (self.first, self.last)[border]
         whole = math.floor(periods)
         return whole, (periods - whole) * self.period
 
     def since(self, border: int, cycle: NDArray[np.int64], time: Floats) -> Floats:
-        """Return the times from the beginning (0) or end (1) of the window."""
+        """Return the times since the start (0) or end (1) of the window."""
         at_cycle, at_time = self.instant(border)
-        # Periods are counted in integers first, so that late ones lose no digits.
+        # Subtract whole periods as integers first, so that late instants lose no digits.
         result: Floats = (cycle - at_cycle) * self.period + (time - at_time)
         return result
 
@@ -203,6 +203,6 @@ class TimeWindow:
         return inside & (self.since(1, events.cycle, events.time) < 0.0)
 
     def until(self, final: HybridState) -> TimeWindow:
-        """Return what lies before `final`: a run that failed may have ended within, or before."""
+        """Return the part before `final`: a failed run may end within the window, or before."""
         reached = final.cycle + final.time / self.period
         return TimeWindow(self.first, max(self.first, min(self.last, reached)), self.period)

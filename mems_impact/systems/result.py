@@ -1,4 +1,4 @@
-"""The base class of results."""
+"""Base classes of results."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from mems_impact.hybrid.pickling import same_function
 
 __all__ = ["Result", "SummaryRepr", "deep_equal"]
 
-SAVED_TABLES_FIELD = "_kept"  # what a result that came without its system's functions brought along
+SAVED_TABLES_FIELD = "_kept"  # tables of a result loaded without its system's functions
 
 
 class SummaryRepr:
-    """What a notebook shows as a small table, and Python as a line."""
+    """Representation as a small table in notebooks, and as one line in Python."""
 
     si_units: ClassVar[Mapping[str, str]] = MappingProxyType({})
-    """Units of its numbers where its field `si` is true: of a device in SI."""
+    """Units of its numbers if its field `si` is true: those of a device in SI."""
 
     def summary(self) -> dict[str, Any]:
-        """Return what matters of it, by name, for a small table: numbers and words by default."""
+        """Return the main results by name, for a table: numbers and strings by default."""
         values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
         return {name: each for name, each in values.items() if isinstance(each, Number | str)}
 
@@ -52,15 +52,15 @@ class SummaryRepr:
 
 
 class Result(SummaryRepr):
-    """What a result can do beside what it tells.
+    """Base class of results: comparison, copies and files.
 
-    Two results are equal if they are of one kind, and their systems, options and arrays are. They
-    have no hash, as arrays have none. A copy or a pickle holds what the result was made of; its
-    tables are made again when they are asked for.
+    Two results are equal if they have the same class and equal systems, options and arrays. They
+    have no hash, since arrays have none. A copy or a pickle holds the data of the result; its
+    tables are computed again on access.
     """
 
     kept: ClassVar[tuple[str, ...]] = ()
-    """What needs the system's functions, and is saved where these cannot be."""
+    """Attributes that need the system's functions, saved if a file cannot hold these."""
 
     def __eq__(self, other: object) -> bool:
         if type(self) is not type(other):
@@ -77,23 +77,23 @@ class Result(SummaryRepr):
         }
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Save in one file, from which `mems_impact.load` makes it again.
+        """Save the result in one file, to be loaded by `mems_impact.load`.
 
-        A zip file of arrays (``.npy``) and one ``header.json``: all numbers exactly, the system's
-        definition and options, versions. Functions of your own are named in it, not kept: see
-        `mems_impact.load`.
+        The file is a zip archive of arrays (``.npy``) and one ``header.json``: all numbers exactly,
+        the system's definition and options, versions. It names your own functions but does not
+        contain them: see `mems_impact.load`.
 
         Parameters
         ----------
         path : str or os.PathLike
-            An older file is replaced when the new one is whole.
+            An existing file is replaced once the new one is complete.
 
         Raises
         ------
         InvalidFile
-            If a file cannot stand there.
+            If `path` cannot be a file.
         FileNotWritten
-            If it cannot be written, because the disk is full for example.
+            If the file cannot be written, for example because the disk is full.
 
         Examples
         --------
@@ -101,18 +101,18 @@ class Result(SummaryRepr):
         >>> mi.load("run.zip") == run
         True
         """
-        from mems_impact.systems.serialization.file import save  # which need not be read for a run
+        from mems_impact.systems.serialization.file import save  # runs do not need it
 
         save(self, path)
 
     def attach_saved_tables(self, tables: Mapping[str, Any]) -> None:
-        """Take over what was saved since it cannot be made here."""
+        """Attach the saved tables, which cannot be computed without functions."""
         vars(self).update(tables)
         vars(self)[SAVED_TABLES_FIELD] = tuple(tables)
 
 
 def deep_equal(one: Any, other: Any) -> bool:
-    """Return whether two values are equal through and through: arrays, numbers, functions."""
+    """Return whether two values are deeply equal: arrays, numbers, functions."""
     if one is other:
         return True
     if isinstance(one, FunctionType) and isinstance(other, FunctionType):
@@ -132,7 +132,7 @@ def deep_equal(one: Any, other: Any) -> bool:
         return len(one) == len(other) and all(map(deep_equal, one, other))
     if is_dataclass(one):
         return _same_fields(one, other)
-    if hasattr(one, "equals"):  # a table, whose == is a table
+    if hasattr(one, "equals"):  # a table, whose == is elementwise
         return bool(one.equals(other))
     return bool(one == other)
 

@@ -12,23 +12,23 @@ from mems_impact.errors import InvalidParameter
 
 __all__ = ["Mode", "State", "is_number", "modes", "state_from", "whole"]
 
-# --- Modes: numbers with names.
+# --- Modes.
 
 
 class Mode(int):
-    """A mode: its number, which functions compare and return, its name, and those beside it."""
+    """A mode: an integer with a name, and the names of all modes of its system."""
 
     names: tuple[str, ...]
 
     def __new__(cls, number: int, names: tuple[str, ...]) -> Mode:
-        """Return one of the modes that are called `names`."""
+        """Return one of the modes with these `names`."""
         mode = super().__new__(cls, number)
         mode.names = names
         return mode
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
         return self.names[self]
 
     def __reduce__(self) -> Any:
@@ -36,7 +36,7 @@ class Mode(int):
 
 
 def modes(*names: str) -> tuple[Mode, ...]:
-    """Return one mode a name, numbered from 0.
+    """Return one mode per name, numbered from 0.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def modes(*names: str) -> tuple[Mode, ...]:
     Returns
     -------
     tuple of Mode
-        Integers that know their names.
+        Integers with a name.
 
     See Also
     --------
@@ -61,25 +61,25 @@ def modes(*names: str) -> tuple[Mode, ...]:
     return tuple(Mode(number, names) for number in range(len(names)))
 
 
-# --- A state of a system, as users give it and get it.
+# --- States.
 
-MAX_DISPLAYED_COMPONENTS = 8  # components, of a state with more of them
+MAX_DISPLAYED_COMPONENTS = 8  # largest number of components in a repr
 
 
 class State:
-    """A state of a system and the phase of the forcing at which it holds.
+    """A state of a system, with its mode and the phase of the forcing.
 
-    In the units of the system that it is used with. Components that are not given are those of the
-    system's own start.
+    Values are in the units of the system. Components that are not given are those of the system's
+    initial state.
 
     Parameters
     ----------
     time : float, optional
         Time since the start of the forcing period, 0 <= time < period.
     mode : str or int, optional
-        The mode; where it is not given the system says in which one it is.
+        The mode; determined by the system if not given.
     **components : float
-        By the names of the system's states.
+        Values by the names of the system's states.
 
     Raises
     ------
@@ -176,7 +176,7 @@ class State:
 
 
 def with_units(state: State, units: Mapping[str, str]) -> str:
-    """Return a state in a line, with six digits and units."""
+    """Return a state as one line of text, with six digits and units."""
     numbers = state._numbers()
     return state._line({name: f"{v:.6g} {units.get(name, '')}".rstrip() for name, v in numbers})
 

@@ -43,16 +43,16 @@ __all__ = [
     "measures",
 ]
 
-# --- The largest values that the states reach, between samples too: of an arc, or all of a run.
+# --- Maxima of states, along an arc or a run.
 
-SAMPLES_PER_PERIOD = 200  # between which the largest values are sought
-MIN_MOTION_RATIO = 1e-9  # part of the largest value by which a state moves that stands still
+SAMPLES_PER_PERIOD = 200  # between which maxima are located
+MIN_MOTION_RATIO = 1e-9  # relative variation below which a state is constant
 
 
 def largest_values(arc: Trajectory, grid: Samples) -> Floats:
     """Return the largest value of each state along an arc without events, shape (n,).
 
-    Around the largest of its samples a state is the cubic that has its values and its rates.
+    Around the largest sample a state is interpolated by a cubic Hermite polynomial.
     """
     found = np.maximum(arc.start.y, arc.final.y)
     if not len(grid.y):
@@ -76,8 +76,8 @@ def largest_values(arc: Trajectory, grid: Samples) -> Floats:
 def maxima(run: Trajectory, first: float) -> list[Floats]:
     """Return, for each state, its local maxima along a run from `first`, in order.
 
-    Corners count, and the values before and after events. A state that stands still has one, its
-    value; one that only rises or falls has none.
+    They include corners, and values before and after events. A constant state has one, its value; a
+    monotonic state has none.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
     ]
     log = log[log.cycle * run.period + log.time >= first * run.period]
     at = [each.cycle * run.period + each.time for each in (log, log, grid)]
-    # In one instant: what was before an event, what is after it, a sample.
+    # Order at one instant: state before an event, state after it, sample.
     kinds = np.repeat([0, 1, 2], [len(log), len(log), len(grid.y)])
     order = np.lexsort((kinds, np.concatenate(at)))
     time, kinds = np.concatenate(at)[order], kinds[order]
@@ -112,11 +112,11 @@ def maxima(run: Trajectory, first: float) -> list[Floats]:
 def _maxima(
     time: Floats, y: Floats, slope: Callable[[int], float], arc: NDArray[np.int64]
 ) -> Floats:
-    """Return the local maxima of one state, whose arcs have numbers."""
+    """Return the local maxima of one state, with the number of the arc of each sample."""
     extent = float(np.ptp(y)) if y.size else 0.0
     if not extent > MIN_MOTION_RATIO * float(np.abs(y).max(initial=0.0)):
         return y[-1:]
-    # Values that differ by rounding alone are a plateau, and that is one value.
+    # Values that differ only by rounding are a plateau with one maximum.
     changes = np.flatnonzero(np.abs(np.diff(y)) > MIN_MOTION_RATIO * extent)
     begins, ends = np.append(0, changes + 1), np.append(changes, y.size - 1)
     values = y[begins]
@@ -133,7 +133,7 @@ def _maxima(
 
 
 def _top(first: float, last: float, rate: float, last_rate: float) -> float:
-    """Return the largest value in [0, 1] of the cubic with these values and rates at the ends."""
+    """Return the maximum on [0, 1] of the cubic with these values and rates at the ends."""
     rise = last - first
     cubic, square = rate + last_rate - 2.0 * rise, 3.0 * rise - 2.0 * rate - last_rate
     polynomial = np.polynomial.Polynomial([first, rate, square, cubic])
@@ -142,23 +142,23 @@ def _top(first: float, last: float, rate: float, last_rate: float) -> float:
     return float(max(first, last, *polynomial(inside)))
 
 
-# --- What becomes of a motion, in the words of tables.
+# --- Names of motions in tables.
 
-# One that has not repeated itself in its time is unsettled until its Lyapunov exponent says more.
+# A motion that has not repeated itself is unsettled until its Lyapunov exponent classifies it.
 OFF, RESTING, PERIODIC, UNSETTLED, FAILED = "off", "resting", "periodic", "unsettled", "failed"
 CHAOTIC, QUASI_PERIODIC = "chaotic", "quasi-periodic"
 
 
 def counted_periods(count: int) -> str:
-    """Return the name of a periodic motion of so many periods: ``"period 2"``."""
+    """Return the name of a periodic motion of `count` periods: ``"period 2"``."""
     return f"period {count}"
 
 
-# --- Number, mean, standard deviation and extremes of values that come in portions.
+# --- Moments of values that arrive in chunks.
 
 
 class Moments:
-    """Number, mean, standard deviation and extremes of values that come in portions.
+    """Number, mean, standard deviation and extremes of values that arrive in chunks.
 
     Attributes
     ----------
@@ -174,11 +174,11 @@ class Moments:
         self.low, self.high = math.inf, -math.inf
 
     def add(self, values: Floats) -> None:
-        """Take the next portion."""
+        """Add the next chunk of values."""
         if values.size == 0:
             return
-        # Chan, Golub and LeVeque's update: sums of squares would lose the deviations of steps that
-        # are nearly equal.
+        # Update of Chan, Golub and LeVeque: sums of squares would lose the deviations of nearly
+        # equal values.
         mean = float(values.mean())
         squares = float(((values - mean) ** 2).sum())
         total = self.count + values.size
@@ -192,24 +192,25 @@ class Moments:
         )
 
     def deviation(self) -> float:
-        """Return the standard deviation of the values over their number; NaN without any."""
+        """Return the population standard deviation; NaN without values."""
         return math.sqrt(self._squares / self.count) if self.count else math.nan
 
 
-# --- Statistics of a run, gathered while it goes on, so that long runs need no more memory.
+# --- Statistics of a run, accumulated during the run, so that memory does not grow with its length.
 
 
 class LazyStatistics:
-    """A gatherer that takes the events of a run when it is first asked for what they amount to.
+    """An accumulator that processes the events of a run on first access.
 
     Parameters
     ----------
     begin : callable
-        Makes the gatherer. One that an observable has interrupted is begun again, not gone on with.
+        Creates the accumulator. If an observable fails, the next access starts again from the first
+        event.
     events : Events
-        All that the run has kept.
+        All events that the run has kept.
     lengths : sequence of int
-        Of the chunks in which they came: sums are made chunk by chunk.
+        Lengths of the chunks in which they arrived: sums are computed chunk by chunk.
     """
 
     def __init__(
@@ -219,7 +220,7 @@ class LazyStatistics:
 
     @cached_property
     def ready(self) -> StatisticsAccumulator:
-        """The gatherer, with all events."""
+        """The accumulator, after all events."""
         gatherer, first = self._begin(), 0
         for length in self._lengths:
             gatherer(self._events[first : first + length])
@@ -228,12 +229,12 @@ class LazyStatistics:
 
 
 class WindowCheckpoints:
-    """Where the arcs begin in which a window begins and ends, and how long each mode has lasted."""
+    """Starts of the arcs that contain the borders of a window, and durations of the modes."""
 
     def __init__(self, window: TimeWindow, start: HybridState, modes: int) -> None:
         self._window = window
         self._anchors = [start, start]
-        self._last = start  # the latest event, whose mode lasts until the next one
+        self._last = start  # the last event, whose mode lasts until the next one
         self._remembered = start.remembered  # by the engine, after it
         self.durations = np.zeros(modes)
 
@@ -254,7 +255,7 @@ class WindowCheckpoints:
         self._remembered = events.remembered(self._remembered)
 
     def end(self, final: HybridState) -> None:
-        """Take the end of the run."""
+        """Process the end of the run."""
         self._take_durations(
             np.array([final.cycle]), np.array([final.time]), np.array([final.mode])
         )
@@ -276,7 +277,7 @@ class WindowCheckpoints:
 
 
 class RunStatistics:
-    """What is told of any system: events by guard, shares of modes, and its observables."""
+    """Statistics of any system: events by guard, fractions of time in modes, and observables."""
 
     def __init__(
         self, system: HybridSystem, problem: Problem, start: HybridState, window: TimeWindow
@@ -289,17 +290,17 @@ class RunStatistics:
         self._moments = {each.name: Moments() for each in system.observables if each.at}
 
     def resume(self, system: HybridSystem, problem: Problem) -> None:
-        """Go on for a system and what is integrated of it."""
+        """Continue with a system and its problem."""
         self._system, self._problem = system, problem
 
     def gathered(self) -> dict[str, Any]:
-        """Return what was gathered so far, from which `of` goes on."""
+        """Return the accumulated data, from which `of` continues."""
         linked = ("_system", "_problem")
         return {name: value for name, value in vars(self).items() if name not in linked}
 
     @classmethod
     def of(cls, **gathered: Any) -> RunStatistics:
-        """Return what had gathered this; it waits for `resume`."""
+        """Return an accumulator with this data; it needs `resume`."""
         gathering = cls.__new__(cls)
         vars(gathering).update(gathered)
         return gathering
@@ -315,14 +316,14 @@ class RunStatistics:
             self._moments[name].add(values[~np.isnan(values)])
 
     def anchor(self, border: int) -> HybridState:
-        """Return the beginning of the arc in which the window begins (0) or ends (1)."""
+        """Return the start of the arc that contains the start (0) or end (1) of the window."""
         return self._anchors[border]
 
     def result(self, final: HybridState, borders: Sequence[Floats]) -> dict[str, float]:
         """Return the statistics of a run that ended at `final`."""
         self._anchors.end(final)
         window, system = self._window.until(final), self._system
-        # Without forcing periods, time itself is counted.
+        # Rates of an autonomous system are per unit of time.
         unit = 1.0 if system.forced else window.period
         each_period = "per period" if system.forced else "per time"
         first, last = window.first * unit, window.last * unit
@@ -372,7 +373,7 @@ def evaluate_observables(
 
 
 def reduce_values(reduce: str, moments: Moments, periods: float) -> float:
-    """Return what is told of the values of an observable at events."""
+    """Return the reduced value of an observable at events."""
     if moments.count == 0:
         return 0.0 if reduce == "sum" else math.nan
     match reduce:
@@ -396,13 +397,13 @@ def instant_after(events: Events, row: int) -> HybridState:
 
 
 def ratio(part: float, whole: float) -> float:
-    """Return part / whole, NaN where there is nothing to share."""
+    """Return part / whole, NaN if `whole` is zero."""
     return part / whole if whole > 0 else math.nan
 
 
-# --- What studies tell of where a motion has come to, of any system: counts, shares, observables.
+# --- Statistics of attractors in studies.
 
-RETURN = "return time"  # of a system that nothing forces
+RETURN = "return time"  # of an autonomous system
 
 
 def measure_names(system: HybridSystem) -> tuple[str, ...]:
@@ -423,14 +424,14 @@ def measure_names(system: HybridSystem) -> tuple[str, ...]:
 
 
 def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> dict[str, float]:
-    """Return what was gathered of a point by heading, each in the unit that it has in tables.
+    """Return the statistics of an attractor by heading, in the units of tables.
 
     Parameters
     ----------
     system : HybridSystem
     settled : RecurrenceResult
     period : float
-        The period of the problem, in the units of the numerics.
+        The period of the problem, in scaled units.
     """
     lasted = settled.duration / period
     periods = lasted if system.forced else float(system.out("time", settled.duration))
@@ -466,7 +467,7 @@ def measures(system: HybridSystem, settled: RecurrenceResult, period: float) -> 
 
 
 def closest_approach(system: HybridSystem, settled: RecurrenceResult) -> float:
-    """Return the smallest gap at which bodies turned back without an impact; NaN without any."""
+    """Return the smallest gap at which bodies turned back without an impact, or NaN."""
     guards = system.automaton.guards
     gaps = [
         float(least) * system.margin_unit(guard.name)

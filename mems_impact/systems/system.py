@@ -1,4 +1,4 @@
-"""Systems defined by functions, and their families of problems."""
+"""Systems defined by functions."""
 
 from __future__ import annotations
 
@@ -50,70 +50,72 @@ Number = float | Callable[..., float]
 
 
 class System(HybridSystem):
-    """A system that switches between smooth modes, from functions that read like its equations.
+    """A hybrid system, defined by functions that read like its equations.
 
     Parameters
     ----------
     states : sequence of str, or int
-        Names of the components of the state; or how many there are (then u0, u1, …).
+        Names of the components of the state, or their number (then u0, u1, …).
     flow : callable
-        ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` have
-        states and parameters by name (``y.x``, ``p.omega``), ``t`` counts from the start of the
-        forcing period. With many states ``flow(mode, t, y, p, dy)`` writes them into ``dy``, and
-        ``y`` is an array (see `mems_impact.hybrid.definition`).
+        ``flow(mode, t, y, p)`` returns the time derivatives of the states. ``y`` and ``p`` provide
+        states and parameters by name (``y.x``, ``p.omega``); ``t`` is the time since the start of
+        the forcing period. For many states, ``flow(mode, t, y, p, dy)`` writes the derivatives into
+        ``dy``, and ``y`` is an array (see `mems_impact.hybrid.definition`).
     parameters : mapping of str to float, optional
         Names and values.
     guards : sequence of Guard, optional
-        What ends a mode, or is recorded: `Guard` and `Impact`.
+        Events that end a mode or are recorded: `Guard` and `Impact`.
     parts : sequence of Part, optional
-        What stands ready: `Friction`, `Stopper`, `Relay`, `SwitchingSurface`. ``flow`` then tells
-        the rest, and finds the mode of each part by its name (``mode.wall``).
+        Ready-made components: `Friction`, `Stopper`, `Relay`, `SwitchingSurface`. ``flow`` then
+        returns the derivatives without them, and reads the mode of each part by its name
+        (``mode.wall``).
     masses : mapping of str to float, str or callable, optional
-        Of the bodies on which parts act, by their velocities: numbers, parameters or functions of
-        ``p``; 1 by default.
+        Masses of the bodies on which parts act, by velocity: numbers, names of parameters or
+        functions of ``p``; 1 by default.
     modes : sequence of Mode or str, optional
-        All modes, from `modes`; needed where no guard names one and there are several.
+        All modes, from `modes`; required if there are several and no guard names one.
     period : float or callable, optional
-        The forcing period: a number, or ``period(p)``. None for a system without forcing.
+        The forcing period: a number, or ``period(p)``. None for an autonomous system.
     switches : sequence of float or callable, optional
-        Times in (0, period], ascending, at which the flow jumps; or ``switches(p)``.
+        Times in (0, period], ascending, at which the flow is discontinuous; or ``switches(p)``.
     switch_transition : callable, optional
-        ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; both go on by
-        default.
+        ``switch_transition(mode, t, y, p)`` returns mode and state after such a time; by default
+        both are unchanged.
     constraints : mapping of mode to callable, optional
-        What is zero for as long as a mode lasts, such as the velocity of a body that sticks:
-        ``{STUCK: speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the
-        mode have to make it zero, and the flow to keep it so. Equilibria, multipliers and exponents
-        then know that no motion of the mode leaves it. With parts, these say it.
+        Functions that are zero during a mode, such as the velocity of a body that sticks: ``{STUCK:
+        speed}`` with ``speed(mode, t, y, p)``, or several functions. Transitions into the mode must
+        make them zero, and the flow must keep them zero. Equilibria, multipliers and exponents then
+        exclude perturbations that violate them. Parts define their own constraints.
     section : tuple of str and float, optional
-        A Poincaré section: a state and its value there. Crossings are recorded. Without one, a
-        system with forcing is looked at where its periods begin.
+        A Poincaré section: a state and its value. Crossings are recorded. The default section of a
+        system with forcing is the start of the forcing period.
     initial : mapping of str to float, or State, optional
-        Where runs start if nothing else is said; 0 for every component that is not given.
+        Initial state of runs by default; components that are not given are 0.
     observables : sequence of Observable, optional
-        Named quantities that tables and studies show beside the states.
+        Named quantities in tables and studies, in addition to the states.
     units : mapping of str to str, optional
         Units of states, parameters and ``"time"``.
     typical : mapping of str to float, optional
-        Sizes that are typical of states, parameters and ``"time"``, or of units: ``{"x": 1e-6,
-        "time": 1e-3}``, ``{"m": 1e-6, "s": 1e-3}``. The numerics then count in these, so that
-        tolerances are relative to them; what is given and returned stays in the system's units.
+        Typical magnitudes of states, parameters and ``"time"``, or of units: ``{"x": 1e-6, "time":
+        1e-3}``, ``{"m": 1e-6, "s": 1e-3}``. Integration and continuation then use variables scaled
+        by them, so that tolerances are relative to them; arguments and results remain in the
+        system's units.
     cyclic : sequence of str, optional
-        States that enter no function, such as a position that only grows. They are accumulated
-        apart, and an orbit need not close in them.
+        States on which no function depends, such as a position that only grows. They are
+        accumulated separately, and an orbit need not close in them.
     jacobian : callable, optional
         ``jacobian(mode, t, y, p, J)`` writes the derivatives of the flow into ``J[i, j]``, for
-        method "bdf", which otherwise takes differences.
+        method "bdf"; finite differences by default.
     time_scale : float or callable, optional
-        Time within which the system shows all that it does, where that is not the period.
+        Characteristic time of the motion, if it is not the period.
     name : str, optional
 
     Raises
     ------
     InvalidParameter
-        If names repeat, or a name, a number or a function is missing or of the wrong kind.
+        If names repeat, or a name, a number or a function is missing or of the wrong type.
     FunctionError
-        If a function does not do what it must, as far as a short run meets it.
+        If a function fails or is inconsistent in a short trial run.
 
     See Also
     --------
@@ -216,7 +218,7 @@ class System(HybridSystem):
         self._initial = arguments.initial(initial)
         self.typical = None
         sizes = arguments.sizes(typical)
-        # In the user's own numbers, to which functions and messages belong.
+        # In the user's units, in which functions and messages count.
         problem, time = self.problem(Options()), sizes.get("time")
         checks.dry_run(self, self.definition, problem, time=time, meant=initial is not None)
         if sizes:
@@ -237,21 +239,21 @@ class System(HybridSystem):
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Units of states, parameters, observables and times; none for pure numbers."""
+        """Units of states, parameters, observables and times, without dimensionless quantities."""
         return {**self._units, **{each.name: each.unit for each in self.observables if each.unit}}
 
     @property
     def scales(self) -> Scales:
-        """The units of the numerics."""
+        """The units of the scaled variables."""
         return DIMENSIONLESS if not self.units else Scales()
 
     @property
     def initial(self) -> State:
-        """Where runs start if nothing else is said."""
+        """Initial state of runs by default."""
         return self._initial
 
     def shifted(self, values: Mapping[str, float]) -> Self:
-        """Return the system at values that may not be allowed, at which continuation looks."""
+        """Return the system at other values, allowed or not, as continuation needs it."""
         other = self._copy()
         other._parameters = {**self._parameters, **arguments.numbers(values)}
         return other
@@ -259,14 +261,14 @@ class System(HybridSystem):
     def restored(
         self, values: Mapping[str, float], scales: Scales, typical: Typical | None = None
     ) -> Self:
-        """Return the system at the values of a file, and in the units in which it counted."""
+        """Return the system at the values and scales of a file."""
         other = self.shifted(values)
         other.typical = typical
         return other
 
     @property
     def functions(self) -> dict[str, str]:
-        """Where its functions are defined, as ``module:name``: to be shown."""
+        """Where its functions are defined, as ``module:name``, for display."""
         definition = self.definition
         found: dict[str, Any] = {
             "flow": definition.flow,
@@ -283,7 +285,7 @@ class System(HybridSystem):
         return {
             role: reference(given)
             for role, given in found.items()
-            if callable(given) and given.__module__ != assembly.__name__  # written for parts
+            if callable(given) and given.__module__ != assembly.__name__  # generated for parts
         }
 
     def ending(self, until: Callable[..., float]) -> System:
@@ -298,11 +300,11 @@ class System(HybridSystem):
     def gatherer(
         self, problem: Problem, start: HybridState, window: TimeWindow
     ) -> StatisticsAccumulator:
-        """Return what gathers the statistics of a run."""
+        """Return the accumulator of the statistics of a run."""
         return RunStatistics(self, problem, start, window)
 
     def measures(self, settled: RecurrenceResult, period: float) -> dict[str, float]:
-        """Return what studies tell of where a motion has come to, by heading."""
+        """Return the statistics of an attractor that studies write, by heading."""
         return measures(self, settled, period)
 
     @property
@@ -312,28 +314,28 @@ class System(HybridSystem):
 
     @property
     def checked_modes(self) -> set[int]:
-        """The modes in which its functions have been compared; to be added to."""
+        """The modes in which its functions have been validated; mutable."""
         return checks.checked_modes(self.definition, self._period)
 
     @property
     def discontinuity_check(self) -> Callable[[HybridState, float], bool]:
-        """What warns of a jump of the flow where steps become very short."""
+        """Check for a discontinuity of the flow, called where steps become very short."""
         return partial(checks.warn_of_discontinuity, self, self.definition)
 
     @property
     def automaton(self) -> Automaton:
-        """Modes, flow, guards and transitions, as the event loop takes them."""
+        """Modes, flow, guards and transitions, in the form that the event loop takes."""
         if self.typical is None:
             return automaton_of(self.definition)
         return automaton_of(scaled(self.definition, self.typical))
 
     @property
     def is_scaled(self) -> bool:
-        """Whether the numerics count in typical sizes."""
+        """Whether the variables are scaled by typical magnitudes."""
         return self.typical is not None
 
     def factor(self, heading: str) -> float:
-        """Return the unit of the numerics for what stands under a heading."""
+        """Return the scale of the quantity with a heading: a name, or "time"."""
         if self.typical is None:
             return super().factor(heading)
         sizes = self.typical
@@ -342,26 +344,26 @@ class System(HybridSystem):
         return found.get(name_of(heading, found), 1.0)
 
     def margin_unit(self, guard: str) -> float:
-        """Return the unit of the numerics for the margin of a guard."""
+        """Return the scale of the margin of a guard."""
         sizes = dict(self.typical.margins) if self.typical else {}
         return sizes.get(guard, 1.0)
 
     @property
     def section(self) -> Section | None:
-        """The Poincaré section: component, level, direction; in the units of the numerics."""
+        """The Poincaré section: component, level, direction; in scaled units."""
         if self._section is None:
             return None
         state, level, direction = self._section
         return state, self.into(self.states[state], level), direction
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> ProblemParameters:
-        """Return what of the problem depends on the parameters, in the units of the numerics.
+        """Return the part of the problem that depends on the parameters, in scaled units.
 
         Parameters
         ----------
         changes : mapping of str to float, optional
-            Other values of some parameters, in the system's units, allowed or not: differences by
-            a parameter at the end of its range look beyond it, as do trial steps.
+            Other values of some parameters, in the system's units, allowed or not: finite
+            differences at the end of a parameter's range go beyond it, as do trial steps.
         """
         p = self._named({**self._parameters, **(changes or {})}.values())
         time = self.factor("time")
@@ -380,18 +382,19 @@ class System(HybridSystem):
 
     @property
     def forced(self) -> bool:
-        """Whether the system has a forcing period; a function that gives it is not asked."""
+        """Whether the system has a forcing period; a function that defines it is not called."""
         return self._period is not None
 
     @property
     def forcing_period(self) -> float | None:
-        """The forcing period; None for a system without forcing."""
+        """The forcing period; None for an autonomous system."""
         return arguments.number("period", self._period, self._named(self._parameters.values()))
 
     def mode_of(self, y: Floats, time: float, problem: Problem, mode: int = 0) -> int:
-        """Return the mode of a state whose mode is not given; `y` may be put right.
+        """Return the mode of a state whose mode is not given; `y` may be corrected in place.
 
-        Where several fit, as within the hysteresis of a relay, it is `mode` if that is one of them.
+        If several modes fit, as within the hysteresis of a relay, `mode` is returned if it is one
+        of them.
         """
         if self._begin is None:
             return mode
@@ -401,18 +404,18 @@ class System(HybridSystem):
         except ArithmeticError as error:
             raised, remedy = f"raises {type(error).__name__}: {error}", "give masses above 0"
             place = innermost_user_line(error.__traceback__, self._begin)
-            if place[0]:  # in a function of the user's
-                remedy = "let it have a value wherever a run starts"
+            if place[0]:  # in a function of the user
+                remedy = "make it return a value for every initial state"
             raise FunctionError("the flow with its parts", raised, remedy, *place) from error
 
     def evaluate_observable(self, observable: Observable, y: Floats, problem: Problem) -> float:
-        """Return an observable, which has a unit of its own, of a state of the numerics."""
+        """Return an observable, in its own unit, at a scaled state."""
         return _observable_value(observable, self._state(y), self._to_user(problem))
 
     def evaluate_event_observable(
         self, observable: Observable, events: Events, i: int, problem: Problem
     ) -> float:
-        """Return an observable, which has a unit of its own, at an event of the numerics."""
+        """Return an observable, in its own unit, at an event in scaled units."""
         p = self._to_user(problem)
         before, after = self._state(events.before[i]), self._state(events.after[i])
         mode, time = int(events.mode_before[i]), float(self.out("time", events.time[i]))
@@ -420,7 +423,7 @@ class System(HybridSystem):
 
     @property
     def observed(self) -> CompiledObservables:
-        """The observables that studies gather, as one function of the numerics."""
+        """The observables that studies record, as one function of scaled states."""
         guards = [guard.name for guard in self.automaton.guards]
         return observed(
             tuple(
@@ -437,14 +440,14 @@ class System(HybridSystem):
         return named_tuple("Parameters", tuple(self._parameters))(*values)
 
     def _state(self, y: Floats) -> Any:
-        """Return a state by name, as functions read it; as a list where they take an array."""
+        """Return a state by name, or as a list for functions that take an array."""
         values = (y if self.typical is None else y * np.array(self.typical.states)).tolist()
         if writes_into_arrays(self.definition.flow):
             return values
         return named_tuple("State", self.states)(*values)
 
     def _to_internal(self, p: Any) -> Floats:
-        """Return parameters in the units of the numerics."""
+        """Return parameters in scaled units."""
         values = np.array(p, dtype=float)
         return values if self.typical is None else values / np.array(self.typical.parameters)
 
@@ -456,7 +459,7 @@ class System(HybridSystem):
         return self._named(values.tolist())
 
     def _own_time(self) -> float:
-        """Return a time within which something happens, as far as it is known."""
+        """Return a characteristic time of the system, if known."""
         p = self._named(self._parameters.values())
         scale = arguments.number("time_scale", self._time_scale, p)
         period = arguments.number("period", self._period, p)
@@ -468,7 +471,7 @@ def _in_units(value: float | None, unit: float) -> float | None:
 
 
 def _observable_value(observable: Observable, *arguments: Any) -> float:
-    """Return an observable; FunctionError, with the line of the user's, if its function fails."""
+    """Return an observable; FunctionError, with the user's line, if its function fails."""
     try:
         return float(observable.function(*arguments))
     except Exception as error:

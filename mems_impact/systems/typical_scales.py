@@ -30,22 +30,22 @@ __all__ = [
     "warn_if_badly_scaled_run",
 ]
 
-# --- What is told where nothing was said of typical sizes, and numbers lie far from order one.
+# --- Warnings about poor scaling.
 
-RESOLVED = 1e3  # absolute tolerances that a state should at least come to
-FASTEST = 1e-4  # steps on average, in the time that is taken for the system's own
+RESOLVED = 1e3  # smallest magnitude of a well-scaled state, in absolute tolerances
+FASTEST = 1e-4  # smallest mean step, relative to the assumed time scale
 SAMPLES_BETWEEN_EVENTS = 64  # between events
-ORDER_ONE = (1e-5, 1e5)  # sizes of times and parameters on which differences may count
+ORDER_ONE = (1e-5, 1e5)  # magnitudes of times and parameters that suit finite differences
 
 
 class MaxStateRecorder:
-    """The largest sizes that the states have come to at events."""
+    """The largest magnitudes of the states at events."""
 
     def __init__(self, y: Floats) -> None:
         self.sizes = np.abs(y)
 
     def __call__(self, events: Events) -> None:
-        """Take a chunk of events in."""
+        """Process a chunk of events."""
         for y in (events.before, events.after):
             if len(y):
                 np.maximum(self.sizes, np.abs(y).max(axis=0), out=self.sizes)
@@ -58,7 +58,7 @@ def warn_if_badly_scaled_run(
     largest: MaxStateRecorder,
     timed: bool,
 ) -> None:
-    """Warn if a state stays below what the absolute tolerance resolves, or time does.
+    """Warn if a state stays below the resolution of the absolute tolerance, or if steps are tiny.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def warn_if_badly_scaled_run(
     trajectory : Trajectory
     largest : MaxStateRecorder
     timed : bool
-        Whether the system has a time of its own: a period, or a time scale.
+        Whether the system defines a period or a time scale.
     """
     limit = RESOLVED * options.atol
     sizes = np.maximum(largest.sizes, np.abs(trajectory.final.y))
     if ((sizes > 0.0) & (sizes < limit)).any():
-        # A speed may be zero at all events: they are its turning points.
+        # A speed may be zero at all events, if they are turning points.
         sizes = np.maximum(sizes, between(trajectory))
     small = {
         name: decade(float(size))
@@ -84,16 +84,18 @@ def warn_if_badly_scaled_run(
     step = length / trajectory.steps if trajectory.steps else 1.0
     if small:
         stay = " and ".join(f"{name} stays below {size:.0e}" for name, size in small.items())
-        what = f"{stay}, where atol = {options.atol:g} resolves little"
+        what = f"{stay}, poorly resolved by atol = {options.atol:g}"
         _warn(what, small)
     elif not timed and 0.0 < step < FASTEST:
         step = decade(step)
-        what = f"steps are below {step:.0e}, in a system that is taken to move within a time of 1"
+        what = (
+            f"steps are below {step:.0e}, although the system is assumed to have a time scale of 1"
+        )
         _warn(what, {"time": 10.0 * step})
 
 
 def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -> None:
-    """Warn if differences on which orbits rest would drown in a time or a parameter."""
+    """Warn if the period or a parameter is too large or small for finite differences of orbits."""
     low, high = ORDER_ONE
     sizes = {"time": period, **parameters}
     far = {name: abs(size) for name, size in sizes.items() if size and not low < abs(size) < high}
@@ -101,11 +103,11 @@ def warn_if_badly_scaled_orbit(period: float, parameters: Mapping[str, float]) -
         listed = ", ".join(
             f"{'the period' if name == 'time' else name} = {size:.1e}" for name, size in far.items()
         )
-        _warn(f"{listed}: far from order one, in which differences for orbits count", far)
+        _warn(f"{listed}: far from order one, which finite differences for orbits assume", far)
 
 
 def between(trajectory: Trajectory) -> Floats:
-    """Return the largest sizes of the states in the first two periods, between events too."""
+    """Return the largest magnitudes of the states in the first two periods, between events too."""
     start, final, period = trajectory.start, trajectory.final, trajectory.period
     first, last = (each.cycle + each.time / period for each in (start, final))
     length = min(2.0, last - first)
@@ -116,19 +118,19 @@ def between(trajectory: Trajectory) -> Floats:
 
 
 def decade(size: float) -> float:
-    """Return the power of ten above a size: a sweep shall not tell the same in many numbers."""
+    """Return the power of ten above a magnitude, so that a sweep repeats no warning."""
     return float(10.0 ** math.ceil(math.log10(size)))
 
 
 def _warn(what: str, sizes: Mapping[str, float]) -> None:
     pairs = ", ".join(f"{name!r}: {size:.0e}" for name, size in sizes.items())
-    message = f"{what}; say what is typical, for example System(typical={{{pairs}}})"
+    message = f"{what}; give typical magnitudes, for example System(typical={{{pairs}}})"
     warnings.warn(message, ScaleWarning, stacklevel=6)
 
 
-# --- Typical sizes: from what a user says of names or units to the units of the numerics.
+# --- Scales of variables from typical magnitudes by name or unit.
 
-# Derived units of the SI in its base units: powers of them by name.
+# Derived SI units as powers of base units.
 DERIVED: dict[str, dict[str, int]] = {
     "rad": {},
     "Hz": {"s": -1},
@@ -147,19 +149,19 @@ DERIVED: dict[str, dict[str, int]] = {
 
 
 def of_units(unit: str, sizes: Mapping[str, float]) -> float | None:
-    """Return the typical size of what has a unit, from those of other units.
+    """Return the typical magnitude of a unit, from those of other units.
 
     Parameters
     ----------
     unit : str
-        Such as "m/s^2", "N s/m"; all that follows a stroke divides.
+        Such as "m/s^2", "N s/m"; all units after a slash divide.
     sizes : mapping of str to float
         By unit, base or derived.
 
     Returns
     -------
     float or None
-        None if the sizes say nothing about it.
+        None if the magnitudes do not determine it.
     """
     if unit in sizes:
         return sizes[unit]
@@ -183,7 +185,7 @@ def typical_of(
     units: Mapping[str, str],
     time: float,
 ) -> Typical:
-    """Return the units of the numerics.
+    """Return the scales of all variables.
 
     Parameters
     ----------
@@ -196,19 +198,19 @@ def typical_of(
         Where runs start.
     units : mapping of str to str
     time : float
-        Typical time where nothing is said.
+        Typical time by default.
 
     Raises
     ------
     InvalidParameter
-        If a size belongs to nothing.
+        If a name or unit is unknown.
     """
     names = {*definition.states, *definition.parameters, "time"}
     parts = {part for unit in units.values() for part in re.findall(r"[A-Za-z]+", unit)}
     base = {name for part in parts for name in (part, *DERIVED.get(part, ()))}
     for name in typical:
         if name not in names | base | set(units.values()):
-            allowed = f"typical sizes of {', '.join(sorted(names))}, or of units"
+            allowed = f"typical magnitudes of {', '.join(sorted(names))}, or of units"
             raise InvalidParameter("typical", name, allowed)
 
     sizes = {name: size for name, size in typical.items() if name not in names}
@@ -221,7 +223,7 @@ def typical_of(
 
     result = Typical(
         states=tuple(size_of(name, initial.get(name, 1.0)) for name in definition.states),
-        # Over a parameter orbits are followed: where nothing is said, its own size is typical.
+        # Parameters vary in continuation: by default their own magnitude is typical.
         parameters=tuple(size_of(name, value) for name, value in values.items()),
         time=size_of("time", time),
     )
@@ -245,9 +247,9 @@ def _size_of_margin(
     start: list[float],
     values: Mapping[str, float],
 ) -> float:
-    """Return by how much a margin changes where all states do by what is typical of them.
+    """Return the change of a margin if each state changes by its typical magnitude.
 
-    Near the start of runs; 1 where the margin does not say.
+    It is evaluated near the initial state; 1 if the margin fails there.
     """
     p = named_tuple("Parameters", tuple(values))(*values.values())
     mode = int(guard.modes[0]) if guard.modes else 0

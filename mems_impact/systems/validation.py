@@ -1,15 +1,15 @@
 """Validation of user functions: dry run, consistency of rates, discontinuities, start values.
 
-The short run at the start seldom meets all modes. So runs, and orbits that are found, put down the
-first states in modes that nobody has met, and the same is asked there once they are done: what is
-wrong in such a mode would else stay silent for ever.
+The dry run seldom reaches all modes. Runs and orbits therefore record the first states in modes
+that have not been checked, and the same checks are made there when they are done; otherwise an
+error in such a mode would go unnoticed.
 
-Steps of Bogacki and Shampine's pair of order 3, whose points lie on a trajectory to a
-thousandth of a step; guards are tried where the run meets them, found by bisection.
+The dry run uses the pair of Bogacki and Shampine of order 3, whose points lie on a trajectory to a
+thousandth of a step; bisection locates events.
 
-A point that the checks made up themselves refuses nothing. What is wrong whatever the values, a
-component that is never written or a mode that there is not, is told wherever it is met; that a
-function has no value is told where the user says that runs start, and nowhere else.
+A point that the checks choose themselves cannot cause a rejection. Errors that do not depend on
+values, such as a component that is never written or an unknown mode, are reported wherever they
+occur; a function without a value is reported only at an initial state given by the user.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ __all__ = [
     "warn_of_discontinuity",
 ]
 
-# --- Whether functions keep what they do to themselves: none changes a variable from elsewhere.
+# --- Side effects of functions.
 
-COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs their text
+COMPILED_LIBRARIES = ("numba", "numpy")  # compiled code never runs them
 
 
 def check_effects(definition: Definition) -> None:
-    """Raise FunctionError if a function, or one that it calls, changes a variable of elsewhere."""
+    """Raise FunctionError if a function, or one that it calls, changes an outer variable."""
     for function in _functions(definition):
         for called in _called(function.call, set()):
             _check(function, called)
@@ -67,16 +67,16 @@ def check_effects(definition: Definition) -> None:
 
 def _check(function: UserFunction, called: FunctionType) -> None:
     for name in _changed(called.__code__, set(called.__code__.co_freevars)):
-        problem = f"changes {name}, which lives outside of it"
-        remedy = "let it only read: what changes along a run is a state"
+        problem = f"changes {name}, a variable outside the function"
+        remedy = "only read outer variables: quantities that change along a run are states"
         file, line = called.__code__.co_filename, called.__code__.co_firstlineno
         raise FunctionError(function.role, problem, remedy, file, line)
 
 
 def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
-    """Yield the names of what code, or a function within, changes of elsewhere.
+    """Yield the names of outer variables that code, or a function within it, changes.
 
-    `outside` are those of the variables that it closes over and does not share with its own.
+    `outside` are the variables that it closes over and that are not its own.
     """
     for step in get_instructions(code):
         shared = step.opname in ("STORE_DEREF", "DELETE_DEREF") and step.argval in outside
@@ -87,7 +87,7 @@ def _changed(code: CodeType, outside: set[str]) -> Iterator[str]:
 
 
 def _called(value: Any, seen: set[FunctionType]) -> Iterator[FunctionType]:
-    """Yield a function and those that it may call: globals and what it closes over."""
+    """Yield a function and those that it may call: globals and closure variables."""
     function = getattr(value, "py_func", value)  # of one that numba compiled
     if not isinstance(function, FunctionType) or function in seen:
         return
@@ -105,9 +105,9 @@ def _called(value: Any, seen: set[FunctionType]) -> Iterator[FunctionType]:
 
 
 def _loaded(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
-    """Yield the globals that code reads, and of modules the attributes that it reads.
+    """Yield the globals that code reads, and the attributes of modules that it reads.
 
-    Other attributes are no globals: ``p.k`` has nothing to do with a function ``k``.
+    Other attributes are not globals: ``p.k`` is unrelated to a function ``k``.
     """
     value: Any = None
     for step in get_instructions(code):
@@ -136,21 +136,21 @@ def _functions(definition: Definition) -> Iterator[UserFunction]:
                 yield UserFunction(kind, getattr(guard, kind), guard.name)
 
 
-# --- Jumps of the flow that nothing declares: no step of a method is right across one.
+# --- Undeclared discontinuities of the flow, across which no integration step is accurate.
 
-PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # parts of the time scale within which a jump is looked for
-STEPS_AHEAD = (1.0, 8.0, 64.0)  # that in very short steps of a run
-BEYOND = 8.0  # of the stretch, where a guard declares what jumps in it
-MIN_JUMP_RATIO = 1e-6  # part of the slope by which it jumps at least
-JUMP_BISECTIONS = 60  # of the stretch that encloses it, if rounding does not end them before
-LASTS = 0.5  # part of the difference that is left of a jump then; of a steep slope, next to nothing
-JUMP_ROUNDING_RATIO = 0.1  # part of the difference that rounding of state and time may make
+PROBE_OFFSETS = (1e-7, 1e-6, 1e-5)  # relative to the time scale: intervals searched for a jump
+STEPS_AHEAD = (1.0, 8.0, 64.0)  # relative to very short steps of a run
+BEYOND = 8.0  # of the interval, within which a guard declares a jump
+MIN_JUMP_RATIO = 1e-6  # smallest jump, relative to the slope
+JUMP_BISECTIONS = 60  # of the enclosing interval, unless rounding ends the bisection before
+LASTS = 0.5  # of the difference that remains for a jump; almost nothing remains for a steep slope
+JUMP_ROUNDING_RATIO = 0.1  # of the difference that rounding of state and time may cause
 
 
 def warn_of_discontinuity(
     system: HybridSystem, definition: Definition, at: HybridState, length: float
 ) -> bool:
-    """Warn if the flow jumps where the steps of a run have become very short.
+    """Warn if the flow is discontinuous where steps of a run have become very short.
 
     Parameters
     ----------
@@ -158,18 +158,18 @@ def warn_of_discontinuity(
     definition : Definition
         Its functions, in the user's units.
     at : HybridState
-        Where such a step begins, in the units of the numerics; cyclic components mean nothing.
+        Start of such a step, in scaled units; cyclic components are arbitrary.
     length : float
         Of the step.
 
     Returns
     -------
     bool
-        Whether it jumps.
+        Whether the flow is discontinuous.
     """
     numbers = system.numbers()
     tried = CheckedFunctions(definition, [system.value(name) for name in definition.parameters])
-    # Functions may depend on time where something forces the system, and switch within a period.
+    # Functions of a system with forcing may depend on time, and switch within a period.
     time = math.fmod(at.time, numbers.period) if system.forced else 0.0
     switches = numbers.switches and (*numbers.switches, numbers.period + numbers.switches[0])
     stop = next((switch for switch in switches if switch > time), math.inf)
@@ -183,7 +183,7 @@ def warn_of_discontinuity(
         units = [float(system.out("time", stretch)) for stretch in stretches]
         return tell_of_jump(tried, place, slope, watching, units)
     except (FunctionError, DomainError, ArithmeticError):
-        return False  # what is wrong with a function is told elsewhere
+        return False  # other checks report errors of functions
 
 
 def tell_of_jump(
@@ -193,25 +193,25 @@ def tell_of_jump(
     watching: Sequence[int],
     stretches: Sequence[float],
 ) -> bool:
-    """Warn if the flow jumps just ahead of a point, at which steps have become very short.
+    """Warn if the flow is discontinuous just ahead of a point where steps have become very short.
 
-    A guard that fires there declares it.
+    A guard that fires there declares the discontinuity.
 
     Parameters
     ----------
     tried : CheckedFunctions
     at : EvaluationPoint
     slope : sequence of float
-        The flow there.
+        The flow at this point.
     watching : sequence of int
-        Guards.
+        Active guards.
     stretches : sequence of float
-        Times within which it is looked for, ascending.
+        Lengths of the intervals to search, ascending.
 
     Returns
     -------
     bool
-        Whether it jumps.
+        Whether the flow is discontinuous.
     """
 
     def ahead(s: float) -> EvaluationPoint:
@@ -236,9 +236,9 @@ def tell_of_jump(
 def _enclosed(
     tried: CheckedFunctions, ahead: Callable[[float], EvaluationPoint], whole: float
 ) -> tuple[EvaluationPoint, EvaluationPoint, float] | None:
-    """Return neighbouring places between which the flow jumps, and by how much at least.
+    """Return neighbouring points that enclose a jump of the flow, and its smallest size.
 
-    It is halved until a half has no more than its share of the difference, as where it is steep.
+    Bisection stops when a half has only its share of the difference, as for a steep flow.
     """
     low, high = ahead(0.0), ahead(whole)
     before, after = tried.flow(low), tried.flow(high)
@@ -263,7 +263,7 @@ def _enclosed(
 
 
 def _rounding(tried: CheckedFunctions, at: EvaluationPoint) -> float:
-    """Return how much the flow changes where state and time change in their last digit."""
+    """Return the change of the flow by rounding of state and time."""
     flow, most = tried.flow(at), 0.0
     for pattern in ((1.0,), (-1.0,), (1.0, -1.0)):
         signs = [pattern[i % len(pattern)] for i in range(tried.n + 1)]
@@ -279,7 +279,7 @@ def _tell(
     least: float,
     end: EvaluationPoint,
 ) -> None:
-    """Warn of a jump between two places, on a stretch with an end beyond them."""
+    """Warn about a jump between two points of an interval."""
     slopes = tried.flow(before), tried.flow(after)
     k = max(range(tried.n), key=lambda i: abs(slopes[1][i] - slopes[0][i]))
     jump = f"d{tried.states[k]}/dt jumps from {slopes[0][k]:.6g} to {slopes[1][k]:.6g}"
@@ -289,7 +289,7 @@ def _tell(
 
     def by(place: Callable[[int], EvaluationPoint]) -> list[str]:
         moved = [i for i in range(tried.n) if changes(place(i))]
-        # A zero in reach is where it jumps, whatever rounding makes of it.
+        # A zero within rounding is the point of the jump.
         at = [0.0 if abs(y) <= abs(y - far) else y for y, far in zip(before.y, end.y, strict=True)]
         return [f"{tried.states[i]} = {at[i]:.6g}" for i in moved]
 
@@ -299,37 +299,38 @@ def _tell(
 
     if changes(EvaluationPoint(before.mode, after.t, before.y)):
         where = f"t = {before.t:.6g}"
-        remedy = "name the times at which it does in switches="
+        remedy = "give the times of the jumps in switches="
     else:
         where = " or ".join(by(one)) or tried.place(before).removeprefix("at ")
-        remedy = "make it a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
+        remedy = "use a Guard between two modes, or a part: Friction, Relay, SwitchingSurface"
     message = f"the flow is discontinuous: {jump} at {where}, where no step is accurate; {remedy}"
     warn(message, DiscontinuityWarning)
 
 
 def _size(one: Sequence[float], other: Sequence[float]) -> float:
-    """Return by how much two slopes differ."""
+    """Return the difference of two slopes."""
     return max(abs(b - a) for a, b in zip(one, other, strict=True))
 
 
-# --- Whether what is given as a derivative is one: by differences with a bound of their error.
+# --- Consistency of given derivatives with finite differences, with an error bound.
 
-RATE_STEP_RATIO = 2.5e-4  # the step of differences, of the time scale
-CONSTRAINT_RTOL = 1e-5  # of what a constraint changes by where states do by their sizes: it is zero
-DERIVATIVE_RTOL = 1e-6  # of the size of a derivative, which no difference is asked to see
+RATE_STEP_RATIO = 2.5e-4  # step of differences, relative to the time scale
+CONSTRAINT_RTOL = 1e-5  # of the typical change of a constraint: below it is zero
+DERIVATIVE_RTOL = 1e-6  # relative error of a derivative that is tolerated
 CENTRAL = (4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0)  # of order 8
 FORWARD = (-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -1.0 / 4.0)  # of order 4
 
 
 def step_along_flow(at: EvaluationPoint, slope: Sequence[float], h: float) -> EvaluationPoint:
-    """Return the point that lies `h` ahead on the straight line along the flow."""
+    """Return the point at time `h` ahead on the tangent of the flow."""
     return EvaluationPoint(at.mode, at.t + h, [y + h * d for y, d in zip(at.y, slope, strict=True)])
 
 
 def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
-    """Return the derivative amid nine values at distances `h`, and a bound of its error.
+    """Return the derivative at the middle of nine values with spacing `h`, and an error bound.
 
-    The bound is what formulas of two steps, and of both sides, differ by: a corner shows in it.
+    The bound is the difference of formulas with two spacings and of one-sided formulas, which is
+    large at a corner.
     """
     middle = len(values) // 2
 
@@ -347,7 +348,7 @@ def derivative(values: Sequence[float], h: float) -> tuple[float, float]:
 def rate_of(
     tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> tuple[float, float]:
-    """Return the rate of a margin by differences along the flow, and a bound of its error."""
+    """Return the rate of a margin by differences along the flow, and an error bound."""
     h = RATE_STEP_RATIO * unit
     return derivative([tried.margin(i, step_along_flow(at, slope, k * h)) for k in range(-4, 5)], h)
 
@@ -367,14 +368,14 @@ def check_rate(
     assert guard.rate is not None
     where = tried.place(at)
     problem = f"is {given:.6g} where the margin changes at {found:.6g} ({where[3:]})"
-    remedy = "return the derivative of the margin along the flow, or give none"
+    remedy = "return the derivative of the margin along the flow, or omit rate"
     raise UserFunction("rate", guard.rate, guard.name).error(problem, remedy)
 
 
 def check_constraint(
     tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> None:
-    """Raise FunctionError unless a constraint is zero in its mode, and stays so along the flow."""
+    """Raise FunctionError unless a constraint is and remains zero in its mode."""
     value, h, size = tried.constraint(i, at), RATE_STEP_RATIO * unit, 0.0
     for j, y in enumerate(at.y):
         part = RATE_STEP_RATIO * max(abs(y), abs(slope[j]) * unit, 1e-3)
@@ -386,19 +387,21 @@ def check_constraint(
     )
     function = UserFunction("constraint", tried.definition.constraints[i][1])
     if abs(value) > CONSTRAINT_RTOL * size:
-        problem = f"is {value:.6g} {tried.place(at)}, and has to be zero in this mode"
-        raise function.error(problem, "let transitions into the mode make it zero, and the start")
+        problem = f"is {value:.6g} {tried.place(at)}, must be zero in this mode"
+        raise function.error(
+            problem, "make it zero in transitions into the mode and in the initial state"
+        )
     if abs(rate) * unit > CONSTRAINT_RTOL * size + error * unit:
-        problem = f"changes at the rate {rate:.6g} {tried.place(at)}, and has to stay zero"
-        raise function.error(problem, "let the flow of the mode keep it zero")
+        problem = f"changes at the rate {rate:.6g} {tried.place(at)}, must remain zero"
+        raise function.error(problem, "make the flow of the mode keep it zero")
 
 
 def rounding_of(
     tried: CheckedFunctions, i: int, at: EvaluationPoint, slope: Sequence[float], unit: float
 ) -> float:
-    """Return what the rounding of a state makes of differences of margin `i`.
+    """Return the error of differences of margin `i` by rounding of the state.
 
-    A small gap between bodies that are far from the origin is a difference of large numbers.
+    A small gap between bodies far from the origin is a difference of large numbers.
     """
     here, rounding = tried.margin(i, at), 0.0
     for j, value in enumerate(at.y):
@@ -426,20 +429,22 @@ def check_jacobian(tried: CheckedFunctions, at: EvaluationPoint, unit: float) ->
                     f"has J[{i}, {j}] = {given[i][j]:.6g} where the flow's is {found:.6g} "
                     f"({tried.place(at)[3:]})"
                 )
-                remedy = "write the derivative of component i of the flow by state j, or give none"
+                remedy = (
+                    "write the derivative of component i of the flow by state j, or omit jacobian"
+                )
                 function = UserFunction(
                     "jacobian", tried.definition.jacobian or tried.definition.flow
                 )
                 raise function.error(problem, remedy)
 
 
-# --- Whether the functions of a system depend on time as they may.
+# --- Dependence of functions on time.
 
 PROBE_TIMES = (
     0.1459,
     0.3820,
     0.6180,
-)  # of the time scale: times that are no common parts of a period
+)  # of the time scale: times that are not common fractions of a period
 TIME_TOLERANCE_RATIO = 1e-9  # of the time scale
 
 
@@ -461,7 +466,7 @@ def check_times(
     period: float | None,
     unit: float,
 ) -> None:
-    """Raise FunctionError unless the flow is that of a period later, or of any time without one.
+    """Raise FunctionError unless the flow has the forcing period, or does not depend on time.
 
     Parameters
     ----------
@@ -478,7 +483,7 @@ def check_times(
         return tried.flow(EvaluationPoint(at.mode, at.t + time, at.y))
 
     others = [ahead(part * (period or unit)) for part in PROBE_TIMES]
-    # Where terms of the flow cancel, their rounding is far larger than what is left.
+    # Where terms of the flow cancel, their rounding is far larger than the sum.
     size = max(abs(value) for each in (slope, *others) for value in each)
     size = max(size, *(abs(value) / unit for value in at.y))
     if period is None:
@@ -488,7 +493,7 @@ def check_times(
         later, again = PROBE_TIMES[wrong.index(True)] * unit, others[wrong.index(True)]
         problem, remedy = "depends on time, but the system has no period", "give the forcing period"
     else:
-        # A forcing that jumps may do so a rounding before or after this time.
+        # A discontinuous forcing may jump just before or after this time by rounding.
         for time in (
             period,
             period - TIME_TOLERANCE_RATIO * unit,
@@ -502,32 +507,31 @@ def check_times(
     i = changes.index(max(changes))
     values = f"{slope[i]:.6g} at t = {at.t:.6g} and {again[i]:.6g} at t = {at.t + later:.6g}"
     problem += f" (for {tried.states[i]} it gives {values})"
-    remedy += "; what depends on time in another way is a state of its own"
+    remedy += "; use a state for any other dependence on time"
     raise UserFunction("flow", tried.definition.flow).error(problem, remedy)
 
 
 def flows_differ(one: Sequence[float], other: Sequence[float], size: float) -> bool:
-    """Return whether two slopes differ by more than rounding and a hair of time make of it."""
+    """Return whether two slopes differ by more than rounding and a tiny shift in time explain."""
     return any(abs(a - b) > DERIVATIVE_RTOL * size for a, b in zip(one, other, strict=True))
 
 
-# --- Rates and times compared where the system comes to: on the short run, and later in other
-# modes.
+# --- Checks at points of the dry run, and later at points of runs in other modes.
 
-POINTS_PER_MODE = 3  # at which a mode is looked at after a run
+POINTS_PER_MODE = 3  # at which a mode is checked after a run
 COMPARISON_CALLS = 1000  # of functions after a run, roughly: some milliseconds
 
 
 @cache
 def checked_modes(definition: Definition, period: float | Callable[..., float] | None) -> set[int]:
-    """Return the modes in which functions have been compared, at any parameters; to be added to."""
+    """Return the modes in which functions have been checked, at any parameters; mutable."""
     return set()
 
 
 def compare(
     tried: CheckedFunctions, clock: TimeGrid, at: EvaluationPoint, slope: Sequence[float]
 ) -> None:
-    """Compare the flow with that at other times, rates with differences, constraints with zero."""
+    """Check the dependence of the flow on time, rates and constraints at a point."""
     if not clock.switches:
         check_times(tried, at, slope, clock.period, clock.unit)
     for i, guard in enumerate(tried.definition.guards):
@@ -539,7 +543,7 @@ def compare(
 
 
 class ModeMonitor:
-    """What a run meets: the first states in modes in which nothing has been compared yet.
+    """Records the first states of a run in modes that have not been checked.
 
     Parameters
     ----------
@@ -547,7 +551,7 @@ class ModeMonitor:
     definition : Definition
         Its functions, in the user's units.
     problem : Problem
-        In the units of the numerics.
+        The problem, in scaled units.
     """
 
     def __init__(self, system: HybridSystem, definition: Definition, problem: Problem) -> None:
@@ -557,7 +561,7 @@ class ModeMonitor:
         self.points: dict[int, list[EvaluationPoint]] = {mode: [] for mode in unmet}
 
     def __call__(self, events: Events) -> None:
-        """Take a chunk of events in: where arcs begin and where they end."""
+        """Process a chunk of events: the starts and ends of arcs."""
         for modes, states in (
             (events.mode_after, events.after),
             (events.mode_before, events.before),
@@ -569,11 +573,11 @@ class ModeMonitor:
                         self.put(HybridState(cycle, time, mode, states[row]))
 
     def put(self, at: HybridState) -> None:
-        """Put a state down, in the units of the numerics, if its mode has not been met."""
+        """Record a state, in scaled units, if its mode has not been checked."""
         if at.mode not in self.points or len(self.points[at.mode]) == POINTS_PER_MODE:
             return
         out, y = self.system.out, at.y.copy()
-        y[list(self.definition.cyclic)] = 0.0  # as functions see them, to whom they mean nothing
+        y[list(self.definition.cyclic)] = 0.0  # the value in functions, which do not depend on them
         time = at.time if self.system.forced else at.cycle * self.problem.period + at.time
         values = zip(self.system.states, y.tolist(), strict=True)
         place = EvaluationPoint(
@@ -582,12 +586,12 @@ class ModeMonitor:
         self.points[at.mode].append(place)
 
     def check(self) -> None:
-        """Compare where the run has come to.
+        """Check the functions at the recorded states.
 
         Raises
         ------
         FunctionError
-            About the first function that does not do what it must.
+            For the first function that fails or is inconsistent.
         """
         if not any(self.points.values()):
             return
@@ -602,41 +606,39 @@ class ModeMonitor:
                 try:
                     compare(tried, clock, at, tried.flow(at))
                 except DomainError:
-                    continue  # differences may leave the domain where the run has not
+                    continue  # differences may leave the domain of the flow
             left -= len(points[:left])
             if points:
                 system.checked_modes.add(mode)
 
 
 def mode_monitor(system: HybridSystem, problem: Problem) -> ModeMonitor | None:
-    """Return what notes the modes that a run meets; None for a system without functions."""
-    plain = system.without_until  # what ends a run is a margin alone
+    """Return a monitor of the modes of a run; None for a system without functions."""
+    plain = system.without_until  # an `until` function is only a margin
     return plain.definition and ModeMonitor(plain, plain.definition, problem)
 
 
-# --- A short interpreted run of a system, on which its functions are tried.
+# --- The dry run: a short interpreted run that checks the functions of a system.
 
 DRY_RUN_CALLS = 300  # of the flow, of a system of few states
 FEW_STATES = 8  # states
 DRY_RUN_LENGTH = 8.0  # length of the run, in its time scale
 STEP_ERROR_RATIO = 1e-3  # error of a step, of its length
-COMPARED_POINTS = 6  # points at which times and rates are compared, a mode
+COMPARED_POINTS = 6  # points per mode at which times and rates are checked
 INSTANT = 100  # times that one guard may fire in one instant
-SHORT_FLIGHT_RATIO = (
-    1e-2  # flights of this part of the time scale, each shorter than the last, end a sequence
-)
+SHORT_FLIGHT_RATIO = 1e-2  # of the time scale: ever shorter flights below it end a chatter sequence
 CHATTER_FLIGHTS = 3  # flights
-ZERO = 1e-9  # a margin that is none, of what it changes by within the time scale
-FALLING = 1e-3  # a rate that falls after a transition, of that before it
+ZERO = 1e-9  # of the change of a margin within the time scale: a smaller margin is zero
+FALLING = 1e-3  # of the rate before a transition: a larger negative rate after it is falling
 EVENT_BISECTIONS = 50
 SHORT_STEP_TIMES = 1e-6  # steps, of the time scale, before which the flow may jump
-JUMP_PROBES = 4  # places at which that is looked for
+JUMP_PROBES = 4  # points at which a jump is sought
 
 Met = Callable[[int, EvaluationPoint, EvaluationPoint], None]
 
 
 class DryRunAborted(Exception):
-    """From here on the short run says nothing about the system."""
+    """The dry run cannot check the system any further."""
 
 
 class DryRun:
@@ -665,14 +667,14 @@ class DryRun:
         ----------
         start : EvaluationPoint
         meant : bool
-            Whether the user says that runs start there; else a function need have no value there.
+            Whether the user gave this initial state; otherwise functions may have no value there.
 
         Raises
         ------
         FunctionError
-            About the first function that does not do what it must.
+            For the first function that fails or is inconsistent.
         InvalidParameter
-            If the start is meant and lies beyond an impact.
+            If the user gave this initial state and it lies beyond an impact.
         """
         try:
             slope = self.tried.flow(start)
@@ -689,18 +691,18 @@ class DryRun:
         try:
             self.follow(start, slope, now)
         except (DryRunAborted, DomainError):
-            return  # at a point of these checks' own
+            return  # at a point chosen by the checks
 
     def watching(self, mode: int) -> list[int]:
-        """Return the guards that watch in a mode."""
+        """Return the active guards of a mode."""
         return [i for i, g in enumerate(self.guards) if g.modes is None or mode in g.modes]
 
     def margins(self, at: EvaluationPoint) -> dict[int, float]:
-        """Return the margins of the guards that watch."""
+        """Return the margins of the active guards."""
         return {i: self.tried.margin(i, at) for i in self.watching(at.mode)}
 
     def rate(self, i: int, at: EvaluationPoint, slope: Sequence[float]) -> float:
-        """Return the rate of a margin, given or not."""
+        """Return the rate of a margin, given or by differences."""
         if self.guards[i].rate is not None:
             return self.tried.rate(i, at)
         return rate_of(self.tried, i, at, slope, self.clock.unit)[0]
@@ -708,7 +710,7 @@ class DryRun:
     def inside(
         self, start: EvaluationPoint, slope: Sequence[float], now: dict[int, float], *, meant: bool
     ) -> bool:
-        """Return whether the start lies beyond an impact, on its way further in."""
+        """Return whether the start lies beyond an impact and moves further beyond."""
         for i, margin in now.items():
             if not (self.guards[i].impact and margin < 0.0):
                 continue
@@ -723,7 +725,7 @@ class DryRun:
         return False
 
     def look(self, at: EvaluationPoint, slope: Sequence[float]) -> None:
-        """Compare rates with differences, and times with later ones, at the first few points."""
+        """Check rates and the dependence on time at the first few points."""
         seen = self.looked[at.mode] = self.looked.get(at.mode, 0) + 1
         if seen <= COMPARED_POINTS:
             compare(self.tried, self.clock, at, slope)
@@ -764,13 +766,13 @@ class DryRun:
             h *= min(4.0, 0.9 * max(error, 1e-3) ** (-1.0 / 3.0))
 
     def above(self, i: int, margin: float, at: EvaluationPoint, slope: list[float]) -> bool:
-        """Return whether a margin is positive, or about to be."""
+        """Return whether a margin is positive, or zero and increasing."""
         return margin > 0.0 or self.rate(i, at, slope) > 0.0
 
     def step(
         self, at: EvaluationPoint, k1: list[float], h: float, stop: float
     ) -> tuple[EvaluationPoint, list[float], float] | None:
-        """Return point and slope after a step and its error; None if it leaves the domain."""
+        """Return point and slope after a step, and its error; None if it leaves the domain."""
         last = math.nextafter(stop, 0.0) if stop < math.inf else math.inf
         mode, t, y = at
 
@@ -807,7 +809,7 @@ class DryRun:
         h = there.t - at.t
 
         def between(part: float) -> EvaluationPoint:
-            # Hermite's cubic.
+            # Cubic Hermite interpolation.
             b = part * part * (3.0 - 2.0 * part)
             c, d = part * (1.0 - part) ** 2 * h, part * part * (part - 1.0) * h
             parts = zip(at.y, slope, there.y, ahead, strict=True)
@@ -838,7 +840,7 @@ class DryRun:
         while guard.transition is not None:
             before = self.rate(i, at, self.tried.flow(at))
             if before >= 0.0:
-                raise DryRunAborted  # rounding, rather than the flow, has led through zero
+                raise DryRunAborted  # rounding, not the flow, has crossed zero
             mode, y = self.tried.transition(kind, i, at)
             after = EvaluationPoint(mode, at.t, y)
             self.met(i, at, after)
@@ -851,7 +853,7 @@ class DryRun:
         return at
 
     def accumulates(self, i: int, at: EvaluationPoint) -> bool:
-        """Note an impact; return whether it is the last but infinitely many of a sequence."""
+        """Record an impact; return whether a chatter sequence of impacts ends."""
         hits = self.hits[i] = [*self.hits.get(i, []), at.t][-CHATTER_FLIGHTS - 1 :]
         flights = [later - earlier for earlier, later in pairwise(hits)]
         shrinking = all(0.0 < short < long for long, short in pairwise(flights))
@@ -871,13 +873,13 @@ class DryRun:
         return low and rate < -FALLING * abs(before) - error
 
     def still_falling(self, i: int, kind: str, at: EvaluationPoint) -> FunctionError:
-        """Return the sentence about a transition that leads nowhere."""
+        """Return the message about a transition that leaves its guard firing."""
         guard = self.guards[i]
         assert guard.transition is not None
         rate = self.rate(i, at, self.tried.flow(at))
         problem = f"leaves its margin at zero and falling, at the rate {rate:.6g}"
-        problem += ", so that it fires again in the same instant"
-        remedy = "turn the rate round, or lead to a mode in which the guard does not watch"
+        problem += ", so that it fires again at the same instant"
+        remedy = "reverse the rate, or lead to a mode in which the guard is not active"
         if depends_on_time_only(
             lambda y: self.tried.margin(i, EvaluationPoint(at.mode, at.t, list(y))), at.y
         ):
@@ -892,7 +894,7 @@ def moved(y: Sequence[float], h: float, *terms: tuple[float, list[float]]) -> li
     ]
 
 
-# --- What is tried of a system before it runs: its functions, interpreted, along a short run.
+# --- Checks of a system before it runs.
 
 
 def dry_run(
@@ -903,7 +905,7 @@ def dry_run(
     time: float | None,
     meant: bool,
 ) -> None:
-    """Try the functions of a system along a short run.
+    """Check the functions of a system along a short run.
 
     Parameters
     ----------
@@ -914,16 +916,17 @@ def dry_run(
     problem : Problem
         Its numbers.
     time : float or None
-        Typical of it, where the user says so.
+        Typical time, if the user gave one.
     meant : bool
-        Whether the user says where runs start.
+        Whether the user gave the initial state.
 
     Raises
     ------
     FunctionError
-        About the first function that does not do what it must.
+        For the first function that fails or is inconsistent.
     InvalidParameter
-        If the start is not one of the system's, or is meant and lies beyond an impact.
+        If the initial state does not fit the system, or the user gave it and it lies beyond an
+        impact.
     """
     check_effects(definition)
     tried, start = _tried(definition, problem), _start(system, problem)
@@ -948,7 +951,7 @@ def dry_run(
 
 
 def check_end(system: HybridSystem, definition: Definition, problem: Problem) -> None:
-    """Try the margin of the last guard of a definition, that which ends a run, at the start."""
+    """Check the margin of the last guard of a definition, which ends a run, at the start."""
     with contextlib.suppress(DomainError):
         tried = _tried(definition, problem)
         tried.margin(len(definition.guards) - 1, _start(system, problem))
@@ -964,7 +967,7 @@ def _start(system: HybridSystem, problem: Problem) -> EvaluationPoint:
 
 
 def _measured(observable: Observable, *arguments: Any) -> None:
-    """Raise FunctionError if an observable fails whatever the values, or is no number."""
+    """Raise FunctionError if an observable fails for any values, or is not a number."""
     function = UserFunction("observable", observable.function, observable.name)
     try:
         value = observable.function(*arguments)
@@ -981,7 +984,7 @@ def _measured(observable: Observable, *arguments: Any) -> None:
         ) from None
 
 
-# --- Whether the flow of a system that is put together from parts does what a flow must.
+# --- Checks of the flow of a system with parts.
 
 
 def check_parted(
@@ -991,24 +994,24 @@ def check_parted(
     signs: Mapping[str, Sequence[int]],
     start: Mapping[str, float],
 ) -> None:
-    """Try a flow by itself, at the start, in every combination of the modes of the parts.
+    """Check a flow without its parts, at the start, in every combination of modes of the parts.
 
-    What is put together from it has a text of its own, in which nobody finds a mistake.
+    An error in the assembled flow would point to generated source.
 
     Parameters
     ----------
     flow : callable
-        ``flow(mode, t, y, p)``, which finds the mode of each part by its name.
+        ``flow(mode, t, y, p)``, which reads the mode of each part by its name.
     states : tuple of str
     parameters : mapping of str to float
     signs : mapping of str to sequence of int
-        By part, what it may find as its mode.
+        Values of the mode of each part.
     start : mapping of str to float
 
     Raises
     ------
     FunctionError
-        If it does not do what it must.
+        If it fails or is inconsistent.
     """
     definition = Definition(states=states, modes=("any",), parameters=tuple(parameters), flow=flow)
     tried, modes = (
@@ -1020,20 +1023,20 @@ def check_parted(
         try:
             tried.flow(EvaluationPoint(modes(*each), 0.0, y))
         except DomainError:
-            continue  # where runs come to is for the system as a whole to say
+            continue  # the checks of the whole system follow the runs
 
 
-# --- On which side of its guards a run starts.
+# --- Side of the guards at the start of a run.
 
-CLEARLY = 1e3  # tolerances beyond zero
+CLEARLY = 1e3  # number of tolerances below zero of a negative margin
 
 
 def tell_of_side(system: HybridSystem, problem: Problem, start: HybridState) -> None:
-    """Warn where a guard that moves the state starts beyond its margin.
+    """Warn if a run starts beyond a guard whose transition changes the state.
 
-    Impacts are refused by the run itself. A guard that changes the mode alone may start there: a
-    relay switches at once. Where the transition leaves the state in its place, nothing is told
-    either, nor where the margin is zero but for what the tolerances make of it.
+    The run itself rejects a start beyond an impact. A start beyond a guard that changes only the
+    mode is allowed: a relay switches at once. A margin that is zero within the tolerances causes no
+    warning.
     """
     automaton, options = problem.automaton, problem.options
     plain = [
@@ -1067,10 +1070,10 @@ def tell_of_side(system: HybridSystem, problem: Problem, start: HybridState) -> 
             )
             name = automaton.guards[i].name
             message = (
-                f"the margin of {name!r} is negative where the motion starts, and a margin is "
-                f"positive until its guard fires: once it falls there, the transition takes "
-                f"{moved}; turn the sign of the margin, or start on its other side"
+                f"the margin of {name!r} is negative at the start, but must be "
+                f"positive until its guard fires: as soon as it falls, the transition changes "
+                f"{moved}; reverse the sign of the margin, or start on its other side"
             )
             warn(message, StartWarning, name)
     except (ArithmeticError, ValueError, TypeError, AttributeError, IndexError, NameError):
-        return  # what is wrong with a function is told elsewhere
+        return  # other checks report errors of functions

@@ -115,8 +115,8 @@ def test_an_equilibrium_on_a_surface_that_bends_is_isolated():
 @pytest.mark.parametrize(
     ("constraint", "message"),
     [
-        (lambda mode, t, y, p: y.x - y.z - 0.1, "is -0.1 at x = 0.5.* has to be zero"),
-        (lambda mode, t, y, p: y.x - 0.5, "changes at the rate .* has to stay zero"),
+        (lambda mode, t, y, p: y.x - y.z - 0.1, "is -0.1 at x = 0.5.* must be zero"),
+        (lambda mode, t, y, p: y.x - 0.5, "changes at the rate .* must remain zero"),
     ],
     ids=["not zero", "not kept"],
 )

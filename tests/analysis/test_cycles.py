@@ -260,7 +260,7 @@ def test_what_comes_to_rest_or_does_not_return_is_told():
 
 
 def test_a_period_that_is_not_there_is_told():
-    with pytest.raises(mi.InvalidParameter, match="nothing in the system depends on t"):
+    with pytest.raises(mi.InvalidParameter, match="no function of the system depends on t"):
         find(van_der_pol(period=3.0), options=PLAIN)
 
 

@@ -126,7 +126,7 @@ ENGINES = [(e, m) for e in ("interpreted", "compiled") for m in ("adams", "bdf",
 @pytest.mark.parametrize(
     ("flow", "period", "mu", "where", "remedy"),
     [
-        (pushed, 2.0 * math.pi, 0.0, "at x = -4,", "make it a Guard"),
+        (pushed, 2.0 * math.pi, 0.0, "at x = -4,", "use a Guard"),
         (rubbing, 2.0 * math.pi, 0.2, "at v = 0,", "Friction"),
         (switched, 3.0, 1.0, "at t = 0.9,", "switches="),
     ],

@@ -340,11 +340,14 @@ def rewritten(path, change):
 
 
 DAMAGES = {
-    "newer": (lambda header: header.update(format=99), "is of format 99 .* update mems_impact"),
-    "older": (lambda header: header.update(format=1), "is of format 1 .* save the result again"),
+    "newer": (lambda header: header.update(format=99), "has format 99 .* update mems_impact"),
+    "older": (lambda header: header.update(format=1), "has format 1 .* save the result again"),
     "no format": (lambda header: header.pop("format"), "holds no result"),
     "no tables": (lambda header: header.pop("tables"), "holds no result"),
-    "unknown kind": (lambda header: header["result"].update({"is": "os.system"}), "not known here"),
+    "unknown kind": (
+        lambda header: header["result"].update({"is": "os.system"}),
+        "of unknown class",
+    ),
     "missing part": (lambda header: header["result"].pop("options"), "is damaged"),
     "other part": (lambda header: header["result"].update(extra=1), "is damaged"),
     "no array": (
@@ -372,7 +375,7 @@ def test_files_that_are_none_are_told(saved, tmp_path):
     path, whole = saved[2], saved[2].read_bytes()
     for length in (0, 1, 100, len(whole) // 2, len(whole) - 1):
         path.write_bytes(whole[:length])
-        with pytest.raises(mi.InvalidFile, match="no result, or is cut short"):
+        with pytest.raises(mi.InvalidFile, match="not a result file, or is truncated"):
             mi.load(path)
     for place in range(40, len(whole) - 1, 97):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 0xFF]) + whole[place + 1 :])

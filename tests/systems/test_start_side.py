@@ -30,7 +30,7 @@ def quiet(system, **arguments):
 @pytest.mark.parametrize("speed", [0.0, 1.0, -1.0])
 def test_a_margin_with_the_wrong_sign_is_told_before_it_moves_a_body(speed):
     wrong = ball(lambda mode, t, y, p: -y.x)
-    message = r"the margin of 'floor' is negative where .* takes x from 1 to 0.*turn the sign"
+    message = r"the margin of 'floor' is negative at .* changes x from 1 to 0.*reverse the sign"
     with pytest.warns(mi.StartWarning, match=message) as caught:
         mi.simulate(wrong, duration=0.1, initial=mi.State(x=1.0, v=speed), options=PLAIN)
     assert caught[0].filename == __file__

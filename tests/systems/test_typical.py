@@ -286,7 +286,7 @@ def test_what_lies_far_from_one_is_told():
 @pytest.mark.parametrize(
     ("typical", "message"),
     [
-        ({"z": 1.0}, "typical = 'z': must be typical sizes of A, c, d"),
+        ({"z": 1.0}, "typical = 'z': must be typical magnitudes of A, c, d"),
         ({"x": 0.0}, "typical x = 0: must be a finite number > 0"),
         ({"time": math.inf}, "typical time = inf: must be a finite"),
     ],

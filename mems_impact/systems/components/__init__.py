@@ -1,5 +1,5 @@
-"""Parts that stand ready: friction and stopper (`contact`), relay and surface (`switching`).
+"""Ready-made components: friction, stopper, relay and switching surface.
 
-`base` says what a part is and what contacts between bodies share; `statics` whether contacts hold;
-`assembly` puts the parts of a system together into one flow and one choice of modes.
+`base` defines parts and contacts between bodies, `statics` decides whether contacts hold, and
+`assembly` combines the parts of a system into one flow and one selection of modes.
 """

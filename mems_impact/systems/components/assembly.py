@@ -1,13 +1,14 @@
-"""Assembly of components to one flow with guards and transitions.
+"""Assembly of components into one flow with guards and transitions.
 
-Modes multiply: the mode of the system is a number, of which each part's own is a digit. In every
-mode the flow is that of the user with the forces of the parts; what contacts hold is `holding`.
+The modes of a system are the product of those of its parts: the mode of each part is a digit of the
+number of the mode. In every mode the flow is that of the user plus the forces of the parts;
+`statics` computes the accelerations of bodies that contacts hold.
 
-After an event that mode is chosen that fits the state, by the mechanics of all parts at once: what
-sticks or rests is borne by contacts within their limits, what slides or separates does so as its
-acceleration has it, whatever the order of the parts and of their bodies. Where several modes fit,
-as with a static limit above the dynamic one, that one is chosen which leaves most parts as they
-are, the one whose event it is counted last; and among such the one that moves least.
+After an event the mode that fits the state is selected, by the mechanics of all parts at once:
+contacts that stick or rest bear forces within their limits, and bodies slide or separate in the
+direction of their relative acceleration, independently of the order of parts and bodies. If several
+modes fit, as with a static limit above the dynamic one, the mode that leaves most parts unchanged
+is selected (the part of the event counts least), and among those the mode with the least motion.
 """
 
 from __future__ import annotations
@@ -43,13 +44,13 @@ from mems_impact.systems.components.switching_surface import ABOVE, BELOW, SLIDI
 
 __all__ = ["assemble"]
 
-# --- The flow of parts put together, and the choice of their modes, as source.
+# --- Source code of the assembled flow and of the selection of modes.
 
-LESS = "0.999999999"  # of a motion: what is no smaller is no less
+LESS = "0.999999999"  # relative difference of motions that differ
 
 
 class FlowWriter:
-    """The source of what parts make of a flow.
+    """Generates the source code of a flow with parts.
 
     Parameters
     ----------
@@ -113,14 +114,14 @@ class FlowWriter:
         ]
 
     def digits(self, mode: str = "mode", name: str = "m") -> list[str]:
-        """Return the lines that take a mode apart."""
+        """Return the lines that split a mode into the modes of the parts."""
         return [
             f"{name}{i} = {mode} // {stride} % {count}"
             for i, (stride, count) in enumerate(zip(self.strides, self.counts, strict=True))
         ]
 
     def own_modes(self) -> str:
-        """Return the modes of the parts by name, as functions of the user find them."""
+        """Return the modes of the parts by name, as functions of the user read them."""
         signs = []
         for i, part in enumerate(self.parts):
             *some, last = part.signs
@@ -129,7 +130,7 @@ class FlowWriter:
         return f"Modes({', '.join(signs)})"
 
     def field(self) -> str:
-        """Return the source of the flow where no surface slides, and of the forces that hold."""
+        """Return the source of the flow without sliding on surfaces, and of the holding forces."""
         n = len(self.states)
         lines = [*self.digits(), f"d = flow_of({self.own_modes()}, t, y, p)"]
         lines += [f"d{j} = d[{j}]" for j in range(n)]
@@ -144,16 +145,16 @@ class FlowWriter:
         return function("field(mode, t, y, p)", [*lines, f"return ({', '.join(results)},)"])
 
     def alike(self) -> str:
-        """Return the source of the state in which what moves alike does so to the last bit."""
+        """Return the source that makes velocities of bodies that move together exactly equal."""
         new = (f"v{j}" if j in self.holding.place else f"y[{j}]" for j in range(len(self.states)))
         lines = [*self.digits(), *self.holding.speeds(), f"return State({', '.join(new)})"]
         return function("alike(mode, fired, t, y, p)", lines)
 
     def projection(self) -> tuple[tuple[int, ...], list[str]]:
-        """Return the modes that hold constraints, and the source that puts a state onto them.
+        """Return the modes with constraints, and the source of the projection onto them.
 
-        ``projection(mode, t, y, p)`` returns mode and state: the next one, by distance, of those
-        that fulfil all equations of the mode together.
+        ``projection(mode, t, y, p)`` returns the mode and the closest state that satisfies all
+        constraints of the mode.
         """
         held = [
             (words.place, constraint)
@@ -191,7 +192,7 @@ class FlowWriter:
         ]
 
     def slopes(self) -> str:
-        """Return the source of the flow in every mode: on a surface, Filippov's."""
+        """Return the source of the flow in every mode, with Filippov's flow on surfaces."""
         lines = [*self.digits()]
         for words, surface in self.surfaces:
             size = len(self.states) + len(self.holding.place)
@@ -209,7 +210,7 @@ class FlowWriter:
     def both_sides(
         self, words: CodeNames, surface: SwitchingSurface, mode: str, own: int | str
     ) -> list[str]:
-        """Return the lines that find the flow on both sides, and how fast it leads away."""
+        """Return the lines of the flow on both sides, and of its rates away from the surface."""
         stride, lines = self.strides[words.place], []
         for side, name, rate in ((ABOVE, "up", words.upper), (BELOW, "down", words.lower)):
             step = f"{mode} + ({side} - {own}) * {stride}"
@@ -217,7 +218,7 @@ class FlowWriter:
         return lines
 
     def fits(self) -> str:
-        """Return the source that says whether a mode fits a state."""
+        """Return the source of the test whether a mode fits a state."""
         lines = [*self.digits(), *self.digits("before", "last")]
         if len(self.surfaces) > 1:
             sliding = (f"({words.mode} == {SLIDING})" for words, _ in self.surfaces)
@@ -239,10 +240,10 @@ class FlowWriter:
         )
 
     def together(self) -> list[str]:
-        """Return the lines that find which frictions an event is of, and how many those are.
+        """Return the lines that find the friction contacts of an event, and their number.
 
-        All that bear a load together reach their limits at once, and whose event is located is a
-        matter of their order.
+        Contacts that share a load reach their limits together, and the order of parts decides which
+        of their events is located.
         """
         lines = [f"slips{words.place} = fired == {words.place}" for words, _ in self.frictions]
         lines.append("together = 0")
@@ -260,15 +261,15 @@ class FlowWriter:
         return [*lines, f"if own >= 0 and ({fired}):", *indented(limits)]
 
     def settled(self) -> str:
-        """Return the source that chooses the mode of a state.
+        """Return the source that selects the mode of a state.
 
-        ``settled(mode, fired, own, jumped, t, y, p)``: the mode before, the part whose event it is
-        (-1 for none), the own mode in which that leaves it (-1 for any), 1 if the state may have
-        been moved.
+        ``settled(mode, fired, own, jumped, t, y, p)`` takes the mode before, the part of the event
+        (-1 for none), the mode of that part after it (-1 for any), and 1 if the state may have
+        changed.
         """
         parts = range(len(self.parts))
-        # What leaves its mode counts most, then what does not come to rest though it could. Whether
-        # stops bear anything follows from the others.
+        # Parts that leave their mode count most, then those that could come to rest but do not.
+        # Whether stops bear a force follows from the others.
         many = len(self.parts) + 1
         moved = []
         for i, part in enumerate(self.parts):
@@ -278,10 +279,11 @@ class FlowWriter:
             if weight > 1:
                 moved.append(f"{many} * (fired == {i} and own < 0 and m{i} != stays{i})")
         taken = [f"(fired != {i} or own < 0 or m{i} == led)" for i in parts]
-        # Where a contact reaches its limit, a stop in its way may take over.
+        # Where a contact reaches its limit, a stop may take over the load.
         rubs = [words.place for words, part in self.frictions]
         taken += [f"(turn > 0 or m{i} == last{i})" for i in rubs]
-        # Of several that reach their limits together one may stay, relieved by another's slip.
+        # Of several contacts that reach their limits together one may stay, relieved by the slip of
+        # another.
         for i in rubs:
             taken[i] = f"({taken[i]} or (turn == 1 and together > 1 and m{i} == last{i}))"
         if rubs:
@@ -311,7 +313,7 @@ class FlowWriter:
             for words, part in zip(self.words, self.parts, strict=True)
         ]
         lines += self.together()
-        # What an event leads to fits but for rounding, which is asked of it last.
+        # The mode after an event fits but for rounding, so this test comes last.
         lines += [
             f"for turn in range(0 if own >= 0 and ({slips}) else 1, 3):",
             "    led = own if turn > 0 else 0",
@@ -325,10 +327,10 @@ class FlowWriter:
             "            return best",
         ]
         if len(self.surfaces) > 1:
-            # Along two surfaces at a time Filippov's method defines no flow.
+            # Filippov's method defines no flow on the intersection of two surfaces.
             lines.append(f"return {NO_FIT}")
             return function("settled(mode, fired, own, jumped, t, y, p)", lines)
-        # Some mode fits, but for rounding.
+        # No mode fits exactly because of rounding.
         for i, stride in enumerate(self.strides):
             lines += [
                 f"if fired == {i} and own >= 0:",
@@ -359,7 +361,7 @@ class FlowWriter:
         return "\n\n".join(text)
 
     def users(self, i: int, guard: Guard) -> str:
-        """Return the source of a guard of the user, who finds the modes of the parts by name."""
+        """Return the source of a guard of the user, which reads the modes of the parts by name."""
         text = []
         for role in ("margin", "rate", "transition", "rest"):
             given = getattr(guard, role)
@@ -378,7 +380,7 @@ class FlowWriter:
         return "\n\n".join(text)
 
     def head(self, words: CodeNames, expression: str) -> list[str]:
-        """Return the lines that provide what an expression of a guard uses."""
+        """Return the lines that define the variables of an expression of a guard."""
         lines = [*self.digits()]
         names = (words.back, words.front, words.needed)
         room = isinstance(words.part, Contact) and any(name in expression for name in names)
@@ -392,24 +394,24 @@ class FlowWriter:
         return lines
 
 
-# --- Parts and a flow, made into what a system is written of.
+# --- Assembly of parts and a flow into the arguments of a system.
 
 
 class AssembledSystem(NamedTuple):
-    """What a `System` is written of, made from parts.
+    """The arguments of a `System`, assembled from parts.
 
     Attributes
     ----------
     flow, switch_transition : callable
     guards : tuple of Guard
     modes : tuple of str
-        Those of the parts, joined by dashes.
+        The modes of the parts, joined by dashes.
     begin : callable
-        ``begin(mode, t, y, p)`` returns the mode of a state; where several fit, `mode` if it does.
+        ``begin(mode, t, y, p)`` returns the mode of a state; if several fit, `mode` if it is one.
     constrained : tuple of int
-        The modes in which contacts hold, or a surface slides.
+        The modes in which contacts hold or the state slides on a surface.
     projection : callable or None
-        ``projection(mode, t, y, p)`` puts a state onto what holds in its mode.
+        ``projection(mode, t, y, p)`` projects a state onto the constraints of its mode.
     """
 
     flow: Callable[..., Any]
@@ -428,22 +430,22 @@ def check(
     masses: Mapping[str, Quantity],
     guards: Sequence[Guard],
 ) -> None:
-    """Raise InvalidParameter where something cannot be put together."""
+    """Raise InvalidParameter if parts and flow cannot be combined."""
     for part in parts:
         if not isinstance(part, Part):
             raise InvalidParameter("parts", part, "each a part, such as Friction or Stopper")
     names = [part.name for part in parts]
     if len(set(names)) != len(names):
-        raise InvalidParameter("parts", names, "a name of its own for each")
+        raise InvalidParameter("parts", names, "unique names")
     if writes_into_arrays(flow):
-        allowed = "flow(mode, t, y, p) that returns, where parts are given"
+        allowed = "flow(mode, t, y, p) that returns the derivatives, if parts are given"
         raise InvalidParameter("flow", getattr(flow, "__name__", flow), allowed)
     for velocity in masses:
         if velocity not in states:
             raise InvalidParameter("masses", velocity, f"velocities among {', '.join(states)}")
     for guard in guards:
         if guard.modes is not None:
-            allowed = "none: with parts, a margin finds their modes as mode.name"
+            allowed = "None: with parts, a margin reads their modes as mode.name"
             raise InvalidParameter(f"modes of {guard.name!r}", guard.modes, allowed)
 
 
@@ -456,7 +458,7 @@ def assemble(
     masses: Mapping[str, Quantity],
     guards: Sequence[Guard],
 ) -> AssembledSystem:
-    """Put parts together.
+    """Assemble parts and a flow.
 
     Parameters
     ----------
@@ -465,14 +467,14 @@ def assemble(
         ``flow(mode, t, y, p)`` returns the derivatives without the parts.
     states, parameters : tuple of str
     masses : mapping of str to Quantity
-        By velocity.
+        Masses by velocity.
     guards : sequence of Guard
-        The user's own, which find the modes of the parts by name.
+        The user's guards, which read the modes of the parts by name.
 
     Raises
     ------
     InvalidParameter
-        If parts do not fit the system.
+        If parts and system do not fit together.
     """
     check(parts, flow, states, masses, guards)
     text = FlowWriter(parts, states, parameters, masses, flow)
@@ -507,7 +509,7 @@ def assemble(
     sources += [text.users(i, guard) for i, guard in enumerate(guards)]
     space = text.space
     exec(compile("\n\n".join(sources), GENERATED, "exec"), space)
-    # Where it is told what a system is made of, that is the user's own.
+    # Descriptions of a system show the user's functions, not the generated ones.
     space["flow"].__module__, space["flow"].__qualname__ = flow.__module__, flow.__qualname__
     made = []
     for i, (words, watch) in enumerate(watches):

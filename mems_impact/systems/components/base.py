@@ -1,11 +1,11 @@
 """Components of a system, and components in contact.
 
-The parts of a system are put together as source (`assembly`), of which the compiler sees plain
-arithmetic. So a part answers with expressions. In all of them stand ``t``, the time; ``y[j]``,
-component j of the state; ``p.name``, a parameter; and of the part itself its mode, a number, by the
-name `CodeNames.mode`. Where `GuardSpec` says so, ``x`` holds what the flow makes in the current
-mode: ``x[j]``, the derivative of component j; and of a contact `CodeNames.back`, `CodeNames.front`,
-`CodeNames.needed` and `CodeNames.size`.
+`assembly` combines the parts of a system as source code, which the compiler sees as plain
+arithmetic. The methods of a part therefore return expressions. All expressions can use ``t``, the
+time; ``y[j]``, component j of the state; ``p.name``, a parameter; and `CodeNames.mode`, the mode of
+the part. Where `GuardSpec` allows it, ``x[j]`` is the derivative of component j in the current
+mode, and `CodeNames.back`, `CodeNames.front`, `CodeNames.needed` and `CodeNames.size` describe a
+contact.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ __all__ = [
     "Quantity",
 ]
 
-# --- What a part is: modes, guards, and what it adds to the flow, as lines of text.
+# --- Parts: modes, guards and contributions to the flow, as source code.
 
 Quantity = float | str | Callable[..., float]
 """A number, the name of a parameter, or a function."""
 
-ANY = "-1"  # in place of a mode: the one that fits
+ANY = "-1"  # in place of a mode: whichever fits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,19 +44,20 @@ class GuardSpec:
     Attributes
     ----------
     name : str
-        What tables call the event.
+        Name of the event in tables.
     modes : tuple of int
-        The part's own modes in which it watches.
+        The modes of the part in which it is active.
     margin, rate : str
-        Expressions; without a rate it is taken by differences. ``x`` is at hand.
+        Expressions, which can use ``x``; without a rate, finite differences are used.
     changes : mapping of int to str
-        What the event makes of components of the state, from the old ones.
+        New values of components of the state after the event, from the old ones.
     leads : str
-        The part's own mode after it, an expression; by default whichever fits the new state.
+        The mode of the part after the event, an expression; by default whichever fits the new
+        state.
     rest : mapping of int to str or None
-        Of an impact: `changes` where there is no rebound.
+        For an impact: `changes` without rebound.
     rests : bool
-        Whether the relative speed of a contact comes to zero in it.
+        Whether the relative speed of a contact is zero at the event.
     """
 
     name: str
@@ -71,18 +72,18 @@ class GuardSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class Constraint:
-    """An equation that holds as long as a part is in a mode.
+    """A constraint that holds in a mode of a part.
 
     Attributes
     ----------
     mode : int
-        The part's own mode.
+        The mode of the part.
     value : str
-        An expression that is zero where the equation holds.
+        An expression that is zero where the constraint holds.
     slopes : mapping of int to str
-        Its derivatives by components of the state; others are zero.
+        Its derivatives with respect to components of the state; others are zero.
     linear : bool
-        Whether these are the same everywhere.
+        Whether these are constant.
     """
 
     mode: int
@@ -93,20 +94,20 @@ class Constraint:
 
 @dataclass(frozen=True)
 class CodeNames:
-    """How the text calls what a part speaks of.
+    """Names in the generated source of the quantities of a part.
 
     Attributes
     ----------
     part : Part
     place : int
-        Which of the parts it is.
+        Index of the part.
     states, parameters : tuple of str
     masses : mapping of str to Quantity
-        By the velocity to which they belong.
+        Masses by velocity.
     contact : int or None
-        Which of the contacts it is.
+        Index among the contacts.
     space : dict
-        The functions that the text calls, by name.
+        The functions that the source calls, by name.
     """
 
     part: Part
@@ -119,17 +120,17 @@ class CodeNames:
 
     @property
     def mode(self) -> str:
-        """The part's own mode."""
+        """The mode of the part."""
         return f"m{self.place}"
 
     @property
     def last(self) -> str:
-        """The part's own mode before an event."""
+        """The mode of the part before an event."""
         return f"last{self.place}"
 
     @property
     def fired(self) -> str:
-        """Whether the event is one of the part's own."""
+        """Whether the event belongs to the part."""
         return f"fired == {self.place}"
 
     @property
@@ -144,22 +145,22 @@ class CodeNames:
 
     @property
     def back(self) -> str:
-        """How far the force of a contact that holds is from the least that it bears."""
+        """Distance of the force of a holding contact from its lower limit."""
         return f"back{self.place}"
 
     @property
     def front(self) -> str:
-        """How far the force of a contact that holds is from the largest that it bears."""
+        """Distance of the force of a holding contact from its upper limit."""
         return f"front{self.place}"
 
     @property
     def needed(self) -> str:
-        """How much of the force of a stop that holds is needed beside what others bear."""
+        """Part of the force of a holding stop that other contacts cannot bear."""
         return f"needed{self.place}"
 
     @property
     def size(self) -> str:
-        """The forces on all bodies that hang together with a contact, without their signs."""
+        """Sum of the magnitudes of the forces on all bodies connected with a contact."""
         return f"size{self.place}"
 
     def index(self, field: str, state: str) -> int:
@@ -175,7 +176,7 @@ class CodeNames:
             return self.call(quantity, arguments)
         if isinstance(quantity, str):
             if quantity not in self.parameters:
-                known = ", ".join(self.parameters) or "of which there are none"
+                known = ", ".join(self.parameters) or "but the system has none"
                 allowed = f"a number, a function, or one of the parameters, {known}"
                 raise InvalidParameter(self.label(field), quantity, allowed)
             return f"p.{quantity}"
@@ -192,25 +193,25 @@ class CodeNames:
         return f"{name}({arguments})"
 
     def mass(self, velocity: str) -> str:
-        """Return the mass of a body as an expression; 1 where forces are per mass."""
+        """Return the mass of a body as an expression; 1 if forces are per mass."""
         return self.value(f"mass of {velocity}", self.masses.get(velocity, 1.0))
 
     def label(self, field: str) -> str:
-        """Return what errors call a field of the part."""
+        """Return the name of a field of the part in errors."""
         return f"{field} of {self.part.name!r}"
 
 
 @dataclass(frozen=True)
 class Part:
-    """Something that a system is put together from: ``System(parts=[...])``.
+    """A component of a system: ``System(parts=[...])``.
 
-    A subclass is a frozen dataclass of what its user gives. Strings in it name states or
-    parameters of the system, which `CodeNames` turns into expressions and checks.
+    A subclass is a frozen dataclass of the arguments of the user. Strings name states or parameters
+    of the system, which `CodeNames` checks and converts to expressions.
 
     Parameters
     ----------
     name : str
-        What tables call it; the flow finds its mode as ``mode.name``.
+        Name in tables; the flow reads the mode of the part as ``mode.name``.
 
     See Also
     --------
@@ -230,20 +231,20 @@ class Part:
     name: str
 
     modes: ClassVar[tuple[str, ...]] = ()
-    """What its modes are called."""
+    """Names of its modes."""
     signs: ClassVar[tuple[int, ...]] = ()
-    """What the flow finds as ``mode.name`` in each of them."""
+    """Value of ``mode.name`` in each of them."""
 
     @abstractmethod
     def fits(self, words: CodeNames) -> list[str]:
         """Return the conditions under which each of its modes fits the state, in order.
 
-        At hand are ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, 1 where the state may
-        have been moved by the event of another part, or a run begins.
+        They can use ``x``, `CodeNames.last`, `CodeNames.fired` and ``jumped``, which is 1 if an
+        event of another part may have changed the state, or at the start of a run.
         """
 
     def stays(self, words: CodeNames) -> str:
-        """Return the mode in which it is left where several fit: by default the one before."""
+        """Return the preferred mode if several fit: by default the one before."""
         return words.last
 
     @abstractmethod
@@ -251,30 +252,30 @@ class Part:
         """Return its guards."""
 
     def constraints(self, words: CodeNames) -> list[Constraint]:
-        """Return the equations that hold for good while it is in a mode."""
+        """Return the constraints that hold in its modes."""
         return []
 
 
-# --- What parts between bodies share: a relative speed, a force, and a mode in which they hold.
+# --- Contacts between bodies: relative speed, force and holding mode.
 
-ZERO_SPEED_RATIO = "1e-13"  # of the speeds: relative speeds below it are zero
-ZERO_FORCE_RATIO = "1e-13"  # of forces and accelerations: what is so near to zero has no sign
+ZERO_SPEED_RATIO = "1e-13"  # of the speeds: smaller relative speeds are zero
+ZERO_FORCE_RATIO = "1e-13"  # of forces and accelerations: smaller ones have no sign
 
 
 @dataclass(frozen=True)
 class ContactSides:
-    """The two sides of a contact, in words of the text.
+    """The two sides of a contact, in names of the generated source.
 
     Attributes
     ----------
     on : int
-        The velocity that its force drives.
+        The velocity on which its force acts.
     against : int or None
-        The velocity that it drives back, or that is prescribed; None for `speed`.
+        The velocity on which the reaction acts, or a prescribed velocity; None for `speed`.
     speed : str
-        That of the other side, as an expression.
+        Speed of the other side, as an expression.
     mass, other : str or None
-        Their masses; None where nothing drives the other side.
+        Their masses; None if no force acts on the other side.
     """
 
     on: int
@@ -290,24 +291,24 @@ class ContactSides:
 
     @property
     def drift(self) -> str:
-        """The roundings of the relative acceleration."""
+        """Rounding error of the relative acceleration."""
         sizes = [f"abs(x[{body}])" for body in (self.on, self.against) if body is not None]
         return f"{ZERO_FORCE_RATIO} * ({' + '.join(sizes)})"
 
     def relative(self, slope: str) -> str:
-        """Return the relative acceleration, of slopes ``slope[j]``."""
+        """Return the relative acceleration for derivatives ``slope[j]``."""
         if self.against is None:
             return slope.format(self.on)
         return f"({slope.format(self.on)} - {slope.format(self.against)})"
 
     @property
     def share(self) -> str:
-        """The relative acceleration that a unit of force makes, as an expression."""
+        """The relative acceleration per unit of force, as an expression."""
         return f"(1.0 / {self.mass}{f' + 1.0 / {self.other}' if self.other else ''})"
 
     @property
     def near(self) -> str:
-        """Whether there is no relative speed but for rounding."""
+        """Whether the relative speed is zero to rounding."""
         if self.speed == "0.0":
             return f"y[{self.on}] == 0.0"
         size = f"(abs(y[{self.on}]) + abs({self.speed}))"
@@ -316,31 +317,31 @@ class ContactSides:
 
 @dataclass(frozen=True)
 class Contact(Part):
-    """A part that acts on a velocity, and in one of its modes holds it."""
+    """A part that acts on a velocity and holds it in one of its modes."""
 
     holds: ClassVar[int]
-    """The mode in which the relative speed stays zero, by the force that this takes."""
+    """The mode in which its force keeps the relative speed at zero."""
 
     @property
     def pushes(self) -> int:
-        """The sign of its force on ``on`` where it holds; 0 where it has either."""
+        """The sign of its force on ``on`` where it holds; 0 for either sign."""
         return 0
 
     @abstractmethod
     def sides(self, words: CodeNames) -> ContactSides:
-        """Return what it acts on, and against what."""
+        """Return its two sides."""
 
     @abstractmethod
     def rests(self, words: CodeNames) -> str:
-        """Return whether it could hold: it is closed, and there is no relative speed."""
+        """Return whether it could hold: it is closed and the relative speed is zero."""
 
     @property
     @abstractmethod
     def moves(self) -> Mapping[int, int]:
-        """The sign of the relative motion of ``on`` that begins at rest, by the other modes."""
+        """The sign of the relative motion of ``on`` that starts from rest, for each other mode."""
 
     def constraints(self, words: CodeNames) -> list[Constraint]:
-        """Return that there is no relative speed where it holds."""
+        """Return the constraint of zero relative speed where it holds."""
         both = self.sides(words)
         slopes = (
             {both.on: "1.0"} if both.against is None else {both.on: "1.0", both.against: "-1.0"}
@@ -349,15 +350,15 @@ class Contact(Part):
 
     @abstractmethod
     def bears(self, words: CodeNames) -> tuple[str, str]:
-        """Return how large the force on ``on`` may be, backward and forward; empty for zero."""
+        """Return the limits of the force on ``on``, backward and forward; empty for zero."""
 
     def law(self, words: CodeNames) -> dict[int, str]:
-        """Return the forces on ``on`` in the other modes, where there are any."""
+        """Return the forces on ``on`` in the other modes, if any."""
         return {}
 
 
 def sides(words: CodeNames, on: str, other: Quantity, field: str) -> ContactSides:
-    """Return the sides of a contact on the velocity `on` against another one, or a speed."""
+    """Return the sides of a contact between the velocity `on` and another one, or a speed."""
     index = words.index("velocity", on)
     mass = words.mass(on)
     if isinstance(other, str) and other in words.states:

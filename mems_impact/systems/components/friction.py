@@ -17,12 +17,12 @@ from mems_impact.systems.components.base import (
 )
 
 STUCK, FORWARD, BACKWARD = 0, 1, 2
-NEAR_LIMIT = "1e-10"  # of the limit: what is so near to it holds
+NEAR_LIMIT = "1e-10"  # of the limit: a force this close to it holds
 
 
 @dataclass(frozen=True)
 class Stribeck:
-    """The law of Stribeck: a coefficient of friction that falls with the speed u.
+    """Stribeck's law: a coefficient of friction that decreases with the speed u.
 
     ``dynamic + (static - dynamic) exp(-u/speed) + viscous u``.
 
@@ -59,9 +59,10 @@ class Stribeck:
 class Friction(Contact):
     """Dry friction on a body, with sticking.
 
-    A body that slides is braked by mu times the normal force. Where its relative speed comes to
-    zero it sticks if the force that this takes, against all others, is no more than the static
-    limit; else it slides on, as the load has it. It breaks away when the load reaches the limit.
+    The friction force on a sliding body is mu times the normal force. When its relative speed
+    reaches zero, the body sticks if the force that balances all others is within the static limit;
+    otherwise it slides in the direction of the load. It breaks away when the load reaches the
+    limit.
 
     Parameters
     ----------
@@ -76,10 +77,10 @@ class Friction(Contact):
         is the force itself.
     static : float, str or callable, optional
         The coefficient of static friction: a number, a parameter or ``static(p)``; by default `mu`
-        at no speed.
+        at zero speed.
     surface : float, str or callable, optional
         The speed of the other side: a number (0 by default), a parameter, ``surface(p)``, or
-        another velocity of the system. If that one has a mass, the force acts on it in return.
+        another velocity of the system. If that velocity has a mass, the reaction acts on it.
 
     See Also
     --------
@@ -87,7 +88,7 @@ class Friction(Contact):
 
     Notes
     -----
-    Modes: stuck, forward, backward, which the flow finds as 0, 1 and -1. Events: ``NAME sticks``
+    Modes: stuck, forward, backward, which the flow reads as 0, 1 and -1. Events: ``NAME sticks``
     and ``NAME slips``.
 
     Examples
@@ -114,25 +115,25 @@ class Friction(Contact):
     holds: ClassVar[int] = STUCK
 
     def sides(self, words: CodeNames) -> ContactSides:
-        """Return the body and what it slides on."""
+        """Return the body and the surface on which it slides."""
         return sides(words, self.velocity, self.surface, "surface")
 
     def sliding(self, words: CodeNames, speed: str) -> str:
-        """Return the size of the force at a relative speed."""
+        """Return the magnitude of the force at a relative speed."""
         normal = words.value("normal", self.normal, "t, y, p")
         if isinstance(self.mu, Stribeck):
             return f"({self.mu.at(words, speed)}) * {normal}"
         return f"{words.value('mu', self.mu, f'{speed}, p')} * {normal}"
 
     def limit(self, words: CodeNames) -> str:
-        """Return the largest force that holds."""
+        """Return the static limit."""
         if self.static is None:
             return self.sliding(words, "0.0")
         normal = words.value("normal", self.normal, "t, y, p")
         return f"{words.value('static', self.static)} * {normal}"
 
     def law(self, words: CodeNames) -> dict[int, str]:
-        """Return the forces that brake."""
+        """Return the friction forces during sliding."""
         slip = self.sides(words).slip
         return {
             FORWARD: f"-({self.sliding(words, slip)})",
@@ -140,7 +141,7 @@ class Friction(Contact):
         }
 
     def bears(self, words: CodeNames) -> tuple[str, str]:
-        """Return the static limit, which is that of both directions."""
+        """Return the static limit, for both directions."""
         return self.limit(words), self.limit(words)
 
     @property
@@ -149,26 +150,26 @@ class Friction(Contact):
         return {FORWARD: 1, BACKWARD: -1}
 
     def rests(self, words: CodeNames) -> str:
-        """Return whether there is no relative speed."""
+        """Return whether the relative speed is zero."""
         near = self.sides(words).near
         return f"({near} or (jumped == 0 and {words.last} == {STUCK}))"
 
     def rounding(self, words: CodeNames) -> str:
-        """Return how near to its limit the force that holds is at it."""
+        """Return the tolerance within which the holding force is at its limit."""
         return f"({NEAR_LIMIT} * ({self.limit(words)}) + {ZERO_FORCE_RATIO} * {words.size})"
 
     def room(self, words: CodeNames) -> str:
-        """Return how far the force that holds is from its limit."""
+        """Return the distance of the holding force from its limit."""
         return f"min({words.back}, {words.front})"
 
     def fits(self, words: CodeNames) -> list[str]:
-        """Return when it sticks, and when it slides forward or backward."""
+        """Return the conditions of sticking, sliding forward and sliding backward."""
         both, rests = self.sides(words), self.rests(words)
         gain, rounding = both.relative("x[{}]"), self.rounding(words)
         room = f"({NEAR_LIMIT} * ({self.limit(words)}) * {both.share} + {both.drift})"
-        # At its limit it stays only where others have taken over.
+        # At its limit a contact stays only if others have taken over the load.
         least = f"({rounding} if {words.fired} and {words.last} == {STUCK} else -{rounding})"
-        # Where nothing has moved the state it slides as it did, whatever rounding says.
+        # If no event has changed the state, it keeps its direction of sliding despite rounding.
         slides = f"{words.last} == {{}} if jumped == 0 else {both.slip} {{}} 0.0"
         return [
             f"{rests} and {self.room(words)} >= {least}",
@@ -177,11 +178,11 @@ class Friction(Contact):
         ]
 
     def stays(self, words: CodeNames) -> str:
-        """Return the mode before, or stuck where it comes to rest."""
+        """Return the mode before, or stuck if it comes to rest."""
         return f"({STUCK} if own < 0 and {self.rests(words)} else {words.last})"
 
     def watches(self, words: CodeNames) -> list[GuardSpec]:
-        """Return the end of a slip and the break-away."""
+        """Return the guards of the end of a slip and of break-away."""
         both = self.sides(words)
         sign = f"(1.0 if {words.mode} == {FORWARD} else -1.0)"
         room = self.room(words)
@@ -196,9 +197,9 @@ class Friction(Contact):
             GuardSpec(
                 name=f"{self.name} slips",
                 modes=(STUCK,),
-                # Clamped between two stops it bears anything.
+                # Clamped between two stops it bears any force.
                 margin=f"{room} if {room} < math.inf else {self.limit(words)}",
-                # The load is at the limit to rounding: it slips to whichever side that drives it.
+                # The load is at the limit to rounding: the body slips in the direction of the load.
                 leads=f"{FORWARD} if {words.back} < {words.front} else {BACKWARD}",
             ),
         ]

@@ -13,10 +13,10 @@ LOW, HIGH = 0, 1
 
 @dataclass(frozen=True)
 class Relay(Part):
-    """A relay: high once its input has risen to `upper`, low once it has fallen to `lower`.
+    """A relay with hysteresis: high when its input rises to `upper`, low when it falls to `lower`.
 
-    In between it stays as it is. What it does is said by the flow, which finds 0 or 1 in
-    ``mode.name``. A run starts low between the two; ``State(mode="high")`` says otherwise.
+    Between the thresholds it keeps its mode. The flow reads 0 or 1 as ``mode.name``. A run that
+    starts between the thresholds starts low, unless ``State(mode="high")`` is given.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Relay(Part):
     Notes
     -----
     Modes: low and high. Events: ``NAME rises`` and ``NAME falls``. A relay without hysteresis
-    slides along its threshold: that is a `SwitchingSurface`.
+    slides along its threshold: use a `SwitchingSurface`.
 
     Examples
     --------
@@ -56,7 +56,7 @@ class Relay(Part):
     signs: ClassVar[tuple[int, ...]] = (0, 1)
 
     def terms(self, words: CodeNames) -> tuple[str, str, str, str | None]:
-        """Return the input, the thresholds, and how fast the input rises if that is known."""
+        """Return the input, the thresholds, and the rate of the input if known."""
         lower, upper = words.value("lower", self.lower), words.value("upper", self.upper)
         if callable(self.input):
             return words.call(self.input, "t, y, p"), lower, upper, None
@@ -64,7 +64,7 @@ class Relay(Part):
         return f"y[{place}]", lower, upper, f"x[{place}]"
 
     def fits(self, words: CodeNames) -> list[str]:
-        """Return when it is low, and when it is high."""
+        """Return the conditions of low and high."""
         signal, lower, upper, _ = self.terms(words)
         return [
             f"{signal} <= {lower} or ({signal} < {upper} and {words.last} == {LOW})",

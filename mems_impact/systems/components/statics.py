@@ -1,19 +1,18 @@
 """Statics of contacts that hold: common accelerations, forces within their limits.
 
-Along one line contacts are edges between bodies, and forces that hold flow through them. Whether
-there are forces within the limits of all contacts that make given accelerations is answered by the
-cuts (Hoffman's theorem): for each set of bodies, what has to be exerted on it must be no more than
-all contacts across its border bear together. Where no contact is superfluous, each cut is one
-contact, and says that its own force is within its own limits.
+For motion along a line, contacts are the edges of a graph of bodies, and holding forces are flows
+along the edges. By Hoffman's theorem on cuts, forces within the limits of all contacts exist for
+given accelerations if, for each set of bodies, the required total force is within the sum of the
+limits of the contacts across its border. Without redundant contacts each cut is one contact, and
+the condition is that its force is within its limits.
 
-A contact at rest may only slide where it can move relative to what holds: around no ring of
-contacts at rest do those that slide all do so in one direction, since the relative speeds around a
-ring add up to zero.
+A contact at rest can start to slide only if the holding contacts allow it: around a ring of
+contacts at rest, the sliding ones cannot all slide in one direction, since the relative speeds
+around a ring add up to zero.
 
-Bodies that hang together by contacts that hold are one body: its acceleration is that of what
-drives them all, and no order among the contacts has a part in it. `bodies` has the cuts that say
-whether the contacts bear the forces this takes. In the text ``x[n + k]`` is the force with which
-contacts hold body k.
+Bodies connected by holding contacts move as one body: its acceleration follows from the sum of the
+forces on them, independently of the order of contacts. In the source, ``x[n + k]`` is the total
+force of holding contacts on body k.
 """
 
 from __future__ import annotations
@@ -26,22 +25,22 @@ from mems_impact.systems.components.base import CodeNames, Contact, ContactSides
 
 __all__ = ["Holding"]
 
-# --- Bodies that contacts join, as a graph: which hang together, and the cuts between them.
+# --- Graph of bodies and contacts: connected groups and their cuts.
 
-_Node = int | None  # a body, by its velocity; None for all that nothing drives
+_Node = int | None  # a body, by its velocity; None for the ground
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A border around some bodies of a group.
+    """A cut: the border around some bodies of a group.
 
     Attributes
     ----------
     bodies : tuple of int
-        What is inside, by its velocities; never the ground.
+        The bodies inside, by velocity; never the ground.
     across : dict of int to int
-        The contacts across it, by number: 1 where a body that its force drives is inside, -1 where
-        one that it drives back is.
+        The contacts across it, by number: 1 if the body on which the force acts is inside, -1 if
+        the body of the reaction is.
     """
 
     bodies: tuple[int, ...]
@@ -50,23 +49,23 @@ class Cut:
 
 @dataclass(frozen=True)
 class Group:
-    """Bodies that hang together by contacts.
+    """Bodies connected by contacts.
 
     Attributes
     ----------
     bodies : tuple of int
-        Their velocities, those on the ground first.
+        Their velocities, bodies on the ground first.
     grounds : tuple of str
-        The speeds of what nothing drives, as expressions.
+        The speeds of prescribed sides, as expressions.
     contacts : tuple of int
-        By number, from the ground on.
+        Numbers of the contacts, starting at the ground.
     ring : bool
-        Whether some contact may be superfluous.
+        Whether some contact may be redundant.
     cuts : tuple of Cut
-        Those that leave both sides in one piece.
+        The cuts with connected sides.
     rings : tuple of dict of int to int
-        Of each ring, its contacts by number: 1 where one drives the body that is next around the
-        ring, -1 where it drives the one before.
+        For each ring, its contacts by number: 1 if a contact acts on the next body around the ring,
+        -1 if on the previous one.
     """
 
     bodies: tuple[int, ...]
@@ -78,7 +77,7 @@ class Group:
 
 
 def groups(contacts: Sequence[ContactSides]) -> list[Group]:
-    """Return the groups of bodies, whatever order the contacts are in but for equal ones."""
+    """Return the groups of bodies; only equal contacts depend on the order of contacts."""
     ends: dict[int, tuple[_Node, _Node]] = {
         i: (both.on, both.against if both.other is not None else None)
         for i, both in enumerate(contacts)
@@ -86,7 +85,7 @@ def groups(contacts: Sequence[ContactSides]) -> list[Group]:
     left = sorted({end for pair in ends.values() for end in pair if end is not None})
     found = []
     while left:
-        # Without the ground, which joins nothing.
+        # The ground does not connect bodies.
         inner = [pair for pair in ends.values() if None not in pair]
         bodies = _reached(left[0], left, inner)
         own = {i: pair for i, pair in ends.items() if pair[0] in bodies}
@@ -112,7 +111,7 @@ def groups(contacts: Sequence[ContactSides]) -> list[Group]:
 def _reached(
     first: _Node, among: Iterable[_Node], pairs: Iterable[tuple[_Node, _Node]]
 ) -> list[_Node]:
-    """Return the nodes that can be reached from the first one, the nearest first."""
+    """Return the nodes that are connected with the first one, nearest first."""
     pairs, far = list(pairs), set(among) - {first}
     nodes = [first]
     for node in nodes:
@@ -125,7 +124,7 @@ def _reached(
 def _cuts(nodes: list[_Node], ends: dict[int, tuple[_Node, _Node]]) -> list[Cut]:
     """Return the cuts of a group, the first node always outside."""
     outside, *others = nodes
-    if len(ends) < len(nodes):  # a tree: a cut each contact
+    if len(ends) < len(nodes):  # a tree: one cut per contact
         sets = []
         for i in ends:
             rest = [pair for j, pair in ends.items() if j != i]
@@ -150,10 +149,10 @@ def _cuts(nodes: list[_Node], ends: dict[int, tuple[_Node, _Node]]) -> list[Cut]
 
 
 def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
-    """Return the rings of contacts, each once.
+    """Return each ring of contacts once.
 
-    The ground and belts are one node, since at rest on two of them a body finds their speeds equal;
-    what moves as the flow prescribes it is another.
+    The ground and belts are one node, since a body at rest on two of them has equal speeds there; a
+    body with a prescribed motion is a node of its own.
     """
     ends = {i: (both.on, both.against) for i, both in contacts.items()}
     rings = []
@@ -172,21 +171,21 @@ def _rings(contacts: dict[int, ContactSides]) -> list[dict[int, int]]:
     return rings
 
 
-# --- What contacts hold, as source: common accelerations and speeds, and the room that is left.
+# --- Source code of holding contacts: common accelerations and speeds, and distances from limits.
 
 _Contact = tuple[CodeNames, Contact, ContactSides]
-FAR = 2  # in place of a direction: of what does not rest
+FAR = 2  # in place of a direction: not at rest
 
 
 class Holding:
-    """The source of what contacts hold.
+    """Generates the source code of holding contacts.
 
     Parameters
     ----------
     contacts : sequence of tuple
-        Words, part and sides of each.
+        Names, part and sides of each.
     n : int
-        How many states there are.
+        Number of states.
     """
 
     def __init__(self, contacts: Sequence[_Contact], n: int) -> None:
@@ -201,9 +200,9 @@ class Holding:
                 self.masses[both.against] = both.other
 
     def joined(self, group: Group, holds: dict[int, str]) -> list[str]:
-        """Return the lines that label bodies: alike where they hold together.
+        """Return the lines that label bodies: connected bodies have equal labels.
 
-        A label is the place of a body in the group; that of the ground is negative.
+        A label is the index of a body in the group; that of the ground is negative.
         """
         lines = [f"label{body} = {k}" for k, body in enumerate(group.bodies)]
         lines += [f"holds{i} = {holds[i]}" for i in group.contacts]
@@ -219,7 +218,7 @@ class Holding:
         return lines + once * (len(group.bodies) if group.ring else 1)
 
     def choice(self, group: Group, body: int, own: str, of_ground: str) -> str:
-        """Return the expression of what goes by the label of a body."""
+        """Return an expression selected by the label of a body."""
         tests = [
             f"{of_ground.format(i)} if label{body} == {-1 - i} else "
             for i in range(len(group.grounds))
@@ -231,7 +230,7 @@ class Holding:
         return "".join(tests) + own.format(body)
 
     def field(self) -> list[str]:
-        """Return the lines that find the accelerations ``d`` of what holds, from those without."""
+        """Return the lines that compute the accelerations ``d`` with holding contacts."""
         lines = []
         for group in self.groups:
             lines += self.joined(
@@ -248,7 +247,7 @@ class Holding:
                         f"    mass += mass{other}",
                         f"    gain += mass{other} * (free{other} - free{body})",
                     ]
-                # Alike to the last bit for all of them, so that nothing drifts.
+                # Exactly equal for all of them, so that nothing drifts.
                 lines.append(f"common{body} = free{body} + gain / mass")
             for i, speed in enumerate(group.grounds):
                 prescribed = next(
@@ -262,18 +261,19 @@ class Holding:
         return lines
 
     def forces(self) -> list[str]:
-        """Return the forces with which contacts hold the bodies, after `field`."""
+        """Return the holding forces on the bodies, after `field`."""
         return [f"mass{body} * (d{body} - free{body})" for body in self.place]
 
     def own(self, group: Group) -> list[tuple[int, _Contact]]:
-        """Return the contacts of a group by their numbers."""
+        """Return the contacts of a group by number."""
         return [(i, self.contacts[i]) for i in group.contacts]
 
     def speeds(self) -> list[str]:
-        """Return the lines that make the speeds ``v`` of what moves alike equal.
+        """Return the lines that make the speeds ``v`` of bodies that move together equal.
 
-        That is what holds, what has no relative speed but for rounding, and what just comes to
-        rest, of number ``fired``. The ground is first, and then the body that a group names first.
+        These are bodies of holding contacts, of contacts with zero relative speed to rounding, and
+        of contact ``fired``, which just comes to rest. The speed of the ground has priority, then
+        that of the first body of a group.
         """
         lines = []
         for group in self.groups:
@@ -290,9 +290,9 @@ class Holding:
         return lines
 
     def blocked(self) -> list[str]:
-        """Return the lines that return False where something slides though what holds forbids it.
+        """Return the lines that reject a contact that slides although holding ones prevent it.
 
-        A stop that neither opens nor holds is superfluous, and no matter of this.
+        A stop that neither opens nor holds is redundant and ignored here.
         """
         lines = []
         rings = [ring for group in self.groups for ring in group.rings]
@@ -300,7 +300,7 @@ class Holding:
             words, part, _ = self.contacts[i]
             each = (f"{sign} if {words.mode} == {mode} else " for mode, sign in part.moves.items())
             lines.append(f"way{i} = {''.join(each)}0")
-            # What moves already is no part of a ring at rest.
+            # A moving contact is not part of a ring at rest.
             lines += [f"if way{i} != 0 and not {part.rests(words)}:", f"    way{i} = {FAR}"]
         for ring, turn in itertools.product(rings, (1, -1)):
             ways = {i: f"way{i}" if sign == turn else f"-way{i}" for i, sign in ring.items()}
@@ -311,12 +311,11 @@ class Holding:
         return lines
 
     def room(self, words: CodeNames) -> list[str]:
-        """Return the lines that find what room the force of a contact has; ``x`` is at hand.
+        """Return the lines that compute how far the force of a contact is from its limits.
 
-        `CodeNames.back` and `CodeNames.front` are how far it is from the least and the largest
-        force that it bears, whatever part of it others can take; `CodeNames.needed` how much of its
-        one-sided force is needed with all that they bear; `CodeNames.size` is what that is made up
-        of.
+        `CodeNames.back` and `CodeNames.front` are the distances from the lower and upper limit,
+        with any share that other contacts can bear; `CodeNames.needed` is the part of a one-sided
+        force that others cannot bear; `CodeNames.size` is the sum of the magnitudes of the forces.
         """
         number = words.contact
         assert number is not None
@@ -353,7 +352,7 @@ class Holding:
         return lines
 
     def borne(self, cut: Cut, way: int, without: int | None = None) -> list[str]:
-        """Return what the contacts across a cut bear, backward or forward, by what is inside."""
+        """Return the limits of the contacts across a cut, backward or forward."""
         return [
             f"{'front' if sign == way else 'back'}_of{i}"
             for i, sign in cut.across.items()

@@ -1,4 +1,4 @@
-"""A stop that a body strikes, with restitution, and on which it comes to rest."""
+"""A stopper with restitution, on which a body can come to rest."""
 
 from __future__ import annotations
 
@@ -19,30 +19,31 @@ from mems_impact.systems.components.base import (
 )
 
 FREE, HELD = 0, 1
-TOUCHES = "1e-14"  # of the positions: a gap below it is closed
+TOUCHES = "1e-14"  # of the positions: a smaller gap is closed
 
 
 @dataclass(frozen=True)
 class Stopper(Contact):
-    """A stop for a body, or between two bodies.
+    """A stopper for a body, or between two bodies.
 
-    An impact turns the relative speed round, times the restitution, and keeps the momentum of two
-    bodies. A sequence of ever weaker impacts is completed, and the body rests on the stop until
-    the force that presses it there falls to zero.
+    An impact reverses the relative velocity, multiplied by the coefficient of restitution, and
+    conserves the momentum of two bodies. A chatter sequence is completed and ends in sustained
+    contact, until the contact force falls to zero.
 
     Parameters
     ----------
     name : str
     position, velocity : str
-        The states of the body.
+        Position and velocity of the body.
     upper, lower : float, str or callable
-        Where the stop is, one of them: ``position <= upper``, or ``position >= lower``. A number, a
-        parameter or a function of ``p``. Between two bodies, of how far they are apart.
+        Exactly one of them, the position of the stop: ``position <= upper``, or ``position >=
+        lower``. A number, a parameter or a function of ``p``. Between two bodies, a bound of their
+        distance.
     restitution : float, str or callable
-        A number (>= 0), a parameter or ``restitution(p)``.
+        Coefficient of restitution: a number (>= 0), a parameter or ``restitution(p)``.
     against : str or tuple of str, optional
-        Position and velocity of the other body; its velocity alone where `position` is a distance
-        from it. Without a mass it moves as the flow says, whatever strikes it.
+        Position and velocity of the other body; its velocity alone if `position` is the distance
+        from it. A body without a mass moves as the flow prescribes, unaffected by impacts.
 
     See Also
     --------
@@ -50,8 +51,8 @@ class Stopper(Contact):
 
     Notes
     -----
-    Modes: free and held, which the flow finds as 0 and 1. Events: ``NAME``, an impact, and
-    ``NAME lets go``.
+    Modes: free and held, which the flow reads as 0 and 1. Events: ``NAME``, an impact, and ``NAME
+    lets go``.
 
     Examples
     --------
@@ -81,22 +82,22 @@ class Stopper(Contact):
         if (self.upper is None) == (self.lower is None):
             given = (self.upper, self.lower)
             raise InvalidParameter(
-                f"upper, lower of {self.name!r}", given, "exactly one of the two, the other None"
+                f"upper, lower of {self.name!r}", given, "exactly one of the two"
             )
 
     def sides(self, words: CodeNames) -> ContactSides:
         """Return the body, and the other one."""
         other = self.against if isinstance(self.against, str) else (self.against or (0.0, 0.0))[1]
         if isinstance(other, str):
-            words.index("against", other)  # a velocity, no parameter
+            words.index("against", other)  # a velocity, not a parameter
         return sides(words, self.velocity, other, "against")
 
     def inwards(self, expression: str) -> str:
-        """Return an expression, positive away from the stop, of one along the position."""
+        """Return an expression along the position with its sign positive away from the stop."""
         return f"-{expression}" if self.upper is not None else expression
 
     def places(self, words: CodeNames) -> tuple[int, str, str]:
-        """Return the number of the position, where the stop is, and what its gap is made up of."""
+        """Return the number of the position, the position of the stop, and the terms of the gap."""
         place = words.index("position", self.position)
         level = self.upper if self.upper is not None else self.lower
         assert level is not None
@@ -109,20 +110,20 @@ class Stopper(Contact):
 
     @property
     def pushes(self) -> int:
-        """The sign of its force."""
+        """The sign of its force on the body."""
         return -1 if self.upper is not None else 1
 
     @property
     def moves(self) -> Mapping[int, int]:
-        """The sign of the relative motion that opens it."""
+        """The sign of the relative motion that opens the gap."""
         return {FREE: self.pushes}
 
     def bears(self, words: CodeNames) -> tuple[str, str]:
-        """Return that it bears anything in its direction, and pulls nothing."""
+        """Return the limits of its force: unbounded in its direction, zero in the other."""
         return ("math.inf", "") if self.upper is not None else ("", "math.inf")
 
     def rests(self, words: CodeNames) -> str:
-        """Return whether the gap is closed, and there is no relative speed."""
+        """Return whether the gap is closed and the relative speed is zero."""
         both = self.sides(words)
         place, at, size = self.places(words)
         gap = self.inwards(f"(y[{place}] - {at})")
@@ -132,7 +133,7 @@ class Stopper(Contact):
         return f"({still} and {closed})"
 
     def fits(self, words: CodeNames) -> list[str]:
-        """Return when it is free, and when it holds."""
+        """Return the conditions of free and held."""
         both, rests = self.sides(words), self.rests(words)
         leaves = f"{self.inwards(both.relative('x[{}]'))} >= -{both.drift}"
         return [
@@ -141,7 +142,7 @@ class Stopper(Contact):
         ]
 
     def watches(self, words: CodeNames) -> list[GuardSpec]:
-        """Return the impact and the release."""
+        """Return the guards of impact and release."""
         both = self.sides(words)
         place, at, _ = self.places(words)
         return [
@@ -162,7 +163,7 @@ class Stopper(Contact):
         ]
 
     def constraints(self, words: CodeNames) -> list[Constraint]:
-        """Return that the gap is closed where it holds, and stays so."""
+        """Return the constraints of a closed gap and zero relative speed where it holds."""
         place, at, _ = self.places(words)
         slopes = {place: "1.0"}
         if isinstance(self.against, tuple):
@@ -178,10 +179,10 @@ class Stopper(Contact):
             return {place: at, both.on: f"-{restitution} * {both.slip}"}
         speed = both.speed
         if both.other is not None:
-            # Of the impulse (1 + e) u/(1/m + 1/M), the other body's part.
+            # The other body's share of the impulse (1 + e) u/(1/m + 1/M).
             share = f"(1.0 / {both.other}) / {both.share}"
             speed = f"({speed} + (1.0 + {restitution}) * {both.slip} * {share})"
         changes = {both.on: f"{speed} - {restitution} * {both.slip}", both.against: speed}
-        # Two positions are left as they are: which of them would have to be put right?
+        # Two positions are left unchanged, as either of them could be corrected.
         apart = isinstance(self.against, tuple) and both.other is not None
         return changes if apart else {place: at, **changes}

@@ -1,4 +1,4 @@
-"""A surface in the space of states at which the flow jumps, and along which it may slide."""
+"""A switching surface on which the flow is discontinuous, with sliding."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ ABOVE, BELOW, SLIDING = 0, 1, 2
 class SwitchingSurface(Part):
     """A switching surface ``h = 0`` with sliding, by Filippov's convex method.
 
-    The flow finds 1 in ``mode.name`` where ``h > 0`` and -1 where ``h < 0``. A state that comes to
-    the surface crosses it if the flow beyond leads away. If both flows lead towards it, the state
-    slides: on ``(f+ L- - f- L+)/(L- - L+)``, with L+ and L- the derivatives of h along both flows,
-    until one of them changes its sign.
+    The flow reads ``mode.name`` as 1 where ``h > 0`` and as -1 where ``h < 0``. A state that
+    reaches the surface crosses it if the flow on the other side leads away. If both flows lead
+    towards the surface, the state slides with the flow ``(f+ L- - f- L+)/(L- - L+)``, where L+ and
+    L- are the derivatives of h along both flows, until one of them changes its sign.
 
     Parameters
     ----------
     name : str
     h : str, mapping of str to float or str, or callable
-        A state; or a sum, ``{"x": "c", "v": 1.0}`` for c x + v, of states times numbers or
-        parameters; or ``h(t, y, p)``.
+        A state; a linear combination of states with numbers or parameters as coefficients, ``{"x":
+        "c", "v": 1.0}`` for c x + v; or ``h(t, y, p)``.
     level : float, str or callable, optional
-        What is taken from h: a number (0 by default), a parameter or a function of ``p``.
+        Value subtracted from h: a number (0 by default), a parameter or a function of ``p``.
     rate : callable, optional
-        Of a callable `h`: ``rate(t, y, d, p)``, its time derivative where the states have the
+        For a callable `h`: ``rate(t, y, d, p)``, its time derivative if the states have the
         derivatives ``d.x``.
 
     See Also
@@ -40,8 +40,8 @@ class SwitchingSurface(Part):
     Notes
     -----
     Modes: above, below and sliding. Events: ``NAME`` where the surface is reached, ``NAME leaves
-    up`` and ``NAME leaves down``. Where both flows lead away the state stays on the side that it is
-    on. Sliding along two surfaces at a time is not defined by this method.
+    up`` and ``NAME leaves down``. If both flows lead away, the state stays on its side. The method
+    does not define sliding along two surfaces at once.
 
     References
     ----------
@@ -70,10 +70,10 @@ class SwitchingSurface(Part):
 
     def __post_init__(self) -> None:
         if callable(self.h) == (self.rate is None):
-            allowed = "a function rate(t, y, d, p) where h is a function, and only there"
+            allowed = "a function rate(t, y, d, p) if h is a function, otherwise None"
             raise InvalidParameter(f"rate of {self.name!r}", self.rate, allowed)
         if isinstance(self.h, Mapping):
-            object.__setattr__(self, "h", tuple(self.h.items()))  # which has a hash
+            object.__setattr__(self, "h", tuple(self.h.items()))  # hashable
 
     def height(self, words: CodeNames) -> str:
         """Return h as an expression."""
@@ -83,14 +83,14 @@ class SwitchingSurface(Part):
         return f"({self.along(words, 'y')} - {level})"
 
     def along(self, words: CodeNames, slopes: str) -> str:
-        """Return the derivative of h along slopes, ``slopes[j]``, as an expression."""
+        """Return the derivative of h for derivatives ``slopes[j]``, as an expression."""
         if self.rate is not None:
             return self.rate_of(words, [f"{slopes}[{j}]" for j in range(len(words.states))])
         terms = self.terms(words)
         return " + ".join(f"{factor} * {slopes}[{place}]" for place, factor in terms)
 
     def terms(self, words: CodeNames) -> list[tuple[int, str]]:
-        """Return the components of the state of which h is a sum, each with its factor."""
+        """Return the components of the state in a linear h, each with its coefficient."""
         terms: Any = ((self.h, 1.0),) if isinstance(self.h, str) else self.h
         return [
             (words.index("h", state), words.value(f"factor of {state}", factor))
@@ -98,12 +98,12 @@ class SwitchingSurface(Part):
         ]
 
     def rate_of(self, words: CodeNames, slopes: Sequence[str]) -> str:
-        """Return the rate of a callable h where the states have these slopes."""
+        """Return the rate of a callable h for these derivatives of the states."""
         assert self.rate is not None
         return words.call(self.rate, f"t, y, State({', '.join(slopes)}), p")
 
     def constraints(self, words: CodeNames) -> list[Constraint]:
-        """Return that it slides along the surface."""
+        """Return the constraint h = 0 of sliding."""
         height = self.height(words)
         if self.rate is None:
             slopes: dict[int, str] = {}
@@ -111,16 +111,16 @@ class SwitchingSurface(Part):
                 slopes[place] = f"{slopes[place]} + {factor}" if place in slopes else factor
             return [Constraint(mode=SLIDING, value=height, slopes=slopes)]
         n = len(words.states)
-        # The rate is linear in the slopes of the states, but for what depends on time itself.
+        # The rate is affine in the derivatives of the states, as h may depend on time.
         still = self.rate_of(words, ["0.0"] * n)
         units = (["1.0" if i == j else "0.0" for i in range(n)] for j in range(n))
         slopes = {j: f"({self.rate_of(words, unit)} - {still})" for j, unit in enumerate(units)}
         return [Constraint(mode=SLIDING, value=height, slopes=slopes, linear=False)]
 
     def fits(self, words: CodeNames) -> list[str]:
-        """Return when the state is above, below, or slides."""
+        """Return the conditions of above, below and sliding."""
         h, up, down = self.height(words), words.upper, words.lower
-        # Where nothing has moved the state, it is where it was, whatever rounding says of h.
+        # If no event has changed the state, it stays on its side despite rounding of h.
         stayed = "jumped == 0"
         on = f"({words.fired} or {h} == 0.0 or ({stayed} and {words.last} == {SLIDING}))"
         return [
@@ -130,7 +130,7 @@ class SwitchingSurface(Part):
         ]
 
     def watches(self, words: CodeNames) -> list[GuardSpec]:
-        """Return that the surface is reached, and the two ways to leave it."""
+        """Return the guards of reaching the surface and of leaving it to either side."""
         sign = f"(1.0 if {words.mode} == {ABOVE} else -1.0)"
         return [
             GuardSpec(

@@ -1,11 +1,12 @@
 """Conversion of objects to JSON and arrays, and back.
 
-In JSON, numbers, text, true, false and null stand for themselves (Python writes the shortest
-decimal that is read as the very same float), and a list for a tuple. Everything else is an object
-of one entry that says what it is, ``float`` (nan, inf, -inf), ``list``, ``dict``, ``table`` or
-``array``, or of an entry ``is`` with the short name of a class, beside the parts of the object. An
-array of more than `MAX_INLINE_NUMBERS` numbers is a member of the file by itself, whose name stands
-there. An object that occurs again is a reference, ``same``, to the number ``#`` of the first one.
+In JSON, numbers, strings, true, false and null represent themselves (Python writes the shortest
+decimal that reads back as the same float), and a list represents a tuple. Any other value is an
+object with one entry that names its kind, ``float`` (nan, inf, -inf), ``list``, ``dict``, ``table``
+or ``array``, or with an entry ``is`` that holds the short name of a class, next to the parts of the
+object. An array of more than `MAX_INLINE_NUMBERS` numbers is a separate member of the file,
+referred to by name. A repeated object is a reference, ``same``, to the number ``#`` of its first
+occurrence.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from mems_impact.errors import InvalidParameter
 
 __all__ = ["CorruptFile", "Reader", "Writer", "register"]
 
-MAX_INLINE_NUMBERS = 64  # numbers of an array that stand in the JSON text itself
+MAX_INLINE_NUMBERS = 64  # of an array within the JSON text
 
 
 class CorruptFile(Exception):
-    """What was read is not what `Writer` writes."""
+    """A file has content that `Writer` does not write."""
 
 
 Parts = Callable[[Any], Mapping[str, Any]]
@@ -36,7 +37,7 @@ Whole = Callable[..., Any]
 
 @dataclass(frozen=True)
 class StorableClass:
-    """How the objects of one class are stored."""
+    """Conversion of the objects of one class."""
 
     name: str
     parts: Parts
@@ -55,7 +56,7 @@ def register(
     whole: Whole | None = None,
     reading: Callable[[dict[str, Any], Reader], Any] | None = None,
 ) -> None:
-    """Let the objects of a class be stored.
+    """Register a class whose objects can be stored.
 
     Parameters
     ----------
@@ -63,12 +64,12 @@ def register(
     name : str, optional
         Short name in the file; that of the class by default.
     parts : callable, optional
-        ``parts(value)`` returns what it is made of, by name; the fields of a dataclass by default,
-        or of a named tuple.
+        ``parts(value)`` returns the stored values by name; by default the fields of a dataclass or
+        named tuple.
     whole : callable, optional
-        ``whole(**parts)`` makes it again; the class by default.
+        ``whole(**parts)`` restores the object; the class by default.
     reading : callable, optional
-        ``reading(parts, reader)`` instead, where it depends on the file.
+        ``reading(parts, reader)`` restores an object that depends on the file.
     """
     if parts is None:
         names = getattr(kind, "_fields", None) or [each.name for each in fields(kind)]
@@ -79,7 +80,7 @@ def register(
 
 
 class Writer:
-    """Turns objects into JSON; the larger arrays gather in `members`, by name."""
+    """Converts objects to JSON; large arrays are collected in `members`, by name."""
 
     def __init__(self) -> None:
         self.members: dict[str, np.ndarray] = {}
@@ -87,7 +88,7 @@ class Writer:
         self._numbers: Iterator[int] = count(1)
 
     def node(self, value: Any, place: str) -> Any:
-        """Return what stands for `value` in JSON; `place` names it."""
+        """Return the JSON representation of `value`; `place` is its path in errors."""
         kind = _by_type.get(type(value))
         if kind is not None:
             return self._object(kind, value, place)
@@ -107,7 +108,7 @@ class Writer:
             return {"dict": self._named(value, place)}
         if isinstance(value, pd.DataFrame):
             return {"table": self._columns(value, place), "attrs": self.node(value.attrs, place)}
-        allowed = "of a class that is stored, or numbers, text, arrays and tables"
+        allowed = "of a storable class, or numbers, text, arrays and tables"
         raise InvalidParameter(place, type(value).__name__, allowed)
 
     def _named(self, parts: Mapping[str, Any], place: str) -> dict[str, Any]:
@@ -119,7 +120,7 @@ class Writer:
             node.setdefault("#", next(self._numbers))
             return {"same": node["#"]}
         node = {"is": kind.name}
-        self._known[id(value)] = value, node  # the value too, lest its id be another's
+        self._known[id(value)] = value, node  # keep the value alive, so that its id stays unique
         node.update(self._named(kind.parts(value), place))
         return node
 
@@ -148,15 +149,15 @@ class Writer:
 
 
 class Reader:
-    """Turns what `Writer` wrote into objects again.
+    """Restores objects from the output of `Writer`.
 
     Parameters
     ----------
     members : mapping of str to array
     path : str
-        Of the file.
+        Path of the file.
     system : System, optional
-        What stands for the systems of the file, given by the user.
+        System given by the user, in place of those of the file.
     """
 
     def __init__(self, members: Mapping[str, np.ndarray], path: str, system: Any = None) -> None:
@@ -164,7 +165,7 @@ class Reader:
         self._known: dict[int, Any] = {}
 
     def value(self, node: Any) -> Any:
-        """Return the object that a node stands for."""
+        """Return the object that a node represents."""
         if isinstance(node, list):
             return tuple(self.value(part) for part in node)
         if not isinstance(node, dict):
@@ -187,7 +188,7 @@ class Reader:
 
     def _object(self, node: dict[str, Any]) -> Any:
         if node["is"] not in _by_name:
-            raise CorruptFile(f"it holds a {node['is']!r}, which is not known here")
+            raise CorruptFile(f"it holds an object of unknown class {node['is']!r}")
         parts = {name: self.value(part) for name, part in node.items() if name not in ("is", "#")}
         found = _by_name[node["is"]].whole(parts, self)
         if "#" in node:

@@ -1,4 +1,4 @@
-"""Systems loaded without their functions."""
+"""Systems that were loaded without their functions."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from mems_impact.systems.statistics import measure_names
 __all__ = ["DetachedSystem", "check_same_system", "describe"]
 
 COMPARED = ("states", "modes", "guards", "parameters", "observables", "units")
-TIME_RTOL = 1e-12  # relative difference of times that are the same, calculated elsewhere
+TIME_RTOL = 1e-12  # relative difference of equal times, computed on another machine
 
 
 def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, Any]:
-    """Return what can be told of a system without its functions.
+    """Return the description of a system without its functions.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def describe(system: HybridSystem, functions: Mapping[str, str]) -> dict[str, An
 
 
 def check_same_system(given: HybridSystem, told: Mapping[str, Any], path: str) -> None:
-    """Raise InvalidParameter unless a system is the one that a description tells of."""
+    """Raise InvalidParameter unless a system matches a description."""
     if _fits(given, told):
         given = given.restored(told["parameters"], told["scales"], told.get("typical"))
     own = describe(given, {})
@@ -98,7 +98,7 @@ def _refuse(what: str, mine: list[Any], its: list[Any], path: str) -> NoReturn:
     listed = [", ".join(map(str, each)) or "none" for each in (mine, its)]
     remedy = "give the system of the result"
     if its[-1:] == ["until"]:
-        remedy += ", which its run made: system.ending(until)"
+        remedy += ", as used in its run: system.ending(until)"
     problem = f"its {what} are {listed[0]}, those of {path} are {listed[1]}; {remedy}"
     raise InvalidParameter("system", None, "", problem=problem)
 
@@ -108,9 +108,9 @@ def _missing_function(*arguments: Any) -> NoReturn:
 
 
 class DetachedSystem(HybridSystem):
-    """A system that is described in a file, whose functions are elsewhere.
+    """A system described in a file, without its functions.
 
-    It has names, units and numbers. What needs the functions raises `FunctionsMissing`.
+    It has names, units and numbers. Operations that need the functions raise `FunctionsMissing`.
     """
 
     def __init__(self, told: Mapping[str, Any], path: str) -> None:
@@ -131,7 +131,7 @@ class DetachedSystem(HybridSystem):
 
     @property
     def description(self) -> dict[str, Any]:
-        """What the file tells of the system."""
+        """The description of the system in the file."""
         return dict(self._told)
 
     @property
@@ -140,13 +140,13 @@ class DetachedSystem(HybridSystem):
         return dict(self._told["functions"])
 
     def summary(self) -> dict[str, Any]:
-        """Return names and numbers, and which functions are elsewhere."""
+        """Return names and numbers, and the missing functions."""
         places = ", ".join(dict.fromkeys(self.functions.values()))
-        return {**super().summary(), "functions, not at hand": places}
+        return {**super().summary(), "missing functions": places}
 
     @property
     def automaton(self) -> Automaton:
-        """States, modes and guards by name, with no functions to run."""
+        """States, modes and guards by name, without functions."""
         told = self._told
         return Automaton(
             states=told["states"],
@@ -166,13 +166,13 @@ class DetachedSystem(HybridSystem):
 
     @property
     def scales(self) -> Scales:
-        """The units of the numerics."""
+        """The units of the scaled variables."""
         scales: Scales = self._told["scales"]
         return scales
 
     @property
     def initial(self) -> State:
-        """Where runs started if nothing else was said."""
+        """Initial state of runs by default."""
         initial: State = self._told["initial"]
         return initial
 
@@ -184,13 +184,13 @@ class DetachedSystem(HybridSystem):
 
     @property
     def displayed_states(self) -> tuple[str, ...]:
-        """The states by which sweeps and branches show an orbit."""
+        """The states by which sweeps and branches display an orbit."""
         names: tuple[str, ...] = self._told["displayed_states"]
         return names
 
     @property
     def sweep_statistics(self) -> tuple[str, ...]:
-        """The statistics that a sweep tells of every value."""
+        """The statistics in the table of a sweep."""
         names: tuple[str, ...] = self._told["sweep_statistics"]
         return names
 
@@ -208,7 +208,7 @@ class DetachedSystem(HybridSystem):
         return other
 
     def problem(self, options: Options) -> Problem:
-        """Return what was integrated, which now refuses to be."""
+        """Return the problem of the result, which cannot be integrated again."""
         if self._moved:
             raise FunctionsMissing(self._refusal())
         told = self._told
@@ -253,7 +253,7 @@ class DetachedSystem(HybridSystem):
         raise FunctionsMissing(self._refusal())
 
     def numbers(self, changes: Mapping[str, float] | None = None) -> NoReturn:
-        """Refuse: period and switches may be functions."""
+        """Raise FunctionsMissing: period and switches may be functions."""
         raise FunctionsMissing(self._refusal())
 
     def ending(self, until: Callable[..., float]) -> HybridSystem:

@@ -1,4 +1,4 @@
-"""Result files, and the identity of a system in them."""
+"""Reading and writing of result files, and the identity of systems in them."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ __all__ = [
     "versions",
 ]
 
-# --- The file of a result: a zip file of ``header.json`` and one ``.npy`` an array.
+# --- Result files: a zip archive of ``header.json`` and one ``.npy`` per array.
 
-# Raised by every change of what is written; no other format is read.
+# Incremented with every change of the format; no other format is read.
 FILE_FORMAT = 4
 HEADER = "header.json"
 ARRAY = ".npy"
-FILE_REMEDY = "give a file that a result's save(path) wrote"
+FILE_REMEDY = "give a file written by a result's save(path)"
 AGAIN = "save the result again, or get another copy of the file"
 
 
@@ -68,19 +68,20 @@ def save(value: Result, path: str | PathLike[str]) -> None:
 
 
 def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> Any:
-    """Load a result from the file that its ``save(path)`` wrote.
+    """Load a result from a file written by its ``save(path)``.
 
-    No code is run that the file might hold or name. What is made of numbers, such as an actuator
-    under one of the package's waveforms, comes back whole. A system of your own functions is only
-    described: without it the result shows and tabulates what was saved, and says what it cannot
-    do; give the system, and it is sampled, verified and continued as the one that was saved.
+    No code in the file, or named by it, is run. A system that numbers define completely, such as an
+    actuator under one of the package's waveforms, is restored completely. For a system with your
+    own functions the file holds only a description: without `system`, the result provides the saved
+    tables, and other operations raise `FunctionsMissing`; with `system`, it can be sampled,
+    verified and continued like the original.
 
     Parameters
     ----------
     path : str or os.PathLike
     system : System, optional
-        The system of the result, with the same states, modes, guards and parameters; their values
-        are those of the file. Of an actuator, ``actuator.under(drive)``.
+        The system of the result, with the same states, modes, guards and parameters; the values of
+        parameters are taken from the file. For an actuator, ``actuator.under(drive)``.
 
     Returns
     -------
@@ -89,9 +90,9 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
     Raises
     ------
     InvalidFile
-        If the file cannot be read, is none that was saved, is damaged, or of another format.
+        If the file cannot be read, is not a result file, is damaged, or has another format.
     InvalidParameter
-        If `system` is not that of the file.
+        If `system` does not match the file.
 
     See Also
     --------
@@ -110,7 +111,7 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
     """
     _check_path(path)
     if system is not None and not isinstance(system, HybridSystem):
-        allowed = "the System of the result; of an actuator, actuator.under(drive)"
+        allowed = "the System of the result; for an actuator, actuator.under(drive)"
         raise InvalidParameter("system", system, allowed)
     register_storables()
     source = fspath(path)
@@ -140,7 +141,7 @@ def load(path: str | PathLike[str], *, system: HybridSystem | None = None) -> An
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what made a result."""
+    """Return the versions of the software that made a result."""
     return {
         "mems_impact": version("mems_impact"),
         "numpy": np.__version__,
@@ -149,13 +150,13 @@ def versions() -> dict[str, str]:
 
 
 def register_storables() -> None:
-    """Let every room say what of it may stand in a file."""
+    """Import the modules that register storable classes."""
     for room in STORABLE_MODULES:
         import_module(room)
 
 
 def _kept(value: Result) -> dict[str, Any]:
-    """Return what could not be made again without the functions of the result's system."""
+    """Return the attributes that cannot be computed without the system's functions."""
     system = getattr(value, "system", None)
     if system is None or system.is_data_only:
         return {}
@@ -163,7 +164,7 @@ def _kept(value: Result) -> dict[str, Any]:
     for name in value.kept:
         try:
             found[name] = getattr(value, name)
-        except MemsImpactError:  # a run that kept no events has no table of them
+        except MemsImpactError:  # a run without events has no table of them
             continue
     return found
 
@@ -187,7 +188,7 @@ def _read(source: str) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     except FileNotFoundError:
         raise InvalidFile(source, "no such file", FILE_REMEDY) from None
     except zipfile.BadZipFile as error:
-        reason = f"is no result, or is cut short ({_one_line(error)})"
+        reason = f"is not a result file, or is truncated ({_one_line(error)})"
         raise InvalidFile(source, reason, FILE_REMEDY) from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -207,20 +208,20 @@ def _check_header(source: str, header: Any) -> None:
 
 
 def check_format(path: str | PathLike[str], number: int, read: int, made: str, again: str) -> None:
-    """Refuse what another version wrote in a format that this one does not read.
+    """Raise InvalidFile for a format that this version does not read.
 
     Parameters
     ----------
     path : str or os.PathLike
     number, read : int
-        The format that the file is of, and the one that is read.
+        The format of the file, and the format that this version reads.
     made : str
         The version of mems_impact that wrote it.
     again : str
         What to do if its format is older.
     """
     if number != read:
-        reason = f"is of format {number} (mems_impact {made}); this version reads format {read}"
+        reason = f"has format {number} (mems_impact {made}); this version reads format {read}"
         raise InvalidFile(path, reason, "update mems_impact" if number > read else again)
 
 
@@ -233,11 +234,11 @@ def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
 
 
-# --- What a system is, as JSON: equal for two systems whose numbers are the same.
+# --- Identity of systems, states and options, as JSON.
 
 
 def identity(system: HybridSystem) -> dict[str, Any]:
-    """Return what tells a system from others: as files tell it, and a digest of its functions."""
+    """Return the identity of a system: its description, and a digest of its functions."""
     from mems_impact.integrators.jit.closures import digest  # which imports numba
 
     register_storables()
@@ -253,12 +254,12 @@ def identity(system: HybridSystem) -> dict[str, Any]:
 
 
 def identity_of_state(state: State | None) -> dict[str, Any] | None:
-    """Return what tells a state from others; None for a system's own start."""
+    """Return the identity of a state; None for the initial state of the system."""
     if state is None:
         return None
     return {**state.as_dict(), "time": state.time, "mode": state.mode}
 
 
 def identity_of_options(options: Options) -> dict[str, Any]:
-    """Return what tells options from others."""
+    """Return the identity of options."""
     return asdict(options)

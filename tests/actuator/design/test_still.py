@@ -59,5 +59,5 @@ def test_what_is_refused():
     with pytest.raises(mi.InvalidParameter, match="or 'still'"):
         mi.simulate(ZHAO, DRIVE, until="stil")
     ball = mi.System(states=("x", "v"), flow=lambda mode, t, y, p: (y.v, -y.x))
-    with pytest.raises(mi.InvalidParameter, match="of an actuator alone"):
+    with pytest.raises(mi.InvalidParameter, match="for actuators only"):
         mi.simulate(ball, until="still")

@@ -206,9 +206,9 @@ def test_another_format_is_refused(store, number, remedy):
     run_study(STUDY, store=store)
     manifest = json.loads((store / "study.json").read_text())
     (store / "study.json").write_text(json.dumps({**manifest, "format": number}))
-    with pytest.raises(mi.InvalidFile, match=rf"is of format {number} .*; {remedy}"):
+    with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
         run_study(STUDY, store=store)
-    with pytest.raises(mi.InvalidFile, match=rf"is of format {number} .*; {remedy}"):
+    with pytest.raises(mi.InvalidFile, match=rf"has format {number} .*; {remedy}"):
         mi.read_study(store)
 
 

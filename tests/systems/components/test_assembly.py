@@ -244,15 +244,15 @@ def test_own_guards_find_the_modes_of_parts_by_name():
     ("changes", "message"),
     [
         ({"parts": [3]}, "parts = 3: must be each a part"),
-        ({"parts": [STOP, STOP]}, "must be a name of its own for each"),
+        ({"parts": [STOP, STOP]}, "must be unique names"),
         ({"parts": [mi.Friction("a b", "v", mu=1.0)]}, "must be a Python name"),
         ({"parts": [mi.Friction("g", "z", mu=1.0)]}, "velocity of 'g' = 'z': must be one of x, v"),
         ({"parts": [mi.Friction("g", "v", mu="nu")]}, "mu of 'g' = 'nu': must be a number, a func"),
         ({"parts": [mi.Friction("g", "v", mu=math.nan)]}, "mu of 'g' = nan: must be a number"),
         ({"parts": [STOP], "masses": {"z": 1.0}}, "masses = 'z': must be velocities among"),
-        ({"parts": [STOP], "modes": ("a",)}, "modes = .*: must be left out where parts are given"),
+        ({"parts": [STOP], "modes": ("a",)}, "modes = .*: must be omitted if parts are given"),
         ({"parts": [STOP], "guards": [mi.Guard("a", lambda mode, t, y, p: 1.0, modes=(0,))]},
-         "modes of 'a' = .*: must be none"),
+         "modes of 'a' = .*: must be None"),
     ],
 )  # fmt: skip
 def test_mistakes_are_one_sentence(changes, message):
