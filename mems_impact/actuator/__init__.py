@@ -2,4 +2,4 @@
 
 from mems_impact.systems.serialization import STORABLE_MODULES
 
-STORABLE_MODULES.append("mems_impact.actuator.serialization")  # of what may stand in a saved file
+STORABLE_MODULES.append("mems_impact.actuator.serialization")  # of storable classes

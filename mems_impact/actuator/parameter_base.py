@@ -1,7 +1,7 @@
 """The base of parameter objects, with validation by pydantic.
 
-pydantic does the checking; this module gives its findings in the package's own words, as one
-`InvalidParameter` that names the field, the value and the allowed range.
+pydantic validates; this module converts its errors to one `InvalidParameter` that names the field,
+the value and the allowed range.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _KINDS: dict[Any, str] = {str: "a string", dict: "a table"}
 
 
 def _to_float(value: Any) -> float:
-    # pydantic's strict floats refuse NumPy's integers and single floats, which sweeps produce;
-    # its lax ones take strings and booleans, which are mistakes.
+    # pydantic's strict floats reject NumPy's integers and single floats, which sweeps produce; its
+    # lax ones accept strings and booleans, which are mistakes.
     if isinstance(value, bool) or not isinstance(value, Real):
         raise PydanticCustomError("number_type", "must be a number")
     try:
@@ -69,7 +69,7 @@ else:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(Field,))
 class _Kind(ModelMetaclass):
-    """Of parameter objects: what completion offers of them is their own, none of pydantic's."""
+    """Metaclass of parameter objects: completion omits the attributes of pydantic."""
 
     def __dir__(cls) -> list[str]:
         return _own(super().__dir__())
@@ -100,7 +100,7 @@ class Checked(BaseModel, metaclass=_Kind):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
-        # Of types and defaults alone, without what pydantic needs for checking.
+        # Only types and defaults, without pydantic's annotations.
         super().__pydantic_init_subclass__(**more)
         cls.__signature__ = Signature(
             [
@@ -118,7 +118,7 @@ class Checked(BaseModel, metaclass=_Kind):
         return _own(super().__dir__())
 
     def __str__(self) -> str:
-        return repr(self)  # pydantic's leaves out what it is
+        return repr(self)  # pydantic's version omits the class
 
     def _repr_html_(self) -> str:
         return html_table(type(self).__name__, dict(self))
@@ -139,7 +139,7 @@ class Checked(BaseModel, metaclass=_Kind):
         return type(self)(**{**dict(self), **changes})
 
     def replace_unchecked(self, /, **changes: Any) -> Self:
-        """Return a copy with some parameters changed to whatever is given."""
+        """Return a copy with some parameters changed, without validation."""
         return type(self).model_construct(**{**dict(self), **changes})
 
     # `copy.replace` (Python 3.13) comes this way; pydantic's own version checks nothing.
@@ -147,7 +147,7 @@ class Checked(BaseModel, metaclass=_Kind):
 
 
 def _unnamed(kind: type[Checked], places: tuple[Any, ...], values: Mapping[str, Any]) -> TypeError:
-    """Return the error of values without names, which shows how they are named."""
+    """Return the error about positional values, with an example of keywords."""
     names = [name for name in kind.model_fields if name not in values]
     given = dict(zip(names, places, strict=False)) if len(places) <= len(names) else {}
     call = ", ".join(f"{name}={value!r}" for name, value in {**given, **values}.items())
@@ -174,9 +174,9 @@ def _plain(kind: Any) -> Any:
 
 
 def _translated(error: ValidationError, model: type[BaseModel]) -> InvalidParameter:
-    """Return the most telling of pydantic's findings as an `InvalidParameter`."""
+    """Return the most informative of pydantic's errors as an `InvalidParameter`."""
     findings = error.errors(include_url=False)
-    # A misspelt name shows as one unknown and one missing parameter: the first tells more.
+    # A misspelt name gives one unknown and one missing parameter: the first is more informative.
     first = next((one for one in findings if one["type"] == "extra_forbidden"), findings[0])
     cause = first.get("ctx", {}).get("error")
     if isinstance(cause, InvalidParameter):  # raised by a check across several fields
@@ -196,7 +196,7 @@ def _from_finding(finding: ErrorDetails, model: type[BaseModel]) -> InvalidParam
 
 
 def unknown(name: str, value: object, known: Iterable[str]) -> InvalidParameter:
-    """Return the error of a name that is none of those that are known."""
+    """Return the error about an unknown name."""
     names = list(known)
     allowed = f"one of {', '.join(names)}"
     near = get_close_matches(name, names, n=1)
@@ -206,7 +206,7 @@ def unknown(name: str, value: object, known: Iterable[str]) -> InvalidParameter:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """Describe what a field takes, worded to follow "must be"."""
+    """Describe the allowed values of a field, worded to follow "must be"."""
     if field.description is not None:
         return field.description
     if field.annotation is not float:

@@ -1,4 +1,4 @@
-"""The eleven parameters of the actuator, checked, and their loading from device files."""
+"""The eleven parameters of the actuator, and loading of device files."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ TERMS_ALLOWED = "a tuple of terms, such as (Tilt(angle=0.05),)"
 class Actuator(Checked):
     """The electrostatic impact microactuator: a block in a frame that rests on the ground.
 
-    All parameters are keyword-only, in SI or dimensionless as in the paper; `units` says which.
-    States, drives and results are in the same. An actuator is immutable and hashable; `replace`
-    makes a changed copy, `to_dimensionless` and `to_si` the same device in the other form.
+    All parameters are keyword-only, in SI or dimensionless as in the paper, according to `units`.
+    States, drives and results are in the same units. An actuator is immutable and hashable;
+    `replace` returns a changed copy, `to_dimensionless` and `to_si` convert between the two forms.
 
     Parameters
     ----------
@@ -75,14 +75,13 @@ class Actuator(Checked):
     units : {"dimensionless", "SI"}, optional
         The units of all of the above, and of the terms.
     terms : tuple of Term, optional
-        What the model has beyond the paper's (see `mems_impact.actuator.terms`); nothing by
-        default.
+        Additional terms of the model (see `mems_impact.actuator.terms`); none by default.
 
     Raises
     ------
     InvalidParameter
         If a value is out of range or not a number, or a parameter is missing or unknown; if two
-        terms are of one kind, or would each take the place of the same rule.
+        terms have the same class, or replace the same rule.
 
     See Also
     --------
@@ -120,9 +119,9 @@ class Actuator(Checked):
             for other in self.terms[:i]:
                 both = f"{type(other).__name__} and {type(term).__name__}"
                 if term.name() == other.name():
-                    problem = f"{both} are of one kind; give one of them"
+                    problem = f"{both} have the same class; give one of them"
                 elif term.instead and term.instead == other.instead:
-                    problem = f"{both} both tell the {term.instead}; give one of them"
+                    problem = f"{both} both determine the {term.instead}; give one of them"
                 else:
                     continue
                 raise InvalidParameter("terms", self.terms, "", problem=problem)
@@ -142,7 +141,7 @@ class Actuator(Checked):
         return self
 
     def __iter__(self) -> Any:
-        # As names and values, and as a dict, the paper's device is what it is: without terms.
+        # Iteration and dict() omit terms if there are none, as for the paper's device.
         return ((name, value) for name, value in super().__iter__() if value != ())
 
     def __repr_args__(self) -> Any:
@@ -154,7 +153,7 @@ class Actuator(Checked):
         return html_table(type(self).__name__, named)
 
     def adding(self, *terms: Term) -> Self:
-        """Return the device with more terms; each takes the place of the one of its kind.
+        """Return the device with additional terms, each in place of a term of the same class.
 
         Parameters
         ----------
@@ -163,7 +162,7 @@ class Actuator(Checked):
         Raises
         ------
         InvalidParameter
-            If two terms would take the place of the same rule.
+            If two terms replace the same rule.
 
         Examples
         --------
@@ -174,7 +173,7 @@ class Actuator(Checked):
         return self.replace(terms=tuple(found.values()))
 
     def without(self, *names: str) -> Self:
-        """Return the device without the terms of these names, or without any if none is named.
+        """Return the device without the named terms, or without all terms if none is named.
 
         Raises
         ------
@@ -189,18 +188,18 @@ class Actuator(Checked):
         return self.replace(terms=tuple(kept))
 
     def setting(self, values: Mapping[str, float]) -> Self:
-        """Return the device with some numbers changed, those of terms among them.
+        """Return the device with some numbers changed, including those of terms.
 
         Parameters
         ----------
         values : mapping of str to float
-            By name; those of a term by ``tilt.angle``. A term that the device does not have is
-            added.
+            New values by name, those of a term as ``tilt.angle``. A term that the device does not
+            have is added.
 
         Raises
         ------
         InvalidParameter
-            If a value is not allowed, a name is unknown, or a term that is added needs more.
+            If a value is not allowed, a name is unknown, or a new term needs more values.
 
         Examples
         --------
@@ -229,7 +228,7 @@ class Actuator(Checked):
 
     @property
     def scales(self) -> Scales:
-        """The units in which the package integrates this device; ones if it is dimensionless."""
+        """The units of the scaled variables of this device; all 1 if it is dimensionless."""
         if self.units == "dimensionless":
             return DIMENSIONLESS
         return DeviceScales.of_device(self.m2, self.k, self.d, self.alpha)
@@ -237,7 +236,7 @@ class Actuator(Checked):
     def to_dimensionless(self) -> Self:
         """Return the same device in its `scales`, in which m2 = k = d = alpha = 1.
 
-        One that is dimensionless already is returned as it stands.
+        A dimensionless device is returned unchanged.
         """
         if self.units == "dimensionless":
             return self
@@ -247,9 +246,9 @@ class Actuator(Checked):
         return self.replace(**values, terms=terms, units="dimensionless")
 
     def under(self, drive: Drive) -> ActuatorSystem:
-        """Return the system that this actuator is under a drive.
+        """Return the system of this actuator under a drive.
 
-        All verbs take it, as they take actuator and drive: ``simulate(actuator.under(drive))``.
+        It can replace the two arguments actuator and drive: ``simulate(actuator.under(drive))``.
         """
         from mems_impact.actuator.system import ActuatorSystem  # which stands on this
 
@@ -284,7 +283,7 @@ PARAMETER_UNITS = {
     "alpha": "F m",
     "g": "m/s^2",
 }
-"""The SI unit of each parameter that is not a pure number."""
+"""The SI unit of each parameter that is not dimensionless."""
 
 PARAMETER_NAMES: tuple[str, ...] = tuple(
     name for name in Actuator.model_fields if name not in ("units", "terms")
@@ -293,7 +292,7 @@ PARAMETER_NAMES: tuple[str, ...] = tuple(
 
 
 class _DeviceFile(Checked):
-    """What a device file may hold at its top level."""
+    """Top-level content of a device file."""
 
     name: str = ""
     description: str = ""
@@ -316,7 +315,7 @@ class _DeviceFile(Checked):
 
 
 def preset_names() -> tuple[str, ...]:
-    """Return the names of the devices that come with the package, sorted."""
+    """Return the sorted names of the devices in the package."""
     names = (item.name for item in _DEVICES.iterdir())
     return tuple(sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml")))
 
@@ -328,10 +327,10 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     ----------
     name_or_path : str or os.PathLike
         One of `preset_names`, or the path of a TOML file with a table ``[parameters]`` that holds
-        the eleven parameters of `Actuator` and, optionally, ``name``, ``description`` and
-        ``units`` ("SI", or "dimensionless" by default) above it, and below it a table for each term
-        (``[squeeze_film]``). A preset wins over a file of the same name; write ``./name`` for the
-        file.
+        the eleven parameters of `Actuator` and, optionally, ``name``, ``description`` and ``units``
+        ("SI", or "dimensionless" by default) above it, and below it a table for each term
+        (``[squeeze_film]``). A preset has priority over a file of the same name; write ``./name``
+        for the file.
 
     Returns
     -------
@@ -347,9 +346,9 @@ def load_actuator(name_or_path: str | PathLike[str]) -> Actuator:
     Warns
     -----
     UnitsWarning
-        If the file says nothing of units, and its masses look like kilograms; if a number of a
-        device in SI is far from what such devices have, as in another unit: once, also where the
-        device meets a drive.
+        If the file gives no units and its masses look like kilograms; or if a number of a device in
+        SI is implausible, as if given in another unit. The second warning is issued once, and may
+        also come when the device is combined with a drive.
 
     See Also
     --------

@@ -49,7 +49,7 @@ def written(folder, text, name="drive.toml"):
 @pytest.mark.parametrize(
     ("lines", "complaint"),
     [
-        ('kind = "sine"\namplitude = 1\nomega = 1\nfrequency = 1', "left out beside omega"),
+        ('kind = "sine"\namplitude = 1\nomega = 1\nfrequency = 1', "omitted if omega is given"),
         ('kind = "sine"\namplitude = 1\nfrequency = 0', "a finite number > 0"),
         ('kind = "pulse"\namplitude = 1\nfrequency = 1\nwidth = 1', "one of amplitude, period"),
     ],

@@ -44,7 +44,7 @@ def test_a_device_in_its_own_units_is_told_in_them():
         typical={"x": 1e-6, "v": 1e-3, "time": 1e-3},
         units={"x": "m", "v": "m/s", "time": "s"},
     )
-    with pytest.warns(mi.StartWarning, match=r"takes x \[m\] from 2e-06 to 0;"):
+    with pytest.warns(mi.StartWarning, match=r"changes x \[m\] from 2e-06 to 0;"):
         mi.simulate(wrong, duration=1e-4, options=PLAIN)
 
 

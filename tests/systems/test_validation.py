@@ -353,7 +353,7 @@ ARGUMENTS = [
     ({"cyclic": "x"}, "cyclic = 'x': must be a list of names among x, v"),
     ({"observables": mi.Observable("h", lambda y, p: y.x)}, "observables = .* a list"),
     ({"observables": ["h"]}, "observables = 'h': must be each an Observable"),
-    ({"observables": [mi.Observable("x", lambda y, p: y.x)]}, "observables = 'x': must be unique names"),
+    ({"observables": [mi.Observable("x", lambda y, p: y.x)]}, "observables = 'x': must be unique"),
     ({"observables": [mi.Observable("u", Falling(), at=("wall",), reduce="sum")]},
      "at of 'u' = 'wall': must be one of floor"),
     ({"observables": [mi.Observable("u", Falling(), at="floor", reduce="sum")]}, "at of 'u' = 'f"),

@@ -43,21 +43,21 @@ __all__ = [
     "speed_over_voltage",
 ]
 
-# --- Which share of the time the block flies, and the frame slips.
+# --- Duty cycle: fractions of time in modes of block and frame.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class DutyCycle(Result):
-    """Shares of the time, between 0 and 1.
+    """Fractions of time in each state of block and frame, between 0 and 1.
 
     Attributes
     ----------
     flying, in_contact : float
-        In which the block is free, and in which it is on a stopper.
+        Fractions of time in which the block is free, and on a stopper.
     stuck, forward, backward : float
-        In which the frame rests on the ground, and in which it slips.
+        Fractions of time in which the frame sticks, slips forward, and slips backward.
     table : DataFrame
-        One row a mode that occurs: mode, share, time per period.
+        One row per mode that occurs: mode, share, time per period.
 
     See Also
     --------
@@ -83,12 +83,12 @@ class DutyCycle(Result):
 
 
 def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
-    """Return which share of the time block and frame spend in which mode.
+    """Compute the fractions of time that block and frame spend in each mode.
 
     Parameters
     ----------
     motion : ActuatorRun or ActuatorOrbit
-        A run with its events kept: over its window. Of an orbit, once round.
+        A run with events, evaluated over its window, or an orbit.
 
     Returns
     -------
@@ -97,7 +97,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     Raises
     ------
     InvalidParameter
-        If `motion` is neither, or the run kept no events.
+        If `motion` is neither, or the run has no events.
 
     See Also
     --------
@@ -144,7 +144,7 @@ def duty_cycle(motion: ActuatorRun | ActuatorOrbit) -> DutyCycle:
     )
 
 
-# --- What the block does over the frequency: its amplitude, where it strikes, what that moves.
+# --- Frequency response: amplitude, impacts and speed.
 
 
 def frequency_response(
@@ -159,13 +159,13 @@ def frequency_response(
     options: Options = Options(),  # noqa: B008 - immutable
     workers: int | None = None,
 ) -> pd.DataFrame:
-    """Return what the device does over the frequency, up and down, at one voltage or several.
+    """Compute the frequency response of a device, sweeping up and down, at one or more voltages.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive
-        With an ``omega`` and an ``amplitude``.
+        A drive with an ``omega`` and an ``amplitude``.
     omegas : array_like of float
         Angular frequencies [rad/s].
     amplitudes : array_like of float, optional
@@ -176,10 +176,9 @@ def frequency_response(
     Returns
     -------
     DataFrame
-        One row an amplitude, direction and omega, in the order in which they were computed: these,
-        the largest deflection of the block (delta where it strikes; NaN where it does not turn
-        back), impacting, impacts and blows per period, displacement per period and mean speed, and
-        the status.
+        One row per amplitude, direction and omega, in the order of computation: these three, the
+        largest deflection of the block (delta if it strikes; NaN if it does not turn back),
+        impacting, impacts and blows per period, displacement per period, mean speed, and status.
 
     Raises
     ------
@@ -231,7 +230,7 @@ def frequency_response(
 
 
 def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
-    """Return between which frequencies the block strikes, by amplitude and direction.
+    """Return the frequency range with impacts, by amplitude and direction.
 
     Parameters
     ----------
@@ -241,13 +240,13 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row an amplitude and direction: the lowest and the highest omega of the table at which
-        there are impacts (NaN without), and the smallest and largest mean speed among them.
+        One row per amplitude and direction: the lowest and the highest omega with impacts (NaN if
+        there are none), and the smallest and largest mean speed among them.
 
     Raises
     ------
     InvalidParameter
-        If the table is another one.
+        If `table` has other columns.
 
     See Also
     --------
@@ -288,7 +287,7 @@ def impact_onset(table: pd.DataFrame) -> pd.DataFrame:
     return result
 
 
-# --- Speed over the voltage, and the smallest step.
+# --- Speed over voltage, and the smallest step.
 
 
 def speed_over_voltage(
@@ -303,7 +302,7 @@ def speed_over_voltage(
     options: Options = Options(),  # noqa: B008 - immutable
     workers: int | None = None,
 ) -> pd.DataFrame:
-    """Return steps and speed over the voltage, from the highest down: what is on stays on.
+    """Compute steps and speed over the voltage, sweeping down to stay on the branch with impacts.
 
     Parameters
     ----------
@@ -312,16 +311,16 @@ def speed_over_voltage(
     amplitudes : array_like
         Values of the voltage.
     parameter : str
-        Which voltage of the drive is varied, such as ``"right.amplitude"`` of a two-sided one.
+        The voltage of the drive that varies, such as ``"right.amplitude"`` of a two-sided drive.
     transient, periods, initial, options, workers
         As for `mems_impact.sweep`.
 
     Returns
     -------
     DataFrame
-        One row an amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
-        period, displacement per period, per impact and per blow, mean speed. A period is that of
-        the drive, of v^2, also where a term makes the sign of the voltage matter.
+        One row per amplitude, ascending: impacts and blows (see `mems_impact.BlowStatistics`) per
+        period, displacement per period, per impact and per blow, mean speed. The period is that of
+        v^2, even if a term depends on the sign of the voltage.
 
     See Also
     --------
@@ -349,7 +348,7 @@ def speed_over_voltage(
         initial=initial, options=options, workers=workers,
     )  # fmt: skip
     summary = sweep_summary(table).iloc[::-1]
-    share = drive.period / system.forcing_period  # below 1 where a term makes the sign matter
+    share = drive.period / system.forcing_period  # below 1 if a term depends on the sign
     return results.speed(
         parameter,
         summary[parameter].to_numpy(),
@@ -364,7 +363,7 @@ def speed_over_voltage(
 def resolution(speeds: pd.DataFrame) -> float:
     """Return the smallest forward step in a table of `speed_over_voltage`.
 
-    Of the voltages with one blow in a forcing period: there, each step is the same.
+    Only voltages with one blow per forcing period count, as all their steps are equal.
 
     Parameters
     ----------
@@ -378,7 +377,7 @@ def resolution(speeds: pd.DataFrame) -> float:
     Raises
     ------
     InvalidParameter
-        If the table is none of `speed_over_voltage`, or no voltage in it makes one blow in a
+        If the table is not from `speed_over_voltage`, or contains no voltage with one blow per
         period that moves the frame forward.
 
     See Also
@@ -410,7 +409,7 @@ def resolution(speeds: pd.DataFrame) -> float:
 
 
 def _no_step(blows: pd.Series, one: pd.Series) -> str:
-    """Return why no row of a table tells the resolution."""
+    """Return why a table does not determine the resolution."""
     if one.any():
         return (
             f"the frame moves forward at none of the {int(one.sum())} voltages with one blow in a "
@@ -423,7 +422,7 @@ def _no_step(blows: pd.Series, one: pd.Series) -> str:
     )
 
 
-# --- The voltages between which an orbit of one forcing period lasts.
+# --- Voltage window of a period-1 orbit.
 
 STABILITY_LOSS_LABELS = (
     "G",
@@ -432,23 +431,23 @@ STABILITY_LOSS_LABELS = (
     "NS",
     "BP",
 )  # labels of points at which a stable orbit ends
-AMPLITUDE_STEP_BEYOND_JUMP = 1e-4  # part of an amplitude by which a run is beyond a jump
+AMPLITUDE_STEP_BEYOND_JUMP = 1e-4  # relative distance beyond a jump of a run
 JUMPS = 10  # that a window may span
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PeriodOneWindow(SummaryRepr):
-    """The voltages between which an orbit lasts.
+    """The voltage window of a stable period-1 orbit.
 
     Attributes
     ----------
     low, high : float
         Amplitudes [V] at the ends.
     low_kind, high_kind : str
-        What happens there: "grazing", "fold", "period-doubling", …, or "bound" where the search
-        ended.
+        Special point at each end: "grazing", "fold", "period-doubling", …, or "bound" where the
+        search ended.
     margin : float
-        Half the width over the middle: how far off, relatively, a voltage in the middle may be.
+        Half the width divided by the middle: the relative tolerance of a voltage in the middle.
     si : bool
         Whether these are in SI, those of a device that is.
 
@@ -488,23 +487,23 @@ def period_one_window(
     guess: State | None = None,
     transient: int = 300,
 ) -> PeriodOneWindow:
-    """Return between which amplitudes the stable orbit of one forcing period at `drive` lasts.
+    """Compute the range of amplitudes of the stable period-1 orbit at `drive`.
 
-    The orbit is continued both ways until it grazes, folds or loses its stability. Where only the
-    slips of the frame change, it goes on, also where the motion jumps to a stable orbit of one
-    period with as many impacts.
+    The orbit is continued in both directions until it grazes, folds or loses stability. A change of
+    the slips of the frame does not end the window, nor does a jump to a stable period-1 orbit with
+    as many impacts.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive
-        With an ``amplitude`` at which the orbit is stable.
+        A drive with an ``amplitude`` at which the orbit is stable.
     low, high : float
-        Where the search ends.
+        Bounds of the search.
     guess : State, optional
-        A state that leads to the orbit; a kick by default.
+        An initial state that leads to the orbit; a kick by default.
     transient : int, optional
-        Forcing periods to run before the orbit is read.
+        Forcing periods to run before the orbit is computed.
 
     Returns
     -------
@@ -550,9 +549,9 @@ def period_one_window(
 def lasts_until(
     orbit: Orbit, stop: float, transient: int
 ) -> tuple[float, str, SpecialPoint | None]:
-    """Return the end of the window between `orbit` and an amplitude, and what happens there.
+    """Return the end of the window between `orbit` and an amplitude, and its kind.
 
-    With the special point at which it ends, if it does at one.
+    The third value is the special point at the end, if there is one.
     """
     from mems_impact.analysis.branch import continue_orbit
     from mems_impact.analysis.orbit import find_orbit
@@ -580,15 +579,16 @@ def lasts_until(
 
 
 def end_of(branch: Branch, stop: float) -> tuple[float, str]:
-    """Return where the stable orbit ends with which a branch begins, and what happens there.
+    """Return where the stable orbit at the start of a branch ends, and the kind of this end.
 
-    Events of the frame, such as the end of a slip that meets an impact, may leave it stable.
+    Events of the frame, such as the end of a slip that coincides with an impact, may leave it
+    stable.
 
     Parameters
     ----------
     branch : Branch
     stop : float
-        Where it was to end: its end is a "bound" then.
+        Bound of the branch: the kind of an end there is "bound".
     """
     values = [orbit.system.value(branch.parameter) for orbit in branch.orbits]
     way = math.copysign(1.0, stop - values[0])

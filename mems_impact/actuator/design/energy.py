@@ -40,21 +40,21 @@ if TYPE_CHECKING:
 
 __all__ = ["Energy", "WorkSums", "accounted_problem", "arcs_of_orbit", "arcs_of_run", "energy"]
 
-# --- The arcs of a run or an orbit: where each begins, how long it lasts, and what ends it.
+# --- Arcs of a run or an orbit.
 
 
 class EnergyArc(NamedTuple):
-    """A stretch of the motion within one mode.
+    """A segment of the motion within one mode.
 
     Attributes
     ----------
     begin : HybridState
     length : float
-        Time that it lasts.
+        Its duration.
     v2 : tuple of float
-        Speed of the block before and after what ends it; equal unless that is an impact.
+        Speed of the block before and after the event at its end; equal unless it is an impact.
     row : int
-        What ends it: the row of the event log, -1 for none.
+        Row in the event log of the event at its end, -1 for none.
     """
 
     begin: HybridState
@@ -64,9 +64,9 @@ class EnergyArc(NamedTuple):
 
 
 def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[EnergyArc]:
-    """Return the arcs of a run from the one on in which the period `first` begins.
+    """Yield the arcs of a run, from the arc that contains the start of period `first`.
 
-    Each begins as it did in the run, so that a chaotic motion stays what it was.
+    Each starts from the state in the run, so that a chaotic motion is reproduced.
     """
     trajectory = run.trajectory
     period = trajectory.period
@@ -89,21 +89,21 @@ def arcs_of_run(run: ActuatorRun, log: Events, first: float) -> Iterator[EnergyA
 
 
 def _touching(problem: Problem, begin: HybridState, code: int) -> HybridState:
-    """Return how the rest of a sequence of impacts begins: bodies go on as if in touch already."""
+    """Return the state at the start of the rest of a chatter sequence, as if already in contact."""
     automaton, p = problem.automaton, problem.parameters
     mode, y = automaton.state_after(begin.mode, code, begin.time, begin.y, p)
     return HybridState(begin.cycle, begin.time, mode, y)
 
 
 def _slip(problem: Problem, start: HybridState) -> float:
-    """Return after which time a frame, the block on its stopper, comes to rest."""
+    """Return the time until the frame comes to rest with the block on its stopper."""
     dy = problem.automaton.slope_at(start.mode, start.time, start.y, problem.parameters)
     speed, slowing = float(start.y[V1]), float(-dy[V1])
     return speed / slowing if speed * slowing > 0.0 else math.inf
 
 
 def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
-    """Return the arcs of an orbit once round; rows are those of its own event log."""
+    """Return the arcs of an orbit; rows are those of its event log."""
     found = orbit.found
     cyclic = list(found.problem.automaton.cyclic)
     states, _ = found.shooting.unpack(found.point.unknowns)
@@ -124,30 +124,30 @@ def arcs_of_orbit(orbit: ActuatorOrbit) -> Iterator[EnergyArc]:
         gathered[cyclic] += last[cyclic]
 
 
-# --- Works and losses, summed up along the arcs of a run or an orbit.
+# --- Work and losses along the arcs of a run or an orbit.
 
 IMPACT_LABEL = "impacts"
-MIN_STRETCH_PERIODS = 1e-12  # of a period: nothing is cut off a stretch that is shorter
+MIN_STRETCH_PERIODS = 1e-12  # of a period: shorter segments are not cut
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkSums:
-    """What is lost and stored where an arc begins or ends; in the units of the numerics.
+    """Losses and stored energies at the start and end of arcs; in scaled units.
 
     Attributes
     ----------
     columns : tuple of str
-        Of `sums`: "lost ..." and "stored ...".
+        Columns of `sums`: "lost ..." and "stored ...".
     place : float array, shape (k,)
-        Where, in forcing periods, ascending; twice where an impact is.
+        Instants in forcing periods, ascending; twice at an impact.
     work : float array, shape (k,)
-        Of the electrodes on the block since the beginning.
+        Work of the electrodes on the block since the beginning.
     slip : float array, shape (k,)
-        The path on which the frame has slipped since the beginning, to and fro.
+        Total slip path of the frame since the beginning.
     sums : float array, shape (k, columns)
-        What was lost since the beginning, and what is stored.
+        Losses since the beginning, and energies stored.
     marks : mapping of str to int array
-        Rows at which a period begins ("period") or a blow ("blow").
+        Rows at which a period ("period") or a blow ("blow") begins.
     """
 
     columns: tuple[str, ...]
@@ -159,16 +159,16 @@ class WorkSums:
 
 
 def accounts_of(system: ActuatorSystem) -> EnergyAccounts:
-    """Return the stores and losses of a system."""
+    """Return the losses and stored energies of a system."""
     kinds = tuple(term.kind for term in system.actuator.terms)
     return accounts(kinds, 1 if system.drive.left_voltage is None else 2)
 
 
 def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
-    """Return the problem of single arcs, with works and losses among the states.
+    """Return the problem of single arcs, with work and losses as additional states.
 
-    Interpreted: thousands of arcs take less time than to compile what follows them. By the one-step
-    method in place of Adams, which takes several times as long to get under way on so short arcs.
+    It is interpreted, since thousands of arcs take less time than compilation. A one-step method
+    replaces Adams, whose start-up takes several times as long on such short arcs.
     """
     problem = system.problem(replace(options, engine="interpreted"))
     if problem.options.method == "adams":
@@ -186,7 +186,7 @@ def accounted_problem(system: ActuatorSystem, options: Options) -> Problem:
 
 
 class ArcNotes:
-    """What is noted while arcs are followed."""
+    """Records work and losses during the integration of arcs."""
 
     def __init__(self, system: ActuatorSystem, problem: Problem) -> None:
         own, drive = accounts_of(system), system.drive
@@ -202,10 +202,10 @@ class ArcNotes:
         self.work: list[float] = []
         self.slip: list[float] = []
         self.sums: list[list[float]] = []
-        self.summed = np.zeros(2 + len(losses))  # work of the electrodes and path first
+        self.summed = np.zeros(2 + len(losses))  # work of the electrodes and slip path first
 
     def note(self, now: HybridState) -> int:
-        """Note what was summed up, and what is stored now; return the number of the row."""
+        """Record the sums and the stored energies; return the number of the row."""
         p = self.problem.parameters
         v, w = self.volts(now.time, p)
         work, slip, *lost = self.summed.tolist()
@@ -216,7 +216,7 @@ class ArcNotes:
         return len(self.place) - 1
 
     def follow(self, now: HybridState, length: float, *, summing: bool) -> Floats:
-        """Follow an arc over `length`; return the state there."""
+        """Integrate an arc over `length`; return the state at its end."""
         y = np.concatenate([now.y, np.zeros(self.summed.size - 1)])
         done = integrate(self.problem, replace(now, y=y), length / self.problem.period).final.y
         if summing:
@@ -231,18 +231,18 @@ def summed(
     window: tuple[float, float],
     blows: set[int],
 ) -> WorkSums:
-    """Follow arcs, each from where it began, and note what was summed up where one ends.
+    """Integrate arcs from their initial states, and record work and losses at their ends.
 
     Parameters
     ----------
     system : ActuatorSystem
     options : Options
-        By which arcs are integrated.
+        Options of the integration.
     arcs : iterator of EnergyArc
     window : tuple of float
-        Forcing periods between which works and losses count.
+        First and last forcing period of the balance.
     blows : set of int
-        Rows of the event log with which blows begin.
+        Rows of the event log at which blows begin.
     """
     low, high = window
     problem = accounted_problem(system, options)
@@ -290,7 +290,7 @@ def summed(
 
 
 def _cuts(arc: EnergyArc, low: float, high: float, period: float) -> list[float]:
-    """Return where an arc is cut, in periods since that in which it begins: where periods begin."""
+    """Return the starts of periods within an arc, in periods since that in which it starts."""
     first = arc.begin.time / period
     last = first + arc.length / period
     inner = [
@@ -305,28 +305,28 @@ def _cuts(arc: EnergyArc, low: float, high: float, period: float) -> list[float]
     return [*cuts, last] if last > first else cuts
 
 
-# --- Where the energy of a run or an orbit comes from, and where it goes.
+# --- Energy balance of a run or an orbit.
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Energy(Result):
-    """What the drive gave, what was lost in what, and what was done or stored with the rest.
+    """Energy balance: input, losses, work against loads, and stored energy.
 
-    Energies are in the units of the device. In is what the drive gave: the work of the electrodes
-    on the block, and what terms lose or store at the electrodes. Lost is what became heat. Load is
-    the work against forces from outside: `FrameLoad`, `Tilt`, a `FrameSpring`. Stored is what
-    bodies, spring and terms hold more than before; over an orbit that closes it is 0.
+    Energies are in the units of the device. The input from the drive is the work of the electrodes
+    on the block, plus losses and stored energy of terms at the electrodes. Lost energy is
+    dissipated as heat. Load is the work against external forces: `FrameLoad`, `Tilt`,
+    `FrameSpring`. Stored is the increase of the energy of bodies, spring and terms; it is 0 over a
+    closed orbit.
 
     Attributes
     ----------
     system : ActuatorSystem
     periods : float
-        How long, in forcing periods.
+        Duration of the balance in forcing periods.
     sums : WorkSums
-        What is lost and stored all along, in the units of the numerics.
+        Losses and stored energies over time, in scaled units.
     end : int
-        The row of `sums` at which all ends; of an orbit one more may follow, its first blow once
-        more.
+        The row of `sums` at the end; for an orbit one more row may follow, its first blow repeated.
 
     See Also
     --------
@@ -350,7 +350,7 @@ class Energy(Result):
 
     @property
     def given(self) -> float:
-        """What the drive gave."""
+        """Energy input from the drive."""
         return self._total("in")
 
     @property
@@ -360,32 +360,32 @@ class Energy(Result):
 
     @property
     def done(self) -> float:
-        """Work against forces from outside."""
+        """Work against external forces."""
         return self._total("load")
 
     @property
     def stored(self) -> float:
-        """What is stored more than before."""
+        """Increase of stored energy."""
         return self._total("stored")
 
     @property
     def imbalance(self) -> float:
-        """What is unaccounted for: given - lost - done - stored; as exact as the integration."""
+        """Imbalance given - lost - done - stored, an error of the integration."""
         return self.given - self.lost - self.done - self.stored
 
     @property
     def slip_path(self) -> float:
-        """How far the frame has slipped, to and fro."""
+        """Total slip path of the frame."""
         return float(self.system.scales.out(self.sums.slip[self.end] - self.sums.slip[0], "m"))
 
     @property
     def efficiency(self) -> float:
-        """Work against forces from outside by what the drive gave; NaN if that is nothing."""
+        """Work against external forces divided by the input; NaN if the input is 0."""
         return self.done / self.given if self.given > 0.0 else math.nan
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row an account: kind, account, energy, energy per period, share of what was given."""
+        """One row per account: kind, account, energy, energy per period, share of the input."""
         import pandas as pd
 
         total = self._between(0, self.end)
@@ -407,15 +407,15 @@ class Energy(Result):
 
     @cached_property
     def by_period(self) -> pd.DataFrame:
-        """One row a forcing period: its number, and a column an account."""
+        """One row per forcing period: its number, and one column per account."""
         rows = self.sums.marks["period"]
         return self._by(rows, {"period": np.rint(self.sums.place[rows[:-1]]).astype(np.int64)})
 
     @cached_property
     def by_blow(self) -> pd.DataFrame:
-        """One row a blow: period, phase, a column an account, from its first impact to the next's.
+        """One row per blow, up to the next one: period, phase, and one column per account.
 
-        What follows the last blow of a run stands in no row.
+        The part of a run after its last blow is not included.
         """
         rows = self.sums.marks["blow"]
         at = self.sums.place[rows[:-1]]
@@ -423,7 +423,7 @@ class Energy(Result):
 
     @cached_property
     def over_time(self) -> pd.DataFrame:
-        """Accounts since the beginning, one row where an arc begins or ends: periods, accounts."""
+        """Accounts since the beginning, one row per start or end of an arc: periods, accounts."""
         import pandas as pd
 
         rows = [self._between(0, row) for row in range(self.end + 1)]
@@ -433,7 +433,7 @@ class Energy(Result):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Return what was given, lost and done."""
+        """Return input, losses and work against loads."""
         told = ("periods", "given", "lost", "done", "stored", "efficiency", "imbalance")
         return {"system": repr(self.system), **{name: getattr(self, name) for name in told}}
 
@@ -446,7 +446,7 @@ class Energy(Result):
         return float(sum(value for (of, _), value in found.items() if of == kind))
 
     def _between(self, begin: int, end: int) -> dict[tuple[str, str], float]:
-        """Return what came to each account between two rows, in the units of the device."""
+        """Return the change of each account between two rows, in the units of the device."""
         own, rows, work = self._accounts, self.sums.sums, self.sums.work
         changes = self.system.scales.out(rows[end] - rows[begin], "J")
         change = dict(zip(self.sums.columns, changes.tolist(), strict=True))
@@ -482,18 +482,18 @@ def _heading(key: tuple[str, str]) -> str:
 def energy(
     motion: ActuatorRun | ActuatorOrbit, first: float | None = None, last: float | None = None
 ) -> Energy:
-    """Return where the energy of a run or an orbit comes from, and where it goes.
+    """Compute the energy balance of a run or an orbit.
 
-    The arcs of the motion are integrated once more, each from where it began, with works and losses
-    as states that sum up: they are as exact as the motion, and the balance closes to the tolerance
+    The arcs of the motion are integrated again from their initial states, with work and losses as
+    additional states. These are as accurate as the motion, and the balance closes to the tolerance
     of the run.
 
     Parameters
     ----------
     motion : ActuatorRun or ActuatorOrbit
-        A run with its events kept; of an orbit, once round.
+        A run with events, or an orbit.
     first, last : float, optional
-        Forcing periods of a run between which to look; its window if neither is given.
+        First and last forcing period of the balance of a run; its window by default.
 
     Returns
     -------
@@ -502,7 +502,7 @@ def energy(
     Raises
     ------
     InvalidParameter
-        If `motion` is neither, or the run kept no events or does not cover those periods.
+        If `motion` is neither, or the run has no events or does not cover those periods.
 
     See Also
     --------
@@ -510,9 +510,9 @@ def energy(
 
     Notes
     -----
-    What a voltage source takes back from the field of the paper's electrodes it has given before,
-    so that only the work on the block counts. A resistance before the electrodes
-    (`SeriesResistance`) makes the losses of charging part of it.
+    A voltage source recovers the field energy of the paper's electrodes, so that only the work on
+    the block counts. With a resistance before the electrodes (`SeriesResistance`), the losses of
+    charging count as well.
 
     Examples
     --------
@@ -552,7 +552,7 @@ def _of_run(run: ActuatorRun, first: float | None, last: float | None) -> Energy
 
 def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> Energy:
     if first is not None or last is not None:
-        raise InvalidParameter("first, last", (first, last), "left out for an orbit: once round")
+        raise InvalidParameter("first, last", (first, last), "None for an orbit")
     log, length = orbit.log, float(orbit.periods)
     twice = Events.joined([log, replace(log, cycle=log.cycle + orbit.periods)])
     blows = {row for row in _beginnings(twice, orbit.system) if row < len(log)}
@@ -564,7 +564,7 @@ def _of_orbit(orbit: ActuatorOrbit, first: float | None, last: float | None) -> 
 
 
 def _with_next_blow(sums: WorkSums, length: float) -> WorkSums:
-    """Return the sums of an orbit with one row more: its first blow, once round later."""
+    """Return the sums of an orbit with an additional row: its first blow, one orbit later."""
     begins, row = sums.marks["blow"], sums.marks["blow"][0]
     return replace(
         sums,

@@ -1,7 +1,7 @@
 """Estimates in closed form: pull-in, resting voltage, step length.
 
-Formulas are in the units of the actuator; what they leave out stands with each of them, and
-`step_lengths` sets the formula beside the simulation.
+Formulas are in the units of the actuator; each docstring states the simplifications, and
+`step_lengths` compares the formula with the simulation.
 """
 
 from __future__ import annotations
@@ -34,24 +34,23 @@ if TYPE_CHECKING:
 
 __all__ = ["pull_in_voltage", "resting_voltage", "step_length", "step_lengths"]
 
-# --- An actuator with terms as estimates see it: forces on a block that is held, or just
-# rebounds.
+# --- Static forces on the block, and forces just after an impact, with terms.
 
-FORCE_CURVE_POINTS = 513  # at which a curve of force over position is looked at
-BALANCED = 1e-9  # rates of states that rest, in the units of the numerics
+FORCE_CURVE_POINTS = 513  # samples of the curve of force over position
+BALANCED = 1e-9  # rates of states at rest, in scaled units
 
 
 class StaticForces:
-    """The forces on the block of an actuator whose voltage changes slowly, if at all.
+    """The forces on the block for a constant or slowly varying voltage.
 
-    What stands before an electrode passes such a voltage, so that it is left out. A state of an
-    electrode, such as trapped charge, is 0, as a run begins; the other states of terms are where
-    they come to rest.
+    Terms in series with an electrode transmit such a voltage and are omitted. The state of an
+    electrode, such as trapped charge, is 0, as at the start of a run; other states of terms are at
+    their equilibrium.
 
     Parameters
     ----------
     actuator : Actuator
-        In any units; all below is dimensionless.
+        In any units; attributes and results are dimensionless.
     """
 
     def __init__(self, actuator: Actuator) -> None:
@@ -68,14 +67,14 @@ class StaticForces:
         return own - self.actuator.k * x2
 
     def needed(self, x2: float) -> float:
-        """Return the square of the voltage that holds the block at `x2`; below 0 if none can."""
+        """Return the squared voltage that holds the block at `x2`; negative if there is none."""
         own: float = self.model.electrodes[0].slope(x2, self.p)
         return -2.0 * self.force(x2) / own
 
     def pull_in(self) -> float:
-        """Return the voltage at which the block, pulled slowly, reaches the right stopper.
+        """Return the pull-in voltage for a slowly rising voltage.
 
-        That is where no equilibrium is left between its place without voltage and the stopper.
+        Above it there is no equilibrium between the position without voltage and the stopper.
         """
         delta = self.actuator.delta
         places = np.linspace(self._start, delta, FORCE_CURVE_POINTS)
@@ -93,18 +92,18 @@ class StaticForces:
         return math.sqrt(max(best, 0.0))
 
     def resting(self) -> float:
-        """Return the voltage above which a block on the right stopper stays there."""
+        """Compute the voltage above which a block on the right stopper stays there."""
         delta = self.actuator.delta
         return math.sqrt(max(self.needed(delta) - self._adhesion(delta), 0.0))
 
     def _adhesion(self, x2: float) -> float:
-        """Return the square of the voltage that pulls as adhesion does at `x2`."""
+        """Return the squared voltage whose force equals the adhesion at `x2`."""
         own: float = self.model.adhesion(self.p) / self.model.electrodes[0].slope(x2, self.p)
         return 2.0 * own
 
     @cached_property
     def _start(self) -> float:
-        """Where the block, let go in the middle, comes to rest without voltage."""
+        """Equilibrium of the block without voltage, starting from the middle."""
         first = self.force(0.0)
         if first == 0.0:
             return 0.0
@@ -125,9 +124,9 @@ class StaticForces:
         return y
 
     def _balanced(self, y: Floats, own: Sequence[int]) -> Floats:
-        """Return the states of terms that no longer change, found in one step of Newton's method.
+        """Return the equilibrium of the states of terms, by one step of Newton's method.
 
-        What is linear in its states is found so to rounding.
+        The step is exact for terms that are linear in their states.
         """
 
         def rates(values: Floats) -> Floats:
@@ -147,17 +146,17 @@ class StaticForces:
             found = np.full(len(own), np.nan)
         if not np.abs(rates(found)).max() <= BALANCED * max(1.0, np.abs(first).max()):
             names = ", ".join(term.name() for term in self._terms if term.states(term.shape))
-            problem = f"where the states of {names} come to rest is not known; simulate instead"
+            problem = f"the equilibrium of the states of {names} is unknown; simulate instead"
             raise InvalidParameter("terms", self.actuator.terms, "", problem=problem)
         return found
 
     def after_impact(self, speed: float) -> Floats:
-        """Return the state just after the block struck a frame at rest on the right with `speed`.
+        """Return the state just after the block strikes a frame at rest on the right with `speed`.
 
         Raises
         ------
         InvalidParameter
-            If the terms have no such impact, or forces that the speed does not tell.
+            If the terms have no such impact, or forces that the speed does not determine.
         """
         self._check_impact()
         e = self.model.restitution(speed, self.p)
@@ -169,9 +168,9 @@ class StaticForces:
 
     def _check_impact(self) -> None:
         reasons = {
-            "stoppers that yield know no such impact": self.model.stopper is not None,
+            "compliant stoppers have no instantaneous impact": self.model.stopper is not None,
             "the frame never comes to rest": not self.model.sticks,
-            "the states of terms at the impact are not known": any(
+            "the states of terms at the impact are unknown": any(
                 at.y for at in self.model.layout.terms
             ),
         }
@@ -183,15 +182,15 @@ class StaticForces:
 
 
 def parameters_of(actuator: Actuator, terms: Sequence[Term]) -> Floats:
-    """Return the numbers that the equations of a dimensionless actuator with `terms` read."""
+    """Return the parameter array of the equations of a dimensionless actuator with `terms`."""
     scales = actuator.scales
     return np.concatenate([actuator.to_array(), *(term.numbers(scales) for term in terms)])
 
 
 def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
-    """Return how far the frame would go on to the right from a state, its forces staying.
+    """Return how far the frame slides to the right from a state under constant forces.
 
-    Infinite where they overcome friction. `v` and `w` are the voltages right and left.
+    Infinite if they overcome friction. `v` and `w` are the right and left voltages.
     """
     pull = model.pull(v, w, y, p) + model.force(y, p)
     push = eq.load(y[X2], y[V2], pull, p) + model.on_frame(y, p)
@@ -199,20 +198,20 @@ def coasting(model: Model, y: Floats, v: float, w: float, p: Floats) -> float:
     return float(y[V1] ** 2 / (2.0 * slowing)) if slowing > 0.0 else math.inf
 
 
-# --- Estimates before a run: the voltages of pull-in and of rest, the length of a step.
+# --- Estimates of pull-in voltage, resting voltage and step length.
 
 
 def pull_in_voltage(actuator: Actuator) -> float:
-    """Return the lowest voltage at which the block, pulled slowly, reaches the right stopper.
+    """Compute the static pull-in voltage, at which the block reaches the right stopper.
 
     In equilibrium k x2 = alpha v^2 / (d - x2)^2, that is v^2 = k x2 (d - x2)^2 / alpha, which has
-    its largest value at x2 = d/3: beyond ``sqrt(4 k d^3 / (27 alpha))`` no equilibrium is left
-    and the block snaps to the stopper. A stopper nearer than d/3 is reached before that, at
+    its maximum at x2 = d/3: above ``sqrt(4 k d^3 / (27 alpha))`` there is no equilibrium and the
+    block snaps to the stopper. The block reaches a stopper closer than d/3 before that, at
     `resting_voltage`.
 
-    With terms, the largest voltage that an equilibrium takes between where the block rests without
-    voltage and the stopper is found numerically. What stands before the electrode passes a slow
-    voltage, and its insulation is free of charge.
+    With terms, the largest voltage of an equilibrium between the position without voltage and the
+    stopper is computed numerically. Terms in series with the electrode transmit a slow voltage, and
+    its insulation is free of trapped charge.
 
     Parameters
     ----------
@@ -221,12 +220,12 @@ def pull_in_voltage(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [V]; 0 where the block is on the stopper without voltage.
+        [V]; 0 if the block is on the stopper without voltage.
 
     Raises
     ------
     InvalidParameter
-        If where the states of a term come to rest is not known.
+        If the equilibrium of the states of a term is unknown.
 
     See Also
     --------
@@ -246,10 +245,11 @@ def pull_in_voltage(actuator: Actuator) -> float:
 
 
 def resting_voltage(actuator: Actuator) -> float:
-    """Return the voltage above which a block on the right stopper stays there.
+    """Compute the voltage above which a block on the right stopper stays there.
 
-    ``sqrt(k delta / alpha) (d - delta)``: attraction against spring, the frame at rest. With terms,
-    attraction and adhesion against all forces that hold then; see `pull_in_voltage`.
+    It is ``sqrt(k delta / alpha) (d - delta)``, from the balance of attraction and spring with the
+    frame at rest. With terms, attraction and adhesion balance all static forces; see
+    `pull_in_voltage`.
 
     Parameters
     ----------
@@ -258,12 +258,12 @@ def resting_voltage(actuator: Actuator) -> float:
     Returns
     -------
     float
-        [V]; 0 where it stays without voltage.
+        [V]; 0 if it stays without voltage.
 
     Raises
     ------
     InvalidParameter
-        If where the states of a term come to rest is not known.
+        If the equilibrium of the states of a term is unknown.
 
     See Also
     --------
@@ -281,14 +281,13 @@ def resting_voltage(actuator: Actuator) -> float:
 
 
 def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) -> Any:
-    """Return how far one impact on the right stopper moves the frame, by the momentum argument.
+    """Estimate the displacement of the frame by one impact on the right stopper, from momentum.
 
     A frame at rest leaves an impact of the block at `speed` with v1' = (1 + e) m2/(m1 + m2) speed
-    (Equation 5); friction and the load of spring, damper and attraction just after the impact
-    slow it down by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that it comes to rest after
-    v1'^2/(2 a_f). That leaves out how load and friction change while the frame slides, and
-    whatever comes before rest: another impact above all. Terms enter by what they are just after
-    the impact.
+    (Equation 5); friction and the load of spring, damper and attraction just after the impact slow
+    it down by a_f = (mu_d N - L)/m1 (Equations 1 and 3), so that it comes to rest after v1'^2/(2
+    a_f). The estimate neglects changes of load and friction during the slip, and events before
+    rest, in particular another impact. Terms contribute their forces just after the impact.
 
     Parameters
     ----------
@@ -296,18 +295,18 @@ def step_length(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike = 0.0) 
     speed : array_like
         Speed v2 of the block before the impact [m/s], >= 0.
     voltage : array_like, optional
-        At the impact, at the electrode [V].
+        Voltage at the electrode at the impact [V].
 
     Returns
     -------
     float or ndarray
-        [m]; infinite where the load overcomes friction.
+        [m]; infinite if the load overcomes friction.
 
     Raises
     ------
     InvalidParameter
-        If the actuator has terms for which the formula does not hold: stoppers that yield, friction
-        without rest, or forces with a past of their own.
+        If the actuator has terms for which the formula does not hold: compliant stoppers, friction
+        without sticking, or forces with memory.
 
     See Also
     --------
@@ -347,23 +346,23 @@ def _step_with_terms(actuator: Actuator, speed: ArrayLike, voltage: ArrayLike) -
 
 
 def step_lengths(run: ActuatorRun) -> pd.DataFrame:
-    """Return the steps of a run beside the formula.
+    """Compare the steps of a run with the formula of `step_length`.
 
     Parameters
     ----------
     run : Run
-        With its events kept.
+        A run with events.
 
     Returns
     -------
     DataFrame
-        One row an impact on the right stopper that struck a frame at rest: period, phase, speed
-        v2 before, voltage, step (simulated), formula, and their ratio.
+        One row per impact on the right stopper with the frame at rest: period, phase, speed v2
+        before, voltage, step (simulated), formula, and their ratio.
 
     Raises
     ------
     InvalidParameter
-        If no impact of the run makes a step that the formula knows; says what there was instead.
+        If the formula applies to no impact of the run; the message states why.
 
     See Also
     --------
@@ -403,7 +402,7 @@ def step_lengths(run: ActuatorRun) -> pd.DataFrame:
 
 
 def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
-    """Return why no impact of a run makes a step that the formula knows."""
+    """Return why the formula applies to no impact of a run."""
     if right == 0:
         return (
             "no impact on the right stopper; raise the voltage, or start with a kick "
@@ -412,17 +411,17 @@ def _stepless(run: ActuatorRun, right: int, at_rest: int) -> str:
     if at_rest:
         return f"no step of {at_rest} that begin at rest has ended; simulate more periods"
     return (
-        f"each of {right} impacts on the right stopper strikes a frame that slips already, as it "
-        f"does for {run.measured.share_slipping:.3g} of the time, so that no step ends before the "
-        "next; take displacement_per_blow of blows(run)"
+        f"each of {right} impacts on the right stopper strikes a frame that already slips (for "
+        f"{run.measured.share_slipping:.3g} of the time), so that no step ends before the "
+        "next; use displacement_per_blow of blows(run)"
     )
 
 
 def _steps_after(run: ActuatorRun, hits: Events) -> Floats:
-    """Return the formula from the states after impacts, with those of the terms."""
+    """Return the formula evaluated at the states after impacts, including those of terms."""
     system = run.system
     if any(term.instead == "stopper" for term in system.actuator.terms):
-        StaticForces(system.actuator).after_impact(0.0)  # says why there is none
+        StaticForces(system.actuator).after_impact(0.0)  # raises an error if there is none
     numbers = system.numbers()
     left = system.drive.left_voltage is not None
     model = compose(tuple(term.kind for term in system.actuator.terms), 2 if left else 1)

@@ -1,4 +1,4 @@
-"""Voltage waveforms, one a file, behind the contract of `drives.base.Drive`."""
+"""Voltage waveforms, one per file, with the interface of `drives.base.Drive`."""
 
 from importlib import import_module
 from typing import Any
@@ -13,7 +13,7 @@ WAVEFORMS = {
     "two-sided": "TwoSided",
     "custom": "Custom",
 }
-"""All waveforms: the kind, as files and the command line know it, and the class.
+"""All waveforms: the kind, as used in files and on the command line, and the class.
 
 The kind is the name of the file too, with underscores. Importing this imports none of them.
 """

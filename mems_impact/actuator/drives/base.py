@@ -1,4 +1,4 @@
-"""The contract that every waveform keeps."""
+"""The interface of waveforms."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mems_impact.hybrid.problem import ProblemParameters
 __all__ = ["Drive", "Waveform"]
 
 GOLDEN_PHASE = 0.5 * (5.0**0.5 - 1.0)  # where no waveform of a few pieces is zero
-FEWEST, MOST = 16, 10_000  # times at which the sign of a voltage is looked at between two switches
+FEWEST, MOST = 16, 10_000  # times between two switches at which the sign of a voltage is checked
 
 Waveform = Callable[[float, NDArray[np.float64]], float]
 
@@ -30,8 +30,8 @@ class Drive(Checked, ABC):
     """Base of voltage waveforms v(t).
 
     A new waveform is a subclass that declares its parameters as pydantic fields (with the number
-    types of `mems_impact.actuator.parameter_base`) and gives the five things below. One line in
-    `mems_impact.actuator.drives.WAVEFORMS` tells files, the command line and the package of it.
+    types of `mems_impact.actuator.parameter_base`) and defines the attributes and methods below. A
+    line in `mems_impact.actuator.drives.WAVEFORMS` registers it for files and the command line.
 
     The waveform itself is a pair of module-level functions of plain Python that the equations
     call, interpreted or compiled by numba unchanged. They take floats and one float64 array, use
@@ -46,19 +46,19 @@ class Drive(Checked, ABC):
     Attributes
     ----------
     period : float
-        The forcing period, > 0: the period of v(t)^2, with which the electrostatic force goes.
-        The drive owns it because it may be shorter than the period of v(t).
+        The forcing period, > 0: the period of v(t)^2, to which the electrostatic force is
+        proportional. It may be shorter than the period of v(t).
     switches : tuple of float
-        The times in (0, period], ascending, at which v or its rate jumps; empty where v is
+        The times in (0, period], ascending, at which v or its rate is discontinuous; empty if v is
         smooth. Integration stops and restarts there.
     time_scale : float
-        The time within which the voltage shows all that it does, `period` by default: no step of
-        the integration is longer than 1/16 of it. A waveform with features that are short against
-        its period, and are not bounded by switches, says so here.
+        Characteristic time of the voltage, `period` by default: no step of the integration is
+        longer than 1/16 of it. It must be shorter for a waveform with short features that are not
+        bounded by switches.
     left_voltage, left_rate : callable or None
         Like `voltage` and `voltage_rate`, for the electrode on the left; None by default.
     units : mapping of str to str
-        The SI unit of every field that is not a pure number: "V", "s", "rad/s" or "Hz" (see
+        The SI unit of every field that is not dimensionless: "V", "s", "rad/s" or "Hz" (see
         `mems_impact.actuator.units.KNOWN_UNITS`). It determines `scaled`, and the heading of the
         field in tables of a device in SI. A field may hold a tuple (of tuples) of numbers in that
         unit.
@@ -68,9 +68,9 @@ class Drive(Checked, ABC):
     parameters()
         The array q, shape (n,), float64, that `voltage` and `voltage_rate` read.
     voltage(t, q)
-        v at time t. For every t, v(t + period)^2 = v(t)^2 must hold, since a long run asks only
-        for times within the current forcing period (or two, see `changes_sign`). At a switching
-        time, the value after it.
+        v at time t. For every t, v(t + period)^2 = v(t)^2 must hold, since a long run uses only
+        times within the current forcing period (or two, see `changes_sign`). At a switching time,
+        the value after it.
     voltage_rate(t, q)
         The time derivative of `voltage`; at a switching time, from the right.
 
@@ -96,7 +96,7 @@ class Drive(Checked, ABC):
     units: ClassVar[Mapping[str, str]] = {}
 
     if TYPE_CHECKING:
-        # Not at run time: where they are fields, a property of this name would hide them.
+        # Not at run time: a property of this name would hide fields.
         @property
         def period(self) -> float:
             """Forcing period, in the unit of time of the actuator."""
@@ -118,25 +118,25 @@ class Drive(Checked, ABC):
 
     @property
     def time_scale(self) -> float:
-        """Time within which the voltage shows all that it does."""
+        """Characteristic time of the voltage."""
         return self.period
 
     @property
     def changes_sign(self) -> bool:
-        """Whether v changes its sign from one forcing period to the next, and back in the third.
+        """Whether v changes its sign from each forcing period to the next.
 
-        Where its sign matters, and not its square alone, two forcing periods make one then:
-        `voltage` tells the sign in both, and the switches of the second are ``period + time``, to
-        the last bit.
+        For a model that depends on the sign of v, two forcing periods are then combined into one:
+        `voltage` must have the right sign in both, and the switches of the second are exactly
+        ``period + time``.
 
         Notes
         -----
-        Found by trying, for a waveform without switches; one that knows overrides it.
+        For a waveform without switches it is determined by samples; a subclass may override it.
         """
         return not self.switches and _signs(self) is Signs.ALTERNATE
 
     def check_signed(self) -> None:
-        """Raise InvalidParameter if the voltage changes its sign in a way that nothing tells."""
+        """Raise InvalidParameter if the sign of the voltage does not repeat after two periods."""
         within = [
             each
             for name in type(self).model_fields
@@ -153,10 +153,10 @@ class Drive(Checked, ABC):
             raise InvalidParameter("period", self.period, "", problem=problem)
 
     def check(self) -> None:
-        """Raise InvalidParameter if the waveform cannot be told in floating-point numbers.
+        """Raise InvalidParameter if floating-point numbers cannot represent the waveform.
 
-        Each parameter by itself is checked when the drive is made; here is what follows from them:
-        times that are so close that they are one number, and numbers that grow beyond all limits.
+        Each parameter is validated when the drive is made; this checks quantities derived from
+        them: times so close that they coincide, and overflow.
         """
         try:
             with np.errstate(all="ignore"):
@@ -167,12 +167,12 @@ class Drive(Checked, ABC):
         except (ArithmeticError, ValueError):
             sound = False
         if not sound:
-            problem = "its times are too close to each other, or its numbers too large, to be told"
+            problem = "its times are too close or its numbers too large for floating point"
             raise InvalidParameter(type(self).__name__, None, "", problem=problem)
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the numbers that can be varied; those of a drive within as ``wave.omega``."""
+        """Names of the numbers that can be varied; those of a nested drive as ``wave.omega``."""
         own = []
         for name in type(self).model_fields:
             value = getattr(self, name)
@@ -196,7 +196,7 @@ class Drive(Checked, ABC):
         values : mapping of str to float
             New values, by one of `names` each.
         checked : bool, optional
-            False takes values beyond what is allowed, at which differences by a parameter look.
+            If False, values out of range are accepted, as finite differences need them.
 
         Raises
         ------
@@ -216,7 +216,7 @@ class Drive(Checked, ABC):
         return self.replace(**own) if checked else self.replace_unchecked(**own)
 
     def unit(self, name: str) -> str:
-        """Return the SI unit of the number of that name, empty for a pure number."""
+        """Return the SI unit of the number of that name, empty if dimensionless."""
         owner, _, inner = name.partition(".")
         return getattr(self, owner).unit(inner) if inner else self.units.get(name, "")
 
@@ -245,8 +245,8 @@ class Drive(Checked, ABC):
 
         Notes
         -----
-        Works from `units`. Override it only if a field is not simply a voltage, a time, a
-        frequency or a pure number.
+        It uses `units`. Override it only if a field is not simply a voltage, a time, a frequency or
+        a dimensionless number.
         """
         return self.replace(**scaled_fields(self, self.units, DeviceScales.of_drive(voltage, time)))
 
@@ -257,8 +257,8 @@ class Drive(Checked, ABC):
 
         Notes
         -----
-        Makes a drive of them. Override it where these are simple functions of a few numbers, with
-        the same arithmetic: continuation asks thousands of times.
+        It makes a drive with these values. Override it, with the same arithmetic, if the results
+        are simple functions of a few numbers: continuation calls it thousands of times.
         """
         drive = self.varied(changes, checked=False) if changes else self
         if scales is not DIMENSIONLESS:
@@ -290,7 +290,7 @@ class Drive(Checked, ABC):
 
 
 class Signs(Enum):
-    """What becomes of the sign of a voltage from one forcing period to the next."""
+    """Behaviour of the sign of a voltage from one forcing period to the next."""
 
     STAY = 0
     ALTERNATE = 1
@@ -299,7 +299,7 @@ class Signs(Enum):
 
 @lru_cache(maxsize=16)
 def _signs(drive: Drive) -> Signs:
-    """Return what becomes of the sign of a drive's voltages, tried at many times."""
+    """Return the behaviour of the sign of a drive's voltages, from samples at many times."""
     q, period = drive.parameters(), drive.period
     times: list[float] = []
     for begin, end in pairwise((0.0, *drive.switches, period)):
@@ -308,7 +308,7 @@ def _signs(drive: Drive) -> Signs:
     waveforms = [each for each in (drive.voltage, drive.left_voltage) if each is not None]
     rows = [[each(t + k * period, q) for k in range(3)] for each in waveforms for t in times]
     now, later, last = np.array(rows).T
-    # One is the other, or its negative, but for rounding.
+    # One voltage equals the other, or its negative, to rounding.
     if not (np.abs(later - now) > np.abs(now)).any():
         return Signs.STAY
     return Signs.OTHER if (np.abs(last - now) > np.abs(now)).any() else Signs.ALTERNATE

@@ -31,10 +31,11 @@ class Burst(Drive):
     Parameters
     ----------
     wave : Drive
-        What is switched on and off; each burst begins at its t = 0, which its phase can choose.
+        The waveform that is switched on and off; each burst starts at its t = 0, which its phase
+        shifts.
     on : float
-        Length of the burst in forcing periods of `wave`, > 0; need not be whole. A period of a
-        sine without bias counts two of them.
+        Length of the burst in forcing periods of `wave`, > 0, not necessarily an integer. A period
+        of a sine without bias counts two of them.
     off : float, optional
         Length of the pause in forcing periods of `wave`, > 0.
     pause : float, optional
@@ -92,12 +93,12 @@ class Burst(Drive):
 
     @property
     def changes_sign(self) -> bool:
-        """No: one burst is like the other."""
+        """False: all bursts are equal."""
         return False
 
     @property
     def time_scale(self) -> float:
-        """That of the waveform within."""
+        """Characteristic time of the nested waveform."""
         return self.wave.time_scale
 
     @property
@@ -107,11 +108,11 @@ class Burst(Drive):
 
     @property
     def switches(self) -> tuple[float, ...]:
-        """Those of the burst, its end and the beginning of the next."""
+        """Switches of the burst, its end and the start of the next."""
         return (*(stretch.start for stretch in self.stretches[1:]), self.period)
 
     def parameters(self) -> NDArray[np.float64]:
-        """Return the timeline, then the array of the waveform within."""
+        """Return the timeline, then the array of the nested waveform."""
         return array_of(self.period, self.stretches, self.wave.parameters())
 
     def scaled(self, voltage: float, time: float) -> Self:
@@ -131,7 +132,7 @@ class Burst(Drive):
 
     @property
     def left_voltage(self) -> Waveform | None:
-        """The waveform at the left electrode, if that within has one."""
+        """The waveform at the left electrode, if the nested waveform has one."""
         left = self.wave.left_voltage
         return None if left is None else retime(left)
 

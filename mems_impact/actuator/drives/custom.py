@@ -1,4 +1,4 @@
-"""A waveform that the user writes as a function."""
+"""Waveforms defined by functions of the user."""
 
 from __future__ import annotations
 
@@ -55,14 +55,14 @@ Function = Annotated[Any, BeforeValidator(_function), Field(description=WAVEFORM
 
 
 class Custom(Drive):
-    """A voltage given by functions of your own.
+    """A voltage defined by your own functions.
 
     Parameters
     ----------
     function : callable
-        ``function(t, q)`` returns the voltage. Plain Python over floats that numba compiles:
-        `math`, arithmetic, branches, and functions of the same kind. For every t, its square must
-        be that at t + period; at a switch it has the value after it.
+        ``function(t, q)`` returns the voltage. It is plain Python on floats that numba compiles:
+        `math`, arithmetic, branches, and functions of the same kind. Its square must have the given
+        period; at a switch it returns the value after it.
     rate : callable
         ``rate(t, q)`` returns its time derivative.
     period : float
@@ -74,8 +74,8 @@ class Custom(Drive):
         Times in (0, period], ascending, at which the voltage or its rate jumps. The functions must
         compare t (less its whole periods) with the very same numbers.
     fastest : float, optional
-        The time within which the voltage shows all that it does, `period` by default: no step of
-        the integration is longer than 1/16 of it.
+        Characteristic time of the voltage, `period` by default: no step of the integration is
+        longer than 1/16 of it.
     time_unit, voltage_unit : float, optional
         Units of the functions; 1 by default.
 
@@ -91,8 +91,8 @@ class Custom(Drive):
 
     Notes
     -----
-    Rate and period are checked at a few times, to find mistakes rather than to prove anything. For
-    a waveform whose period depends on its parameters write a subclass of `Drive`.
+    Rate and period are checked at a few times, which finds common mistakes. A waveform whose period
+    depends on its parameters requires a subclass of `Drive`.
 
     Examples
     --------
@@ -146,7 +146,9 @@ class Custom(Drive):
         wrong = np.abs(later**2 - now**2) > WAVEFORM_RTOL * largest**2
         if wrong.any():
             at = float(probes[np.argmax(wrong)])
-            problem = f"the square of the voltage at t = {at:.6g} differs from that a period later"
+            problem = (
+                f"the square of the voltage at t = {at:.6g} differs from its value a period later"
+            )
             raise InvalidParameter("period", self.period, "", problem=problem)
         slopes = self._probed("function", probes + h) - self._probed("function", probes - h)
         slopes /= 2.0 * h
@@ -162,7 +164,7 @@ class Custom(Drive):
 
     def _probed(self, name: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
         waveform = self.voltage if name == "function" else self.voltage_rate
-        q: Any = self.parameters().tolist()  # NumPy would warn where Python raises
+        q: Any = self.parameters().tolist()  # NumPy would warn, Python raises
         what = getattr(self, name).__name__
         try:
             values = np.array([float(waveform(t, q)) for t in times.tolist()])
@@ -185,13 +187,13 @@ class Custom(Drive):
         return hash((self.period, self.values, self.switches))
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Return what is pickled, with functions fit to go to another process."""
+        """Return the pickled state, with functions that another process can load."""
         state = super().__getstate__()
         return {**state, "__dict__": portable(state["__dict__"])}
 
     @property
     def time_scale(self) -> float:
-        """Time within which the voltage shows all that it does."""
+        """Characteristic time of the voltage."""
         return self.fastest or self.period
 
     @property
@@ -253,7 +255,7 @@ def _rate_in_units(rate: Waveform) -> Waveform:
 
 
 def _first_from(time: float, unit: float) -> float:
-    """Return the smallest number that is `time` or more once it is multiplied by `unit`."""
+    """Return the smallest number whose product with `unit` is at least `time`."""
     scaled = time / unit
     while scaled * unit < time:
         scaled = math.nextafter(scaled, math.inf)
@@ -264,7 +266,7 @@ def _first_from(time: float, unit: float) -> float:
 
 @cache
 def _compiling_problem(function: Callable[..., Any]) -> str:
-    """Return why numba cannot compile `function`, or nothing."""
+    """Return why numba cannot compile `function`, or None."""
     from numba import types
 
     from mems_impact.integrators.jit.closures import compiling

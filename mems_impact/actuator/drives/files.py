@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 SAMPLE_SUFFIXES = (".csv", ".txt", ".dat", ".tsv")
-"""Endings of the files that hold a measured waveform."""
+"""Extensions of files with a measured waveform."""
 
 CODE = CodeRequest(
     field="source",
@@ -56,11 +56,11 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     Parameters
     ----------
     path : str or os.PathLike
-        A TOML file with a table ``[drive]``: its ``kind`` and the parameters of that waveform
-        (``frequency`` [Hz] may stand for ``omega``), those of a waveform within as a table in it
-        (``[drive.wave]`` of a burst, ``[drive.right]`` and ``[drive.left]``). A sampled one takes
-        ``file``, a custom one ``source``, relative to the TOML file. The file may be that of a
-        device. Or a CSV file for `Sampled.from_csv`.
+        A TOML file with a table ``[drive]`` that holds the ``kind`` and the parameters of the
+        waveform (``frequency`` [Hz] may replace ``omega``); a nested waveform is a nested table
+        (``[drive.wave]`` of a burst, ``[drive.right]`` and ``[drive.left]``). A sampled waveform
+        takes ``file``, a custom one ``source``, relative to the TOML file. A device file may
+        contain the table. Or a CSV file for `Sampled.from_csv`.
     allow_code : bool, optional
         Whether a custom drive may be loaded: its ``source`` is Python code, which is run and can do
         all that you can. Allow it for files whose code you have read. It must lie in the folder of
@@ -73,8 +73,8 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
     Raises
     ------
     InvalidFile
-        If the file cannot be read, or is no such file; if it names code that is not allowed, or
-        that lies elsewhere.
+        If the file cannot be read, or is not such a file; if it names code without `allow_code`, or
+        outside its folder.
     InvalidParameter
         If it holds a wrong, missing or unknown entry.
 
@@ -119,7 +119,7 @@ def load_drive(path: str | PathLike[str], *, allow_code: bool = False) -> Drive:
 
 
 def holds_drive(name_or_path: str) -> bool:
-    """Return whether that is the path of a TOML file with a table ``[drive]``."""
+    """Return whether the argument is the path of a TOML file with a table ``[drive]``."""
     from mems_impact.actuator.parameters import preset_names
 
     if name_or_path in preset_names() or not Path(name_or_path).is_file():
@@ -130,11 +130,11 @@ def holds_drive(name_or_path: str) -> bool:
         )
         return "drive" in parse_toml(raw, name_or_path, DRIVE_FILE_REMEDY)
     except InvalidFile:
-        return False  # let the device say what is wrong
+        return False  # loading the device reports the error
 
 
 def drive_kinds() -> tuple[str, ...]:
-    """Return the kinds of waveforms, those of other packages last."""
+    """Return the kinds of waveforms, those of plugins last."""
     return plugins.names(plugins.DRIVES, WAVEFORMS)
 
 
@@ -157,7 +157,7 @@ def _is_drive(found: Any) -> bool:
 
 
 def drive_in_table(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
-    """Return the drive of a table ``[drive]``; what it names is relative to the file it is in."""
+    """Return the drive of a table ``[drive]``; paths in it are relative to its file."""
     drive = _drive(table, file, allow_code)
     drive.check()
     return drive
@@ -189,13 +189,13 @@ def _drive(table: dict[str, Any], file: Path, allow_code: bool) -> Drive:
 
 
 def _in_hertz(values: dict[str, Any], kind: type[Drive]) -> dict[str, Any]:
-    """Return the parameters of a waveform, of which a file tells frequency in place of omega."""
+    """Return the parameters of a waveform with ``frequency`` converted to ``omega``."""
     frequency = values["frequency"]
     if "omega" not in kind.model_fields:
         allowed = f"one of {', '.join(kind.model_fields)}"
         raise InvalidParameter("frequency", frequency, allowed, problem=f"must be {allowed}")
     if "omega" in values:
-        raise InvalidParameter("frequency", frequency, "left out beside omega")
+        raise InvalidParameter("frequency", frequency, "omitted if omega is given")
     if not is_number(frequency) or frequency <= 0.0:
         raise InvalidParameter("frequency", frequency, "a finite number > 0")
     others = {name: value for name, value in values.items() if name != "frequency"}
@@ -219,6 +219,6 @@ def _functions(path: Path) -> dict[str, FunctionType]:
     found = {}
     for field, name in (("function", "voltage"), ("rate", "voltage_rate")):
         if not isinstance(getattr(module, name, None), FunctionType):
-            raise InvalidFile(path, f"holds no function {name}", f"give a {CODE.what}")
+            raise InvalidFile(path, f"has no function {name}", f"give a {CODE.what}")
         found[field] = getattr(module, name)
     return found

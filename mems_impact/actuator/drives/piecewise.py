@@ -1,4 +1,4 @@
-"""Waveforms that are cubic polynomials between given times: most others are made of it."""
+"""Piecewise cubic waveforms, on which most other waveforms are based."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mems_impact.actuator.drives.base import Drive
 
 __all__ = ["MIN_PIECE_PERIODS", "Piece", "PiecewiseDrive", "fold", "warn_of_one_force"]
 
-MIN_PIECE_PERIODS = 1e-14  # of a period: a part that takes less time takes none
+MIN_PIECE_PERIODS = 1e-14  # of a period: shorter parts have no duration
 
 PERIOD, COUNT, FIRST, WIDTH = 0, 1, 2, 5  # places in q; a piece is its start and 4 coefficients
 
@@ -86,11 +86,11 @@ class Assembled(NamedTuple):
 def assembled(
     pieces: Sequence[Piece], period: float, lead: float, *, mirrored: bool = False
 ) -> Assembled:
-    """Return the waveform of `pieces` (ascending, the first at 0), ahead by the time `lead`.
+    """Return the waveform of `pieces` (ascending, the first at 0), advanced by the time `lead`.
 
-    The switching times are, to the last bit, the starts of the pieces: the value at one is that
-    after it, the value at the number before it that before. A waveform that is `mirrored` has the
-    negative pieces in every second period.
+    The switching times are exactly the starts of the pieces: the value at a switch is the one after
+    it, and the value at the previous floating-point number is the one before it. A `mirrored`
+    waveform has the negative pieces in every second period.
     """
     rest = math.fmod(lead, period)
     rest = rest + period if rest < 0.0 else rest
@@ -124,7 +124,7 @@ def assembled(
 
 
 def _times(piece: Piece, factor: float) -> Piece:
-    """Return a piece with another sign."""
+    """Return a piece multiplied by a factor."""
     start, c0, c1, c2, c3, switch = piece
     return Piece(start, factor * c0, factor * c1, factor * c2, factor * c3, switch)
 
@@ -143,11 +143,11 @@ def _later(piece: Piece, x: float, sign: float) -> Piece:
 
 
 def warn_of_one_force(wave: str, amplitude: float, low: float, flank: float) -> None:
-    """Warn where a waveform between two voltages exerts one force, but for a flank between them."""
+    """Warn if a waveform between two voltages exerts a constant force, except on its flanks."""
     if amplitude > 0.0 and abs(low) == amplitude and (low == amplitude or flank == 0.0):
         warnings.warn(
-            f"the force of {wave} never changes: it goes with the square of the voltage, and "
-            f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, 0 say",
+            f"the force of {wave} is constant: it depends on the square of the voltage, and "
+            f"low = {low:g} is as strong as amplitude = {amplitude:g}; take another low, such as 0",
             stacklevel=3,
         )
 
@@ -155,7 +155,7 @@ def warn_of_one_force(wave: str, amplitude: float, low: float, flank: float) -> 
 class PiecewiseDrive(Drive):
     """Base of waveforms made of pieces; a subclass gives `period`, `lead` and `pieces`.
 
-    One whose voltage changes its sign from one forcing period to the next says so by
+    A subclass whose voltage changes its sign from one forcing period to the next overrides
     `changes_sign`.
     """
 
@@ -164,13 +164,13 @@ class PiecewiseDrive(Drive):
 
     @property
     def changes_sign(self) -> bool:
-        """No: one forcing period is like the other."""
+        """False: all forcing periods are equal."""
         return False
 
     @property
     @abstractmethod
     def lead(self) -> float:
-        """How far the waveform is ahead, as a time."""
+        """Phase of the waveform, as a time."""
 
     @abstractmethod
     def pieces(self) -> list[Piece]:

@@ -21,10 +21,10 @@ __all__ = ["Pulse", "pulse"]
 
 
 class Pulse(PiecewiseDrive):
-    """A train of pulses: up from `low` to `amplitude`, flat, and down again, once a period.
+    """A pulse train: once per period it rises from `low` to `amplitude`, stays, and falls again.
 
-    Without a phase the pulse begins to rise at t = 0. An infinitely steep flank jumps; at a finite
-    one the rate jumps. Both are switches.
+    Without a phase the pulse begins to rise at t = 0. The voltage is discontinuous at a flank
+    without duration, its rate at a finite flank. Both are switches.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class Pulse(PiecewiseDrive):
     low : float, optional
         Voltage between the pulses [V].
     phase : float, optional
-        How far the train is ahead [rad]; 2 pi is a period.
+        Phase of the pulse train [rad]; 2 pi is a period.
 
     Raises
     ------
@@ -93,11 +93,11 @@ class Pulse(PiecewiseDrive):
 
     @property
     def lead(self) -> float:
-        """How far the train is ahead, as a time."""
+        """Phase of the pulse train, as a time."""
         return self.phase / (2.0 * math.pi) * self.period
 
     def pieces(self) -> list[Piece]:
-        """Return rise, top, fall and what is between the pulses."""
+        """Return rise, top, fall and the part between pulses."""
         return pulse(
             self.low, self.amplitude, self.period, width=self.width, rise=self.rise, fall=self.fall
         )

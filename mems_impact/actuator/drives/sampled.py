@@ -20,7 +20,7 @@ from mems_impact.errors import InvalidParameter
 __all__ = ["Sampled"]
 
 LONGEST_STEP = 1.0 / 16.0  # of a period: that of the integration
-MIN_SAMPLE_SPACING = 1e-9  # of the record: samples closer than this are one
+MIN_SAMPLE_SPACING = 1e-9  # of the record: closer samples coincide
 BEND = 0.25  # of the range of the voltage
 LIST = "a list of 3 or more finite numbers"
 
@@ -46,13 +46,13 @@ class Sampled(PiecewiseDrive):
     times : sequence of float
         Times of the samples [s], ascending; the first is t = 0 of the waveform.
     voltages : sequence of float
-        Voltages [V], as many.
+        Voltages [V] at these times.
     period : float, optional
         Forcing period [s]. By default the record is one period: up to its last sample if that
         repeats the voltage of the first one, else, if the samples are equally spaced, one
         spacing further.
     phase : float, optional
-        How far the waveform is ahead [rad]; 2 pi is a period.
+        Phase of the waveform [rad]; 2 pi is a period.
 
     Raises
     ------
@@ -72,8 +72,8 @@ class Sampled(PiecewiseDrive):
     stretch over which the slope changes, in sum, by a quarter of the range in 1/16 of a period. A
     smooth record has a few of them, a noisy one at every sample: smooth it first.
 
-    If the square of the voltage repeats sooner than the voltage, give half the record, unless the
-    actuator has a term to which the sign matters.
+    If the square of the voltage has half the period of the voltage, give half the record, unless
+    the actuator has a term that depends on the sign.
 
     Examples
     --------
@@ -101,8 +101,8 @@ class Sampled(PiecewiseDrive):
         Parameters
         ----------
         path : str or os.PathLike
-            Columns separated by comma, semicolon, tab or blanks. Headings, what an oscilloscope
-            tells of its settings, and lines that begin with # are left out.
+            Columns separated by comma, semicolon, tab or blanks. Headings, settings written by an
+            oscilloscope, and lines that begin with # are skipped.
         period, phase : float, optional
             As for the class.
 
@@ -123,11 +123,11 @@ class Sampled(PiecewiseDrive):
     @model_validator(mode="before")
     @classmethod
     def _close(cls, values: dict[str, Any]) -> dict[str, Any]:
-        """Find the period of the record and leave out a last sample that repeats the first."""
+        """Determine the period of the record and drop a last sample that repeats the first."""
         try:
             times, voltages = _numbers(values["times"]), _numbers(values["voltages"])
         except (KeyError, ValueError):
-            return values  # the fields themselves will say so
+            return values  # validation of the fields reports it
         if len(times) != len(voltages):
             allowed = f"as many as times, {len(times)}"
             raise InvalidParameter("number of voltages", len(voltages), allowed)
@@ -168,11 +168,11 @@ class Sampled(PiecewiseDrive):
 
     @property
     def lead(self) -> float:
-        """How far the waveform is ahead, as a time."""
+        """Phase of the waveform, as a time."""
         return self.phase / (2.0 * math.pi) * self.period
 
     def pieces(self) -> list[Piece]:
-        """Return one cubic a sample."""
+        """Return one cubic per sample."""
         times = np.array(self.times) - self.times[0]
         voltages = np.array(self.voltages)
         gaps = np.diff(np.append(times, self.period))

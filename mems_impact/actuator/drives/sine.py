@@ -44,7 +44,7 @@ class Sine(Drive):
     bias : float, optional
         Constant part [V]; 0 in the paper.
     phase : float, optional
-        How far the waveform is ahead [rad].
+        Phase [rad].
 
     Raises
     ------
@@ -60,7 +60,7 @@ class Sine(Drive):
     >>> import math
     >>> import mems_impact as mi
     >>> drive = mi.Sine(amplitude=0.24, omega=0.5)
-    >>> drive.period == math.pi / 0.5  # the force goes with the square of the voltage
+    >>> drive.period == math.pi / 0.5  # the force is proportional to the square of the voltage
     True
     >>> drive.replace(bias=0.1).period == 2 * math.pi / 0.5
     True
@@ -103,7 +103,7 @@ class Sine(Drive):
         return np.array([self.amplitude, self.omega, self.bias, self.phase], dtype=np.float64)
 
     def numbers(self, changes: Mapping[str, float], scales: Scales) -> ProblemParameters:
-        """Return q, period and time scale in `scales`, at other values; there is no switch."""
+        """Return q, period and time scale in `scales`, at other values; there are no switches."""
         amplitude = changes.get("amplitude", self.amplitude)
         omega = changes.get("omega", self.omega)
         bias = changes.get("bias", self.bias)

@@ -23,7 +23,7 @@ __all__ = ["Square"]
 
 
 class Square(PiecewiseDrive):
-    """A square wave: `amplitude` for a share of the period, then `low`.
+    """A square wave: `amplitude` for a fraction of the period, then `low`.
 
     Without a phase it begins to rise at t = 0.
 
@@ -34,14 +34,14 @@ class Square(PiecewiseDrive):
     omega : float
         Angular frequency [rad/s], > 0.
     duty : float, optional
-        Share of the period from the beginning of the rise to the beginning of the fall [-],
-        0 < duty < 1; the share at half height or above.
+        Duty cycle: the fraction of the period from the beginning of the rise to the beginning of
+        the fall [-], 0 < duty < 1, equal to the fraction at half height or above.
     rise : float, optional
         Duration of both flanks [s], >= 0 and no longer than the upper or the lower part.
     low : float, optional
         Lower voltage [V], 0 by default.
     phase : float, optional
-        How far the wave is ahead [rad].
+        Phase [rad].
 
     Raises
     ------
@@ -54,9 +54,9 @@ class Square(PiecewiseDrive):
 
     Notes
     -----
-    The forcing period is 2 pi/omega, and pi/omega where the lower half mirrors the upper one
-    (low = -amplitude and duty = 1/2): the force cannot tell them apart. Without a rise time that
-    wave is a constant force, as is any with low = -amplitude or low = amplitude: a warning says so.
+    The forcing period is 2 pi/omega, and pi/omega if the lower half mirrors the upper one (low =
+    -amplitude and duty = 1/2), since the force is the same. Without a rise time that wave exerts a
+    constant force, as does any with low = -amplitude or low = amplitude; a warning is issued.
 
     Examples
     --------
@@ -96,17 +96,17 @@ class Square(PiecewiseDrive):
 
     @property
     def period(self) -> float:
-        """Forcing period: 2 pi/omega, or half of it where v^2 repeats in the second half."""
+        """Forcing period: 2 pi/omega, or half of it if v^2 repeats in the second half."""
         return (1.0 if self.changes_sign else 2.0) * math.pi / self.omega
 
     @property
     def changes_sign(self) -> bool:
-        """Where the lower half mirrors the upper one."""
+        """True if the lower half mirrors the upper one."""
         return self.duty == 0.5 and self.low == -self.amplitude
 
     @property
     def lead(self) -> float:
-        """How far the wave is ahead, as a time."""
+        """Phase of the wave, as a time."""
         return self.phase / self.omega
 
     def pieces(self) -> list[Piece]:

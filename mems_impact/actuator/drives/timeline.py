@@ -1,8 +1,8 @@
-"""Waveforms on a timeline: repeated, cut off, or side by side.
+"""Waveforms on a timeline: repeated, truncated, or side by side.
 
-A timeline is a list of stretches. In each, time of the waveform within runs from a given value, and
-never beyond the last number before the waveform's next switch. So the value at a switch is, to the
-last bit, the one after it, however often the waveform is repeated.
+A timeline is a list of segments. In each, the time of the nested waveform runs from a given value,
+and never beyond the last floating-point number before its next switch. The value at a switch is
+therefore exactly the one after it, however often the waveform is repeated.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ __all__ = ["TimelineSegment", "array_of", "repeated", "retime", "with_offset"]
 
 FOREVER = 1e300
 NO_VOLTAGE = -1.0  # as `last`: no voltage
-STRETCH_NUMBERS = 3  # numbers of a stretch, which stand in q as the pieces of `piecewise` do
+STRETCH_NUMBERS = 3  # numbers per segment, stored in q like the pieces of `piecewise`
 
 
 class TimelineSegment(NamedTuple):
-    """From `start` on, the waveform within is at `inner` and goes on to `last` at most."""
+    """A segment from `start`; the nested waveform runs from `inner` to at most `last`."""
 
     start: float
     inner: float
@@ -68,7 +68,7 @@ def array_of(
 
 
 def repeated(drive: Drive, length: float) -> list[TimelineSegment]:
-    """Return the stretches of `drive` repeated from 0 to `length`, its sign as it goes on."""
+    """Return the segments of `drive` repeated from 0 to `length`, with its changes of sign."""
     period, switches = drive.period, drive.switches
     if drive.changes_sign:
         period, switches = 2.0 * period, (*switches, *(period + time for time in switches))

@@ -18,7 +18,7 @@ __all__ = ["Trapezoid"]
 class Trapezoid(PiecewiseDrive):
     """A sine with straight flanks and flat crests, between bias + amplitude and bias - amplitude.
 
-    Without a phase the middle of the upper crest is at t = 0, as that of `Sine`.
+    Without a phase the middle of the upper crest is at t = 0, as for `Sine`.
 
     Parameters
     ----------
@@ -27,11 +27,11 @@ class Trapezoid(PiecewiseDrive):
     omega : float
         Angular frequency [rad/s], > 0.
     flat : float, optional
-        Share of the period that is flat, both crests together [-], 0 <= flat < 1; 0 is a triangle.
+        Fraction of the period on both crests together [-], 0 <= flat < 1; 0 is a triangle wave.
     bias : float, optional
         Constant part [V].
     phase : float, optional
-        How far the wave is ahead [rad].
+        Phase [rad].
 
     Raises
     ------
@@ -76,7 +76,7 @@ class Trapezoid(PiecewiseDrive):
 
     @property
     def lead(self) -> float:
-        """How far the wave is ahead, as a time."""
+        """Phase of the wave, as a time."""
         # The pieces begin with the upper crest.
         return self.phase / self.omega + 0.25 * self.flat * 2.0 * math.pi / self.omega
 

@@ -1,4 +1,4 @@
-"""Two electrodes: each stopper side pulls with a voltage of its own."""
+"""Two electrodes with separate voltages."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ PERIOD_RTOL = 1e-12
 
 
 class TwoSided(Drive):
-    """A voltage on the electrode at the right and another one on that at the left.
+    """Separate voltages at the right and the left electrode.
 
     The force on the block is alpha right^2/(d - x2)^2 - alpha left^2/(d + x2)^2.
 
     Parameters
     ----------
     right, left : Drive
-        The two voltages, each one-sided. One side's voltage may have been given a phase against
-        the other's. Their forcing periods must be as two whole numbers up to 64.
+        The two voltages, each one-sided, with an arbitrary relative phase. The ratio of their
+        forcing periods must be that of two integers up to 64.
 
     Raises
     ------
@@ -47,8 +47,8 @@ class TwoSided(Drive):
 
     Notes
     -----
-    The forcing period is the least common multiple of both. It is not halved where the left side
-    repeats the right one half a period later: mirrored, not repeated, is what the block then does.
+    The forcing period is the least common multiple of both. It is not halved if the left side
+    repeats the right one half a period later, since the block then moves in the mirror image.
 
     Examples
     --------
@@ -99,12 +99,12 @@ class TwoSided(Drive):
 
     @property
     def time_scale(self) -> float:
-        """The shorter of both sides'."""
+        """The shorter characteristic time of both sides."""
         return min(self.right.time_scale, self.left.time_scale)
 
     @property
     def changes_sign(self) -> bool:
-        """Where a side does that repeats an odd number of times within the common period."""
+        """True if a side with an odd number of repeats per common period changes its sign."""
         counts = self._counts or (0, 0)
         sides = zip((self.right, self.left), counts, strict=True)
         return any(side.changes_sign and count % 2 == 1 for side, count in sides)
@@ -113,7 +113,7 @@ class TwoSided(Drive):
     def stretches(self) -> tuple[list[TimelineSegment], list[TimelineSegment]]:
         """The timelines of right and left side over a forcing period."""
         right, left = repeated(self.right, self.period), repeated(self.left, self.period)
-        # What switches at the same time, but for rounding, shall be one switch.
+        # Switches at the same time, to rounding, are one switch.
         times = np.array([stretch.start for stretch in right])
         joined = []
         for stretch in left:
@@ -124,7 +124,7 @@ class TwoSided(Drive):
 
     @property
     def switches(self) -> tuple[float, ...]:
-        """Those of both sides."""
+        """The switches of both sides."""
         starts = {stretch.start for side in self.stretches for stretch in side}
         closes = any(
             side.switches and side.switches[-1] == side.period for side in (self.right, self.left)
@@ -142,9 +142,9 @@ class TwoSided(Drive):
         return np.concatenate(blocks)
 
     def _continued(self, side: Drive, stretches: list[TimelineSegment]) -> list[TimelineSegment]:
-        """Return the timeline of a side over two forcing periods, of which the first is given.
+        """Return the timeline of a side over two forcing periods, continuing that of the first.
 
-        A switch of the second is one forcing period after that of the first, to the last bit.
+        A switch of the second is exactly one forcing period after that of the first.
         """
         period = self.period
         both = repeated(side, 2.0 * period)

@@ -127,7 +127,7 @@ def test_files_units_and_pickles(tmp_path):
     device = mi.load_actuator(tmp_path / "device.toml")
     assert device == mita.adding(StribeckFriction(speed=1e-3, viscous=2.0))
     assert pickle.loads(pickle.dumps(device)) == device
-    with pytest.raises(mi.InvalidParameter, match="both tell the friction"):
+    with pytest.raises(mi.InvalidParameter, match="both determine the friction"):
         device.adding(RegularizedFriction(width=1e-3))
     scales, start = mita.scales, 0.01
     inner = device.to_dimensionless()

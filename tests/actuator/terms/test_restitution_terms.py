@@ -66,7 +66,7 @@ def test_tables_are_checked(values, named):
 
 
 def test_an_actuator_has_one_restitution():
-    with pytest.raises(mi.InvalidParameter, match="both tell the restitution"):
+    with pytest.raises(mi.InvalidParameter, match="both determine the restitution"):
         ZHAO.adding(TABLE, POWER)
 
 
