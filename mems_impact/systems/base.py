@@ -86,6 +86,17 @@ class HybridSystem(Result, ABC):
     Three classes implement it: `System` by functions, `ActuatorSystem` by an actuator and a drive,
     `DetachedSystem` by the description in a file. Arguments and results are in the system's units;
     computations use variables scaled by `scales` or typical magnitudes.
+
+    See Also
+    --------
+    System, Actuator, find_orbit
+
+    Examples
+    --------
+    >>> import mems_impact as mi
+    >>> system = mi.load_actuator("zhao2004").under(mi.Sine(amplitude=0.24, omega=0.5))
+    >>> isinstance(system, mi.HybridSystem)
+    True
     """
 
     name: str

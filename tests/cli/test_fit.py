@@ -79,7 +79,7 @@ def test_bounds(cli):
     bounded = [*FIT, "--target", "pull-in voltage=300", "--bounds", "k=1:10"]
     done = cli(*bounded)
     assert done.status == 1
-    assert "k stands at its upper bound" in done.out
+    assert "k is at its upper bound" in done.out
 
 
 @pytest.mark.parametrize(

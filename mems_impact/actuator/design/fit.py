@@ -31,18 +31,18 @@ if TYPE_CHECKING:
 
 __all__ = ["OF_RUN", "Fit", "Target", "fit", "of_device"]
 
-# --- Measured numbers: what can be measured of a device, and what a model of it gives instead.
+# --- Measured quantities and their computed values.
 
 
 def _per_impact(run: Run) -> float:
-    """Return the displacement per impact; 0, which a fit can work with, where nothing happens."""
+    """Return the displacement per impact; 0 without impacts, which a fit can handle."""
     moved = run.measured.displacement_per_period
     each = run.measured.displacement_per_impact if moved != 0.0 else 0.0
     return float(run.actuator.scales.out(each, "m"))
 
 
-# What can be measured with a run, and its unit; what follows from the device alone, and its unit.
-# The names are those of `Run.statistics`.
+# Quantities of a run, and quantities of the device alone, each with its unit. The names are those
+# of `Run.statistics`.
 OF_RUN: dict[str, tuple[Callable[[Run], float], str]] = {
     "displacement per blow": (lambda run: blows(run).displacement_per_blow, "m"),
     "blows per period": (lambda run: run.measured.blows_per_period, ""),
@@ -66,28 +66,28 @@ QUANTITIES = (*OF_RUN, *OF_DEVICE)
 
 
 def of_device(actuator: Actuator) -> dict[str, tuple[float, str]]:
-    """Return the quantities that need no drive, by name, each with its SI unit."""
+    """Return the quantities of the device alone, by name, each with its SI unit."""
     return {name: (value(actuator), unit) for name, (value, unit) in OF_DEVICE.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A measured number.
+    """A measured quantity.
 
     Parameters
     ----------
     quantity : str
-        Measured under a drive: "displacement per blow" and "blows per period" (a sequence of
-        impacts that ends in rest is one blow, as an experiment sees it), "displacement per
-        impact" and "impacts per period" (every bounce is one), "displacement per period", "mean
-        speed"; of the device alone: "pull-in voltage", "resting voltage", "resonance" (of the
-        block in a frame that is held, [rad/s]).
+        Under a drive: "displacement per blow" and "blows per period" (a chatter sequence is one
+        blow, as in experiments), "displacement per impact" and "impacts per period" (every bounce
+        is an impact), "displacement per period", "mean speed"; for the device alone: "pull-in
+        voltage", "resting voltage", "resonance" (of the block in a fixed frame, [rad/s]).
     value : float
-        In the units of the actuator; per forcing period.
+        Measured value in the units of the actuator; rates are per forcing period.
     drive : Drive, optional
-        Under which it was measured; for the first six.
+        The drive of the measurement; required for the first six quantities.
     tolerance : float, optional
-        Standard error of the value, > 0: the weight of this target. 1 % of the value by default.
+        Standard error of the value, > 0, which determines the weight of this target. 1 % of the
+        value by default.
 
     See Also
     --------
@@ -113,12 +113,12 @@ class Target:
         if not is_number(self.value):
             raise InvalidParameter("value", self.value, "a finite number")
         if (self.quantity in OF_RUN) != isinstance(self.drive, Drive):
-            needs = "a Drive" if self.quantity in OF_RUN else f"left out for {self.quantity}"
+            needs = "a Drive" if self.quantity in OF_RUN else f"omitted for {self.quantity}"
             raise InvalidParameter("drive", self.drive, needs)
         if self.tolerance is not None and not (is_number(self.tolerance) and self.tolerance > 0.0):
             raise InvalidParameter("tolerance", self.tolerance, "a finite number > 0")
         if self.tolerance is None and self.value == 0.0:
-            raise InvalidParameter("tolerance", None, "given where the value is 0")
+            raise InvalidParameter("tolerance", None, "given if the value is 0")
 
     @property
     def unit(self) -> str:
@@ -127,11 +127,11 @@ class Target:
 
     @property
     def weight(self) -> float:
-        """What the difference is divided by."""
+        """Divisor of the residual."""
         return self.tolerance if self.tolerance is not None else 0.01 * abs(self.value)
 
     def computed(self, actuator: Actuator, runs: Mapping[Drive, Run]) -> float:
-        """Return what an actuator does in its place; `runs` are its runs by drive."""
+        """Return the computed value for an actuator; `runs` are its runs by drive."""
         if self.drive is None:
             return OF_DEVICE[self.quantity][0](actuator)
         return OF_RUN[self.quantity][0](runs[self.drive])
@@ -141,18 +141,18 @@ class Target:
         return actuator.scales.label(self.quantity, self.unit)
 
 
-# --- Fitting of parameters to measured numbers, by bounded least squares (SciPy).
+# --- Parameter fit by bounded least squares (SciPy).
 
-JACOBIAN_STEP = 1e-4  # relative step of the derivatives; runs are exact to far less
-# SciPy steps by a part of the unknown itself: unknowns are counted from here, never near zero.
+JACOBIAN_STEP = 1e-4  # relative step of the derivatives, far above the error of runs
+# SciPy's steps are relative to the unknowns: this offset keeps them away from zero.
 ORIGIN = 10.0
-UNBOUNDED_FACTOR = 10.0  # by which a parameter without bounds may grow or shrink
-NEGLIGIBLE = 1e-3  # a combination that moves the data less than this part of the most telling one
-MISFIT = 3.0  # tolerances, which are standard errors: a difference beyond is not chance
-CONVERGENCE_TOLERANCES = 1.0  # tolerances by which what is computed may still change
-LATER = 5  # times as long a run, at whose end it is computed again
+UNBOUNDED_FACTOR = 10.0  # factor by which a parameter without bounds may grow or shrink
+NEGLIGIBLE = 1e-3  # relative singular value below which a combination of parameters is undetermined
+MISFIT = 3.0  # tolerances (standard errors): a larger difference is a misfit
+CONVERGENCE_TOLERANCES = 1.0  # tolerances by which a computed value may still change
+LATER = 5  # factor of the length of the run that checks whether the motion has settled
 LOOSE = 1.0  # a parameter with a standard error above this part of its value is not determined
-BARRIER = 1e6  # what is worse than any start, by this factor: where no run is possible
+BARRIER = 1e6  # residuals where no run is possible, relative to those at the start
 UPPER_BOUNDS = {"e": 1.0}  # parameters with an upper bound of their own
 
 Verdict = Literal["good", "undetermined", "misfit", "unsettled", "not converged"]
@@ -161,42 +161,43 @@ REMEDIES: dict[Verdict, str] = {
     "undetermined": "add targets that react to these parameters, or free fewer of them",
     "misfit": "check what was measured (per impact or per blow?), free other parameters, widen "
     "their bounds or start elsewhere",
-    "unsettled": "raise transient, and let runs start near their motion by initial",
+    "unsettled": "raise transient, or start runs near their motion by initial",
     "not converged": "start nearer to the solution, or free fewer parameters",
 }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Fit(SummaryRepr):
-    """A fitted actuator, and how well it is known.
+    """A fitted actuator, with standard errors and diagnostics.
 
     Attributes
     ----------
     actuator : Actuator
-        With the fitted values.
+        The actuator with the fitted values.
     parameters : DataFrame
-        One row a free parameter: start, fitted value, bounds, standard error (infinite where the
-        data do not react to it), whether the data determine it (to less than its own size) and
-        whether it stands at a bound.
+        One row per free parameter: start, fitted value, bounds, standard error (infinite if the
+        data do not depend on it), whether the data determine it (to less than its value) and
+        whether it is at a bound.
     residuals : DataFrame
-        One row a target: measured, computed, difference, and the difference over the tolerance.
+        One row per target: measured, computed, difference, and difference divided by the tolerance.
     singular_values : float array
-        Of the Jacobian of the weighted residuals by the logarithms of the parameters, largest
-        first: by how many tolerances the data move with the combination of parameters.
+        Singular values of the Jacobian of the weighted residuals with respect to the logarithms of
+        the parameters, largest first: the change of the data, in tolerances, along a combination of
+        parameters.
     misfit : float
         The largest difference between computed and measured, in tolerances.
     verdict : {"good", "undetermined", "misfit", "unsettled", "not converged"}
-        The worst of: the search did not come to an end; runs five times as long say otherwise by
-        more than a tolerance, so that the motion that was fitted does not last; a target is missed
-        by more than three tolerances; a free parameter is not determined by the data; none of
-        these.
+        The worst of: "not converged"; "unsettled" if runs five times as long differ by more than a
+        tolerance, so that the fitted motion does not persist; "misfit" if a target is missed by
+        more than three tolerances; "undetermined" if the data do not determine a free parameter;
+        "good" otherwise.
     note : str
-        What is missed, what the data do not determine or cannot tell apart, what stands at a
-        bound.
+        Missed targets, parameters that the data do not determine or cannot separate, and parameters
+        at a bound.
     converged : bool
-        Whether the search came to an end: at a minimum, but one that need not fit the data.
+        Whether the search converged to a minimum, which need not fit the data.
     evaluations : int
-        Of the residuals, those for derivatives left out.
+        Number of evaluations of the residuals, without those for derivatives.
 
     See Also
     --------
@@ -244,25 +245,25 @@ def fit(
     initial: State = State(),  # noqa: B008 - immutable
     options: Options = Options(),  # noqa: B008 - immutable
 ) -> Fit:
-    """Fit free parameters of an actuator to measured numbers.
+    """Fit parameters of an actuator to measured quantities.
 
-    Bounded least squares in the logarithms of the parameters: `scipy.optimize.least_squares`,
-    trust region reflective, weighted with one over the tolerances.
+    The fit minimizes the residuals, divided by the tolerances, by bounded least squares in the
+    logarithms of the parameters (`scipy.optimize.least_squares`, trust region reflective).
 
     Parameters
     ----------
     actuator : Actuator
-        Where the search starts; parameters that are not free keep their values.
+        Start of the search; parameters that are not free keep their values.
     targets : sequence of Target
     free : sequence of str
-        Names of parameters of the actuator, whose values are above 0.
+        Names of the parameters to fit, whose values are above 0.
     bounds : mapping of str to tuple of float, optional
-        Lowest and highest value by name; a tenth and ten times the value by default.
+        Lower and upper bound by name; a tenth and ten times the value by default.
     transient, periods : int, optional
-        Forcing periods to wait and to measure in each run. The defaults suit a drive that is slow
-        against the resonance.
+        Forcing periods of transient and of measurement in each run. The defaults suit a drive much
+        slower than the resonance.
     initial : State, optional
-        Where the runs start.
+        Initial state of the runs.
     options : Options, optional
 
     Returns
@@ -311,7 +312,7 @@ def fit(
     ends = ORIGIN + np.log(limits / begin[:, None])
 
     def at(unknowns: Floats) -> Actuator:
-        # Rounding of logarithm and exponential must not cross a bound.
+        # Rounding of logarithm and exponential must not cross bounds.
         values = np.clip(begin * np.exp(unknowns - ORIGIN), limits[:, 0], limits[:, 1]).tolist()
         return actuator.replace(**dict(zip(free, values, strict=True)))
 
@@ -337,7 +338,7 @@ def fit(
         try:
             result = (computed(at(unknowns)) - measured) / weights
         except MemsImpactError:
-            return barrier  # where no run is possible no fit is
+            return barrier  # without a run there is no fit
         return result if np.isfinite(result).all() else barrier
 
     solved = least_squares(
@@ -425,7 +426,7 @@ def _limits(
 
 
 def _singular(jacobian: Floats) -> tuple[Floats, Floats]:
-    """Return one singular value and one direction for every parameter, also where data lack."""
+    """Return one singular value and one direction for every parameter, even with too few data."""
     _, sizes, directions = np.linalg.svd(jacobian, full_matrices=True)
     return np.append(sizes, np.zeros(len(directions) - len(sizes))), directions
 
@@ -464,7 +465,7 @@ def _unsettled(
     targets: Sequence[Target], reached: Floats, later: Floats, moving: NDArray[np.bool_]
 ) -> list[str]:
     return [
-        f"the motion has not settled: {target.quantity} = {now:.6g} comes to {then:.6g} in a run "
+        f"the motion has not settled: {target.quantity} = {now:.6g} becomes {then:.6g} in a run "
         f"{LATER} times as long"
         for target, now, then, yes in zip(targets, reached, later, moving, strict=True)
         if yes
@@ -472,7 +473,7 @@ def _unsettled(
 
 
 def _missed(targets: Sequence[Target], off: Floats, actuator: Actuator) -> list[str]:
-    """Return a sentence on the targets that the fit misses; none if it misses none."""
+    """Return a sentence about missed targets, if any."""
     missed = int((off > MISFIT).sum())
     if not missed:
         return []
@@ -490,7 +491,7 @@ def _missed(targets: Sequence[Target], off: Floats, actuator: Actuator) -> list[
 def _undetermined(
     free: Sequence[str], sizes: Floats, directions: Floats, errors: Floats
 ) -> list[str]:
-    """Return a sentence on each combination, and each parameter, that the data leave open."""
+    """Return a sentence about each combination and parameter that the data do not determine."""
     sentences = []
     for size, direction in zip(sizes, directions, strict=True):
         if size > NEGLIGIBLE * sizes[0]:
@@ -503,9 +504,7 @@ def _undetermined(
         else:
             product = " ".join(f"{name}^{power:.3g}" for power, name in telling)
             names = ", ".join(name for _, name in telling)
-            sentences.append(
-                f"the data cannot tell {names} apart: along {product} they do not change"
-            )
+            sentences.append(f"the data cannot separate {names}: they do not depend on {product}")
     for name, error in zip(free, errors.tolist(), strict=True):
         if LOOSE < error < math.inf:
             sentences.append(
@@ -517,7 +516,7 @@ def _undetermined(
 
 def _at_bounds(free: Sequence[str], at_bound: Floats) -> list[str]:
     return [
-        f"{name} stands at its {'lower' if stands < 0 else 'upper'} bound"
+        f"{name} is at its {'lower' if stands < 0 else 'upper'} bound"
         for name, stands in zip(free, at_bound, strict=True)
         if stands
     ]
@@ -525,7 +524,7 @@ def _at_bounds(free: Sequence[str], at_bound: Floats) -> list[str]:
 
 def _indifferent(targets: Sequence[Target], jacobian: Floats) -> list[str]:
     return [
-        f"{target.quantity} reacts to none of the free parameters"
+        f"{target.quantity} depends on none of the free parameters"
         for target, row in zip(targets, jacobian, strict=True)
         if not np.any(row)
     ]

@@ -1,4 +1,4 @@
-"""Speed against a load, and the largest load."""
+"""Speed over an opposing load, and the largest load."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ __all__ = ["LoadCurve", "load_curve"]
 
 LOAD = "frame_load.force"
 WALKS, BACK, STANDS, AWAY = "walks", "walks back", "stands", "runs away"
-FASTER = 1e3  # so many times as fast a frame that runs away is not held either
-ROUNDS = 8  # orbits, one beyond the other, on which the end of the walk is looked for
-SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in the units of the numerics
-MIN_DISPLACEMENT = 1e-12  # of delta: a displacement that is rounding
+FASTER = 1e3  # factor of the speed at which friction is checked for a frame that runs away
+ROUNDS = 8  # number of successive orbits on which the walking load is sought
+SPEEDS = np.geomspace(1e-9, 1e9, 18001)  # of a slip, in scaled units
+MIN_DISPLACEMENT = 1e-12  # of delta: a smaller displacement is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -45,24 +45,24 @@ class LoadCurve(Result):
     Attributes
     ----------
     system : ActuatorSystem
-        Without load.
+        The system without load.
     table : DataFrame
-        One row a load, ascending: load, displacement per period, mean speed, power (load times
-        speed), what the device does ("walks", "walks back", "stands", "runs away": then it has no
-        mean speed), and whether that is an "orbit" or read off a "run".
+        One row per load, ascending: load, displacement per period, mean speed, power (load times
+        speed), motion ("walks", "walks back", "stands", or "runs away" without a mean speed), and
+        whether it is from an "orbit" or a "run".
     sliding_load : float
-        Up to here every slip ends by itself: the friction on a frame that slips [N]. Beyond, a
-        device that once slips back runs away.
+        Largest load at which every slip ends by itself: the friction on a slipping frame [N]. Above
+        it, a device that slips back runs away.
     holding_load : float
-        Up to here static friction holds a device without voltage [N].
+        Largest load that static friction holds without voltage [N].
     walking_load : float
-        Up to here it walks, on the orbit that was followed: there the frame breaks away backwards
-        while it should be at rest, and runs away [N]; NaN if that lies beyond the loads, or no
-        orbit was followed. A device whose frame slips back in every period has no such load: it
-        walks ever more slowly, stalls, and walks back.
+        Largest load at which the device walks on the continued orbit: above it the frame breaks
+        away backwards during a rest and runs away [N]; NaN if it is above the given loads, or no
+        orbit was continued. A device whose frame slips back in every period has no such load: it
+        slows down, stalls, and walks back.
     stall_load : float
-        Where the speed is zero, between two rows [N]; NaN if it is nowhere: a device that friction
-        holds between its blows still walks at the load that tears it off.
+        Load at which the speed is zero, interpolated between two rows [N]; NaN if there is none: a
+        device that friction holds between its blows still walks at the load that breaks it away.
 
     See Also
     --------
@@ -70,8 +70,8 @@ class LoadCurve(Result):
 
     Notes
     -----
-    A device runs away where its frame slips one way throughout the periods that are measured, and
-    the forces from outside exceed the friction at any speed.
+    A device runs away if its frame slips in one direction throughout the measured periods, and the
+    external forces exceed the friction at any speed.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class LoadCurve(Result):
     stall_load: float
 
     def summary(self) -> dict[str, Any]:
-        """Return the loads that matter."""
+        """Return the characteristic loads."""
         names = ("sliding_load", "holding_load", "walking_load", "stall_load")
         return {"system": repr(self.system), **{name: getattr(self, name) for name in names}}
 
@@ -112,24 +112,24 @@ def load_curve(
     initial: State | None = None,
     options: Options = Options(),  # noqa: B008 - immutable
 ) -> LoadCurve:
-    """Return mean speed and step over a force against which the device walks.
+    """Compute the mean speed of a device over an opposing force.
 
-    From the smallest load up, each from where the one before has led: along the periodic orbit
-    where there is a stable one, and by runs elsewhere.
+    Loads are processed in ascending order, each from the state at the previous one: along a stable
+    periodic orbit if there is one, otherwise by runs.
 
     Parameters
     ----------
     actuator : Actuator
-        A `FrameLoad` of its own is left out.
+        The device; its own `FrameLoad` is ignored.
     drive : Drive
     loads : array_like of float
-        Forces [N], against the way to the right.
+        Forces [N] to the left, against motion to the right.
     transient, periods : int, optional
-        Forcing periods that a run is given to settle, and that are then measured.
+        Forcing periods of transient and of measurement in each run.
     initial : State, optional
-        Where the run at the smallest load starts; with a kick by default (see `kicked_state`).
+        Initial state of the run at the smallest load; a kick by default (see `kicked_state`).
     options : Options, optional
-        Of runs; orbits are found to `find_orbit`'s own tolerances.
+        Options of runs; orbits use the tolerances of `find_orbit`.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def load_curve(
     InvalidParameter
         If an argument is out of range.
     RunError
-        If a run cannot go on, and the device does not run away.
+        If a run fails, and the device does not run away.
 
     See Also
     --------
@@ -182,7 +182,7 @@ def load_curve(
 
 
 class _Chain:
-    """Loads one after the other, each from the state of the one before."""
+    """Successive loads, each from the state at the previous one."""
 
     def __init__(
         self, system: ActuatorSystem, start: State, transient: int, periods: int, options: Options
@@ -195,7 +195,7 @@ class _Chain:
         self.away = False  # backwards, which no larger load ends
 
     def at(self, load: float) -> _Row:
-        """Return what the device does at a load."""
+        """Return the row of a load."""
         if self.away:
             return _Row(math.nan, AWAY, "run")
         system = self.system.changed(**{LOAD: load})
@@ -211,9 +211,9 @@ class _Chain:
         return row or self._row(float(run.statistics["displacement per period"]), "run")
 
     def limit(self) -> float:
-        """Return the load at which the orbit ends, from one close below; NaN if it was not met.
+        """Return the load at which the orbit ends; NaN if it was not reached.
 
-        Where a run beyond it walks on, with one slip more, the orbit that it comes to is asked.
+        If a run beyond it still walks, with one more slip, the search continues on its orbit.
         """
         for _ in range(ROUNDS):
             expected = self.expected
@@ -232,7 +232,7 @@ class _Chain:
         return math.nan
 
     def _run(self, system: ActuatorSystem) -> tuple[ActuatorRun, int]:
-        """Return a run from the last state, and the way in which the frame runs away; 0 if not."""
+        """Return a run from the last state, and the direction of running away, or 0."""
         length = self.transient + self.periods
         first = self.state.time / system.forcing_period + self.transient
         try:
@@ -249,7 +249,7 @@ class _Chain:
         return run, _runaway(run, self.periods)
 
     def _follow(self, system: ActuatorSystem, load: float) -> _Row | None:
-        """Look for the stable orbit near the last state; return what it does."""
+        """Find the stable orbit near the last state; return its row."""
         periods = None if self.orbit is None else self.orbit.periods
         try:
             found: Any = find_orbit(system, guess=self.state, periods=periods, options=self.tight)
@@ -260,8 +260,8 @@ class _Chain:
             self.orbit = None
             return None
         self.orbit, self.state, self.load = found, found.state, load
-        # What acts on a frame at rest grows with the load, all else being the same. Where a rest
-        # ends by breaking away, it does so without more load.
+        # The force on a frame at rest grows with the load, all else being equal. A rest that ends
+        # by break-away does so without additional load.
         margins = [
             float(arc.minima[BREAK_AWAY])
             for segment, arc in zip(found.found.segments, found.found.point.arcs, strict=True)
@@ -276,7 +276,7 @@ class _Chain:
 
 
 def _unheld(system: ActuatorSystem, margin: float) -> float:
-    """Return by how much more a frame at rest may be pushed, from the margin of its guard."""
+    """Return the additional force that a frame at rest can bear, from the margin of its guard."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     limit = model.static_limit(system.numbers().parameters)
     push = math.sqrt(max(0.0, limit * (limit - 2.0 * margin)))  # see `static_reserve`
@@ -284,7 +284,7 @@ def _unheld(system: ActuatorSystem, margin: float) -> float:
 
 
 def _runaway(run: ActuatorRun, periods: int) -> int:
-    """Return the way in which the frame runs away in the last periods of a run: 1, -1; 0 if not."""
+    """Return the direction (1, -1) in which the frame runs away at the end of a run, or 0."""
     trajectory = run.trajectory
     log, final = trajectory.events, trajectory.final
     way = direction_of(final.mode)
@@ -306,12 +306,12 @@ def _runaway(run: ActuatorRun, periods: int) -> int:
 
 
 def _held(system: ActuatorSystem) -> tuple[float, float]:
-    """Return the loads that friction holds on a frame that slips, and on one at rest."""
+    """Return the loads that friction holds on a slipping frame, and on a frame at rest."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters
     y = np.zeros(len(model.layout.states))
     outside = model.on_frame(y, p) + model.on_block(y, p)
-    # Where friction falls and rises with the speed, it holds no more than at its lowest.
+    # If friction depends on the speed, it holds at most its minimum.
     speeds = SPEEDS if model.sticks else SPEEDS[-1:]
     friction = [model.sliding_friction(1, speed, p) for speed in speeds.tolist()]
     sliding, static = min(friction) + outside, model.static_limit(p) + outside
@@ -319,7 +319,7 @@ def _held(system: ActuatorSystem) -> tuple[float, float]:
 
 
 def _zero(loads: Any, speed: Any) -> float:
-    """Return where a speed goes through zero, on the straight line between two loads."""
+    """Return the load of zero speed, by linear interpolation between two loads."""
     for i in np.flatnonzero(speed[:-1] * speed[1:] <= 0.0).tolist():
         if speed[i] > speed[i + 1]:
             share = speed[i] / (speed[i] - speed[i + 1])

@@ -1,9 +1,9 @@
 """The operating chart: on- and off-boundaries over frequency.
 
-Where the spring moves the frame before the block strikes, friction falls from its static to its
-dynamic value at once, and the motion jumps: no curve leads from rest to slip. So impacts are looked
-for by runs, each a little higher than the one before, and the orbit without impacts is followed
-through the last step alone.
+If the spring moves the frame before the block strikes, friction drops from its static to its
+dynamic value, and the motion jumps: no curve connects rest and slip. Impacts are then located by
+runs at increasing amplitudes, and the orbit without impacts is continued only through the last
+step.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = ["ChartBuilder", "OperatingChart", "locate_crisis", "operating_chart"]
 
-# --- The chart of Fig. 7: at which voltage the device switches on and off, over the frequency.
+# --- The chart of Fig. 7: on- and off-voltages over the frequency.
 
 AMPLITUDE, OMEGA = "amplitude", "omega"
 ON, OFF, SLIP = "on", "off", "slip"
@@ -61,7 +61,7 @@ Point = tuple[float, float]  # omega and amplitude
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OperatingChart(Result):
-    """On- and off-boundaries over the frequency.
+    """On- and off-voltages over the frequency.
 
     Attributes
     ----------
@@ -69,9 +69,9 @@ class OperatingChart(Result):
     omega : tuple of float
         The range of the chart.
     special_points : tuple of CodimensionTwo
-        Of the grazing curve: the frequencies that separate the types.
+        Points of codimension two of the grazing curve, which separate the types.
     notes : tuple of str
-        What could not be computed, and why; empty if all was.
+        Parts that could not be computed, and the reasons; empty if complete.
 
     See Also
     --------
@@ -100,7 +100,7 @@ class OperatingChart(Result):
         return f"OperatingChart({OMEGA} {low:g} to {high:g}, types {self._types()}{notes})"
 
     def summary(self) -> dict[str, Any]:
-        """Return the range, the types and what separates them."""
+        """Return the range, the types and the points between them."""
         low, high = self.omega
         found = [f"{s.kind} at {s.values[OMEGA]:.6g}" for s in self.special_points]
         return {
@@ -116,12 +116,12 @@ class OperatingChart(Result):
 
     @cached_property
     def table(self) -> pd.DataFrame:
-        """One row a point of a boundary, each boundary in ascending omega.
+        """One row per point of a boundary, each boundary in ascending omega.
 
-        Columns: boundary ("on", "off"; where the frame slips before the block strikes also "slip",
-        where it begins to, and "steady from" and "steady to", between which the block strikes alike
-        in every forcing period), omega, amplitude, type of the paper (I, II, III; none where the
-        frame slips first), kind (what happens there: grazing, fold, crisis, break-away, …).
+        Columns: boundary ("on", "off"; if the frame slips before the block strikes also "slip", the
+        onset of slip, and "steady from" and "steady to", the window of a period-1 orbit with
+        impacts), omega, amplitude, type of the paper (I, II, III; none if the frame slips first),
+        kind of bifurcation (grazing, fold, crisis, break-away, …).
         """
         rows = [
             {
@@ -137,7 +137,7 @@ class OperatingChart(Result):
 
     @cached_property
     def types(self) -> pd.DataFrame:
-        """One row a type: where it begins and ends, and what its boundaries are."""
+        """One row per type: its range, and the kinds of its boundaries."""
         kinds = {(boundary, region): kind for boundary, region, kind, _ in self.pieces}
         rows = [
             {
@@ -153,7 +153,7 @@ class OperatingChart(Result):
 
     @cached_property
     def special_table(self) -> pd.DataFrame:
-        """One row a point of codimension two: kind, omega, amplitude."""
+        """One row per point of codimension two: kind, omega, amplitude."""
         rows = [
             {"kind": s.kind, "values": (s.values[OMEGA], s.values[AMPLITUDE])}
             for s in self.special_points
@@ -161,9 +161,9 @@ class OperatingChart(Result):
         return results.chart_points((OMEGA, AMPLITUDE), rows, self.system)
 
 
-# --- Where an attractor with impacts ceases to exist, by simulation.
+# --- Crises, by simulation.
 
-RAMP = 21  # amplitudes from where the attractor is first looked for to the on-boundary
+RAMP = 21  # number of amplitudes from the start of the search to the on-boundary
 TRIALS = 6  # states of the attractor from which the next amplitude is tried
 SIMULATION = Options()
 
@@ -181,39 +181,39 @@ def locate_crisis(
     options: Options = SIMULATION,
     watch: Watch | None = None,
 ) -> float:
-    """Find by simulation the amplitude at which an attractor with impacts ceases to exist.
+    """Locate by simulation the amplitude at which an attractor with impacts ceases to exist.
 
-    The amplitude is lowered in ever longer steps, each from states of the attractor before it,
-    until none of them goes on impacting; the last step is then halved.
+    The amplitude is lowered in increasing steps, each from states of the previous attractor, until
+    the impacts cease from all of them; the last step is then bisected.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive
-        Its amplitude does not matter.
+        Its amplitude is ignored.
     below : float
         An amplitude at which there is such an attractor, such as the on-boundary.
     begin : float, optional
-        The amplitude at which it is looked for first; `below` by default. Near a fold
-        a run lingers where the orbit has vanished, so that a little above it is better.
+        First amplitude of the search; `below` by default. Just beyond a fold a run lingers where
+        the orbit has vanished, so a slightly larger amplitude is better.
     width : float, optional
-        How far to look, `below` itself by default.
+        Range of the search, `below` itself by default.
     start : State, optional
-        From which it is looked for first; a kick by default.
+        Initial state of the search; a kick by default.
     tolerance : float, optional
         Width of the last step, as a part of `below`.
     periods : int, optional
-        Forcing periods for which the attractor has to persist. Just below the crisis a transient
-        may last as long, so that the result is a little low; it rises with `periods`.
+        Forcing periods for which the attractor must persist. Just below the crisis a transient may
+        last as long, so that the result is slightly low; it rises with `periods`.
     options : Options, optional
     watch : callable, optional
-        Called with the periods of the present run that are done, several times a second; an
-        exception that it raises ends the search.
+        Called several times a second with the completed periods of the current run; an exception
+        that it raises ends the search.
 
     Returns
     -------
     float
-        The smallest amplitude at which the attractor was seen.
+        The smallest amplitude at which the attractor was found.
 
     Raises
     ------
@@ -223,7 +223,7 @@ def locate_crisis(
     progress = watch or False
 
     def attractor(amplitude: float, starts: list[State]) -> list[State]:
-        """Return states of the attractor at `amplitude`; none if all `starts` lead off it."""
+        """Return states of the attractor at `amplitude`; none if all `starts` leave it."""
         here = drive.replace(amplitude=amplitude)
         for start in starts:
             run = simulate(actuator, here, periods, initial=start, keep="statistics",
@@ -266,7 +266,7 @@ def locate_crisis(
     return top
 
 
-# --- The voltages at which block and frame begin to move, one frequency after the other.
+# --- Thresholds of slip and impacts at single frequencies.
 
 TRANSIENT_PERIODS = (
     400  # forcing periods after which a run without impacts has settled, or more if asked
@@ -282,14 +282,14 @@ GRAZING, FOLD, JUMP = "grazing", "fold", "jump"
 def onset(
     system: ActuatorSystem, first: float, most: float, watch: Watch | None
 ) -> tuple[float, str, SpecialPoint | None, State]:
-    """Return the amplitude above `first` at which the block begins to strike, on the way up.
+    """Return the amplitude above `first` at which impacts begin with rising amplitude.
 
     Parameters
     ----------
     system : ActuatorSystem
-        At one frequency.
+        The system at one frequency.
     first, most : float
-        Amplitudes between which it is looked for.
+        Smallest and largest amplitude of the search.
     watch : callable or None
         Called by runs; an exception that it raises ends the search.
 
@@ -297,8 +297,8 @@ def onset(
     -------
     amplitude : float
     kind : str
-        How the orbit without impacts ends there: "grazing", "fold", …; "jump" where it is not known
-        (from rest, or where there is no such orbit).
+        The end of the orbit without impacts: "grazing", "fold", …; "jump" if unknown (from rest, or
+        without such an orbit).
     special : SpecialPoint or None
         The grazing or fold.
     state : State
@@ -337,7 +337,7 @@ def onset(
 def _ending(
     system: ActuatorSystem, state: State, high: float
 ) -> tuple[float, str, SpecialPoint | None]:
-    """Return where and how the orbit without impacts at a state ends, below `high`."""
+    """Return the end of the orbit without impacts below `high`, and its kind."""
     try:
         orbit: Any = find_orbit(system, guess=state)
         if orbit.stable and orbit.admissible:
@@ -354,16 +354,16 @@ def _ending(
 def steady(
     system: ActuatorSystem, on: float, most: float, state: State
 ) -> list[tuple[str, float, str, SpecialPoint | None]]:
-    """Return the ends of the window in which an orbit of one period strikes: boundary, amplitude.
+    """Return the ends of the window of a period-1 orbit with impacts: boundary, amplitude.
 
-    Each with what happens there; none where there is no such orbit, or no end up to `most`.
+    Each with its kind; none without such an orbit, or without an end up to `most`.
 
     Parameters
     ----------
     system : ActuatorSystem
-        At one frequency.
+        The system at one frequency.
     on, most : float
-        Amplitudes: above the first of them it is looked for.
+        Smallest and largest amplitude of the search.
     state : State
         Of the motion with impacts.
     """
@@ -394,7 +394,7 @@ def steady(
 def switching_off(
     system: ActuatorSystem, on: float, state: State, periods: int, watch: Watch | None
 ) -> float:
-    """Return the amplitude below which the motion with impacts that begins at `on` is gone."""
+    """Return the amplitude below which the motion with impacts that starts at `on` ceases."""
     return locate_crisis(
         system.actuator,
         system.drive,
@@ -407,7 +407,7 @@ def switching_off(
     )
 
 
-# --- The boundaries of a chart: curves where there are any, and crises by simulation.
+# --- Boundaries of a chart: curves by continuation, crises by simulation.
 
 CRISIS = "crisis"
 SLIPS = GUARDS[BREAK_AWAY].name
@@ -425,7 +425,7 @@ TOUCH = 1e-3  # part of the amplitude within which two curves are taken to meet
 
 @dataclass(frozen=True)
 class _Place:
-    """A point of a boundary, and that of a branch from which its curve may be followed."""
+    """A point of a boundary, and the special point from which its curve can be continued."""
 
     omega: float
     amplitude: float
@@ -438,7 +438,7 @@ class _Place:
 
 
 class ChartBuilder:
-    """The parts of a chart, in the units of the numerics.
+    """Computes the parts of a chart, in scaled units.
 
     Parameters
     ----------
@@ -446,7 +446,7 @@ class ChartBuilder:
     options : Options
     steps : StepControl
     tell : callable
-        Called with a line for every part.
+        Called with a line of text for every part.
     omega : tuple of float
         The range of the chart.
     """
@@ -473,7 +473,7 @@ class ChartBuilder:
         self.pull_in = system.into(AMPLITUDE, pull_in_voltage(system.actuator))
 
     def make(self, crises: int, periods: int, workers: int) -> None:
-        """Compute the parts, those last that take longest; `chart` gives what is done."""
+        """Compute the parts, the slowest last; `chart` returns the completed ones."""
         low, high = self.omega
         if SLIPS in (self._first(low)[1], self._first(high)[1]):
             self._thresholds(crises, periods, workers)
@@ -512,7 +512,7 @@ class ChartBuilder:
             self.done += 1
 
     def chart(self) -> OperatingChart:
-        """Return the chart of what is done."""
+        """Return the chart of the completed parts."""
         order = {ON: 0, OFF: 1, SLIP: 2, STEADY_FROM: 3, STEADY_TO: 4}
         pieces = [(side, region, kind, tuple(sorted(points)))
                   for side, region, kind, points in self.pieces]  # fmt: skip
@@ -533,9 +533,9 @@ class ChartBuilder:
         wanted: Callable[[BranchEvent], bool],
         watch: Watch | None = None,
     ) -> list[BranchEvent]:
-        """Return what the orbit without impacts meets on the way up, at one frequency.
+        """Return the special points of the orbit without impacts at one frequency.
 
-        The branch is followed no further than to the first point that is wanted.
+        The branch is continued up to the first wanted point.
         """
         if omega not in self.met:
             self.met[omega] = self._set_out(omega)
@@ -580,7 +580,7 @@ class ChartBuilder:
         )
 
     def _first(self, omega: float) -> tuple[float, str]:
-        """Return the amplitude at which frame or block begin to move at one frequency, and how."""
+        """Return the amplitude of the first slip or impact at one frequency, and its kind."""
 
         def wanted(special: BranchEvent) -> bool:
             return _grazes(special) or _slips(special)
@@ -592,7 +592,7 @@ class ChartBuilder:
         return (met[0].value, met[0].kind) if met else (self.pull_in, "")
 
     def _thresholds(self, crises: int, periods: int, workers: int) -> None:
-        """Find where the frame slips, and the block strikes or not, at equal distances."""
+        """Locate the thresholds of slip and impacts at equally spaced frequencies."""
         omegas = np.linspace(*self.omega, crises or FREQUENCY_COLUMNS).tolist()
         found: dict[str, list[_Place]] = {}
         self.total, most = len(omegas), 1.5 * self.system.out(AMPLITUDE, self.pull_in)
@@ -626,7 +626,7 @@ class ChartBuilder:
                 self.pieces.append((side, None, kind, points))
 
     def _slip(self, omega: float) -> BranchEvent | None:
-        """Return where the frame begins to move on the branch at one frequency, if it has any."""
+        """Return the onset of slip on the branch at one frequency, if any."""
         if omega not in self.met:
             return None
         return next((s for s in self._special(omega, _slips) if _slips(s)), None)
@@ -639,7 +639,7 @@ class ChartBuilder:
         return _Place(omega, self.system.into(AMPLITUDE, amplitude), kind, event)
 
     def _joined_by_curves(self, places: list[_Place]) -> Iterator[tuple[str, tuple[Point, ...]]]:
-        """Give the places at ascending frequencies, by curves where these lead to the next one."""
+        """Yield the points at ascending frequencies, joined by curves where these connect them."""
         alone: dict[str, list[Point]] = {}
         points: list[Point] = []
         for place, following in pairwise([*places, None]):
@@ -658,9 +658,9 @@ class ChartBuilder:
             yield kind, tuple(found)
 
     def _between(self, left: _Place, right: _Place) -> list[Point] | None:
-        """Return the points of the curve from one place to another, None if it does not lead there.
+        """Return the curve from one point to another, None if it does not connect them.
 
-        It is followed from either of them.
+        It is continued from either of them.
         """
         if left.kind != right.kind:
             return None
@@ -683,27 +683,27 @@ class ChartBuilder:
         return None
 
     def _remedy(self, *omegas: float) -> str:
-        """Say what lets the orbit without impacts graze that does not at any of `omegas`."""
+        """Return the remedy for an orbit without impacts that does not graze."""
         return "lower the damping c, or take another range of omega"
 
     def _grazing(self, omega: float) -> BranchEvent:
-        """Return where the orbit without impacts grazes; OrbitError if it does not."""
+        """Return the grazing of the orbit without impacts; OrbitError if there is none."""
         for special in self._special(omega, _grazes):
             if _grazes(special):
                 return special
         raise OrbitError(self._not_grazing(omega), "take another range of omega")
 
     def _not_grazing(self, omega: float) -> str:
-        """Say what the orbit without impacts meets at a frequency at which it does not graze."""
+        """Return a description of the special points at a frequency without grazing."""
         all_of_them = self._special(omega, lambda special: False)
         met = [f"a {s.kind} at {self.system.out(AMPLITUDE, s.value):.6g}" for s in all_of_them]
         return (
             f"at {self._at(omega)} the orbit without impacts does not graze up to pull-in at "
-            f"{self._voltage(self.pull_in)} (it meets {', '.join(met) or 'nothing'})"
+            f"{self._voltage(self.pull_in)} (special points: {', '.join(met) or 'none'})"
         )
 
     def _voltage(self, amplitude: float) -> str:
-        """Return an amplitude in words, in the user's units."""
+        """Return an amplitude as text, in the system's units."""
         value = self.system.out(AMPLITUDE, amplitude)
         return f"{self.system.label(AMPLITUDE)} = {value:.6g}"
 
@@ -711,7 +711,7 @@ class ChartBuilder:
         return f"{self.system.out(OMEGA, omega):.9g}"
 
     def _at(self, omega: float) -> str:
-        """Return a frequency in words, in the user's units."""
+        """Return a frequency as text, in the system's units."""
         return f"{self.system.label(OMEGA)} = {self._number(omega)}"
 
     def _curve(self, special: BranchEvent, low: float, high: float, direction: float) -> OrbitCurve:
@@ -720,7 +720,7 @@ class ChartBuilder:
         )
 
     def _type(self, left: float, right: float) -> GrazingType:
-        """Return the type between two points of codimension two, where they are far."""
+        """Return the type midway between two points of codimension two."""
         middle = 0.5 * (left + right)
         touching = self._grazing(middle)
         try:
@@ -732,7 +732,7 @@ class ChartBuilder:
     def _followed(
         self, region: GrazingType, left: float, right: float, grazings: tuple[Point, ...]
     ) -> Iterator[tuple[str, GrazingType, str, tuple[Point, ...]]]:
-        """Give the boundaries of one type that are curves: all but a crisis."""
+        """Compute the boundaries of one type except a crisis."""
         if region == GrazingType.CONTINUOUS:
             yield ON, region, "grazing", grazings
             yield OFF, region, "grazing", grazings
@@ -767,7 +767,7 @@ class ChartBuilder:
         ending = [end for end in ends if end[0] in self.marks]
         points: list[CurvePoint] = []
         for direction, bound in ((-1.0, left), (1.0, right)):
-            # A curve that ends in the grazing curve does so at a point that is known.
+            # A curve that ends on the grazing curve does so at a known point.
             at_mark = [end for end in ending if end[0] == bound]
             goal = bound + 0.02 * direction * (right - left) * len(at_mark)
             curve = self._curve(folds[0], min(middle, goal), max(middle, goal), direction)
@@ -781,7 +781,7 @@ class ChartBuilder:
         return _joined(values, touching)
 
     def _ends_in_grazing(self, end: tuple[float, float], values: dict[float, float]) -> bool:
-        """Return whether a curve comes to the end of the grazing curve."""
+        """Return whether a curve ends at the end of the grazing curve."""
         nearest = min(values, key=lambda omega: abs(omega - end[0]))
         return abs(values[nearest] - end[1]) < TOUCH * abs(end[1])
 
@@ -795,11 +795,11 @@ class ChartBuilder:
         workers: int,
         found: list[Point],
     ) -> None:
-        """Simulate the crisis at equal distances, each begun just above the fold, into `found`."""
+        """Locate the crisis at equally spaced frequencies, from just above the fold."""
         if not folds:
             return
         found += [end for end in folds if end[0] in self.marks]
-        # Where the type ends in a point of codimension two, the two boundaries meet.
+        # The two boundaries meet where the type ends in a point of codimension two.
         known = len(self.marks & {left, right})
         omegas = np.linspace(left, right, crises + known)
         omegas = omegas[[i for i, w in enumerate(omegas) if w not in self.marks]]
@@ -852,9 +852,9 @@ def _values(points: list[CurvePoint]) -> tuple[Point, ...]:
 def _joined(
     values: dict[float, float], ends: list[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
-    """Return a boundary with its ends, each in place of what was located next to it.
+    """Return a boundary with its ends, each in place of a point located next to it.
 
-    A point in which two curves end is located on both, at numbers that differ by rounding.
+    A common end point of two curves is located on both, with a difference by rounding.
     """
     kept = {
         w: a
@@ -864,7 +864,7 @@ def _joined(
     return tuple(sorted({**kept, **dict(ends)}.items()))
 
 
-# --- Computing the chart of a device.
+# --- Computation of an operating chart.
 
 BAND = (0.88, 1.02)  # range of the forcing frequency by default, in the block's own: as in Fig. 7
 
@@ -881,39 +881,38 @@ def operating_chart(
     workers: int | None = None,
     progress: bool | Callable[[str], None] = False,
 ) -> OperatingChart:
-    """Compute the voltages at which a device switches on and off, over the frequency.
+    """Compute the on- and off-voltages of a device over the frequency.
 
-    The grazing curve of the orbit without impacts is followed over the whole range. Its points of
-    codimension two cut the range; the normal form says of which type each part is. Type I goes on
-    at the grazing and off at the fold of the orbit with impacts; type II goes on and off at the
-    grazing; type III goes on at the fold of the orbit without impacts and off in a crisis of the
-    chaotic attractor, which no curve gives: it is simulated.
+    The grazing curve of the orbit without impacts is continued over the whole range. Its points of
+    codimension two divide the range, and the normal form determines the type of each part. Type I
+    switches on at the grazing and off at the fold of the orbit with impacts; type II switches on
+    and off at the grazing; type III switches on at the fold of the orbit without impacts and off in
+    a crisis of the chaotic attractor, which is located by simulation.
 
-    Where the spring moves the frame before the block strikes, there are no types. The chart then
-    has, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage at which
-    the frame begins to slip; that at which the block begins to strike, on the orbit that slips;
-    that below which it has ceased to, simulated; and those between which it strikes alike in every
-    forcing period, which end in period doublings, folds or grazings. Two frequencies are joined by
-    the curve of such points where it leads from one to the other.
+    If the spring moves the frame before the block strikes, there are no types. The chart then
+    contains, at `crises` frequencies (9 if that is 0, without the off-boundary), the voltage of the
+    first slip; the voltage of the first impact, on the orbit with slip; the voltage below which
+    impacts cease, by simulation; and the window of the period-1 orbit with impacts, bounded by
+    period doublings, folds or grazings. Curves of these points join two frequencies if they connect
+    them.
 
     Parameters
     ----------
     actuator : Actuator
     drive : Drive, optional
-        A waveform with ``amplitude`` and ``omega``, whose values here do not matter; a sine by
-        default.
+        A waveform with ``amplitude`` and ``omega``, whose values are ignored; a sine by default.
     omega : tuple of float, optional
-        Range of the frequency [rad/s]; where an end is None, that of the band about the resonance
-        of the block, in which the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``. For the
-        device of the paper that is Fig. 7's, 0.44 to 0.51.
+        Range of the frequency [rad/s]. The default for either end is a band about the resonance of
+        the block, in which the force repeats 0.88 to 1.02 times in ``2 pi sqrt(m2/k)``; for the
+        device of the paper this is the range of Fig. 7, 0.44 to 0.51.
     crises : int, optional
-        Frequencies of type III at which the crisis is simulated, >= 0.
+        Number of frequencies of type III at which the crisis is simulated, >= 0.
     periods : int, optional
-        Forcing periods for which an attractor has to persist in these simulations.
+        Forcing periods for which an attractor must persist in these simulations.
     options : Options, optional
-        Of the continuation; by default as in `find_orbit`.
+        Options of the continuation; by default those of `find_orbit`.
     steps : StepControl, optional
-        Of the continuation.
+        Steps of the continuation.
     workers : int, optional
         Threads for the simulations; by default one for each, up to 4.
     progress : bool or callable, optional
@@ -922,18 +921,18 @@ def operating_chart(
     Returns
     -------
     OperatingChart
-        With what could be computed; ``notes`` says what could not.
+        The chart; its ``notes`` list parts that could not be computed.
 
     Raises
     ------
     InvalidParameter
-        If an argument is out of range, or the device has stoppers that yield or a term that makes
-        the sign of the voltage matter.
+        If an argument is out of range, or the device has compliant stoppers or a term that depends
+        on the sign of the voltage.
     OrbitError
-        If the orbit without impacts meets neither a grazing nor a slip at either end of the range,
-        or does not graze at a frequency within it; says what it meets instead.
+        If the orbit without impacts has neither a grazing nor a slip at either end of the range, or
+        does not graze at a frequency within it; the message lists its special points.
     ChartInterrupted
-        On Ctrl-C; its ``chart`` holds what was done.
+        On Ctrl-C; its ``chart`` holds the completed parts.
 
     See Also
     --------
@@ -954,7 +953,7 @@ def operating_chart(
         if term.instead == "stopper":
             raise _uncharted(term, "without impacts there is no grazing of the paper's types")
         if term.signed:
-            raise _uncharted(term, "in a period of the voltage every grazing comes twice at once")
+            raise _uncharted(term, "every grazing occurs twice in a period of the voltage")
     for name in (AMPLITUDE, OMEGA):
         if name not in system.parameters:
             raise InvalidParameter("drive", drive, "a waveform with amplitude and omega")
@@ -974,13 +973,15 @@ def operating_chart(
 
 
 def _uncharted(term: Term, reason: str) -> InvalidParameter:
-    """Return the error of a device of which there is no chart."""
-    problem = f"no chart with {type(term).__name__}: {reason}; sweep() over the amplitude tells it"
+    """Return the error for a device without a chart."""
+    problem = (
+        f"no chart with {type(term).__name__}: {reason}; use sweep() over the amplitude instead"
+    )
     return InvalidParameter("terms", None, "", problem=problem)
 
 
 def _band(system: ActuatorSystem) -> tuple[float, float]:
-    """Return the range of omega in which the force is near the resonance of the block."""
+    """Return the band of omega in which the force is near the resonance of the block."""
     own = math.sqrt(system.actuator.k / system.actuator.m2)
     drive = system.changed(omega=own).drive
     repeats = 2.0 * math.pi / (own * drive.period)  # times the force repeats in 2 pi/omega

@@ -1,4 +1,4 @@
-"""Ring-down, and the quality factor."""
+"""Ring-down and quality factor."""
 
 from __future__ import annotations
 
@@ -37,37 +37,40 @@ __all__ = ["RingDown", "ring_down"]
 
 PERIODS, MOST = 64, 131072  # half natural periods of the first run, and of the last
 DIRECT_HALF_PERIODS = (
-    1024  # half natural periods for which a swing that dies out slowly is followed as it is
+    1024  # half natural periods for which a slowly decaying oscillation is simulated
 )
 SWING_BISECTIONS = 40
-LEVELS, SKIPPED = 9, 4  # amplitudes at which a slow decay is measured; swings until it is even
-ERROR = 1e-9  # part of a decrement that a step of a slow decay may miss
-MIN_DECREMENT = 1e-8  # decrement that rounding leaves to be measured
+LEVELS, SKIPPED = (
+    9,
+    4,
+)  # amplitudes of a slow decay; cycles until it is regular
+ERROR = 1e-9  # relative error of a decrement in a slow decay
+MIN_DECREMENT = 1e-8  # smallest decrement above rounding
 
 
 @dataclass(frozen=True, kw_only=True, repr=False, eq=False)
 class RingDown(Result):
-    """The free swing of the block, in the units of the device.
+    """Free decay of the block's oscillation, in the units of the device.
 
-    It is measured from the first swing on that strikes nothing and leaves the frame at rest: a
-    frame that slips takes energy out of it.
+    The measurement starts with the first cycle without impacts and with the frame at rest, since a
+    slipping frame dissipates energy.
 
     Attributes
     ----------
     frequency : float
-        Swings in a unit of time [Hz], on average.
+        Mean frequency [Hz].
     decrement : float
-        Natural logarithm of the ratio of two amplitudes in succession, on average.
+        Logarithmic decrement: mean logarithm of the ratio of two successive amplitudes.
     damping_ratio, quality : float
-        Of the linear oscillator with that decrement.
+        Damping ratio and quality factor of the linear oscillator with that decrement.
     time_constant : float
-        In which the amplitude falls to 1/e [s], on average.
+        Mean time in which the amplitude falls to 1/e [s].
     time : float
-        From switching off until the amplitude is down to the share that was asked for, of that of
-        the first swing that is measured [s].
+        Time from switching off until the amplitude has fallen to `share` of the first measured
+        amplitude [s].
     table : DataFrame
-        One row a swing that is measured: t (since switching off) and amplitude; of decays that
-        take hundreds of swings nine of them.
+        One row per measured cycle: t (since switching off) and amplitude; for decays over hundreds
+        of cycles nine of them.
     si : bool
         Whether these are in SI, those of a device that is.
 
@@ -104,20 +107,19 @@ def ring_down(
     share: float = 0.01,
     options: Options = ORBIT_OPTIONS,
 ) -> RingDown:
-    """Switch the voltage off, and return how the swing of the block dies out.
+    """Switch the voltage off and measure the free decay of the block.
 
     Parameters
     ----------
     system : Actuator and Drive, or Run or Orbit
-        A run or an orbit stands for its device, and for the state in which it is switched off.
+        A run or an orbit provides its device and, as `initial`, its last state.
     initial : State or mapping of str to float, optional
-        The state at that time; by default a kick (see `kicked_state`), or a weaker one where after
-        it the block strikes, or the frame slips, for long.
+        The state at switching off; by default a kick (see `kicked_state`), or a weaker one if
+        impacts or slip of the frame last long after it.
     share : float, optional
-        Of the first amplitude that is measured, down to which it shall be followed; between 0 and
-        1.
+        Fraction of the first measured amplitude at which the measurement ends; between 0 and 1.
     options : Options, optional
-        By default as in `find_orbit`: what the method itself damps counts as damping.
+        By default those of `find_orbit`: numerical damping counts as damping.
 
     Returns
     -------
@@ -126,8 +128,8 @@ def ring_down(
     Raises
     ------
     InvalidParameter
-        If the system is no actuator, `share` is out of range, or the block does not swing, or does
-        not stop to.
+        If the system is not an actuator, `share` is out of range, or the block does not oscillate,
+        or the oscillation does not decay.
 
     See Also
     --------
@@ -135,11 +137,11 @@ def ring_down(
 
     Notes
     -----
-    A decay that takes hundreds of swings is not followed to its end: its decrement is measured, in
-    runs as fine as it is small, at nine amplitudes from the first one down to its `share`. The
+    A decay over hundreds of cycles is not simulated to its end: its decrement is measured at nine
+    amplitudes from the first one down to its `share`, with tolerances adapted to its size. The
     table then has a row for each of these.
 
-    With the damper of the paper alone, and the frame at rest, the decrement is 2 pi zeta/sqrt(1 -
+    With only the damper of the paper, and the frame at rest, the decrement is 2 pi zeta/sqrt(1 -
     zeta^2) with zeta = c/(2 sqrt(k m2)).
 
     Examples
@@ -178,7 +180,7 @@ def ring_down(
     if low.size:
         last = int(low[0])
         t, amplitude, count = t[: last + 1], amplitude[: last + 1], float(last)
-        # Within the last swing the amplitude falls exponentially.
+        # Within the last cycle the amplitude decays exponentially.
         fall = math.log(amplitude[-2] / amplitude[-1])
         over = math.log(share * amplitude[0] / amplitude[-1])
         reached = t[-1] - over / fall * (t[-1] - t[-2])
@@ -186,9 +188,9 @@ def ring_down(
         t, amplitude, count = slow_decay(off, run, t[0], amplitude[0], share, options)
         reached = t[-1]
     else:
-        problem = "the block does not swing"
+        problem = "the block does not oscillate"
         if not free:
-            problem = "the block goes on striking, or the frame slipping; start with less speed"
+            problem = "impacts, or slip of the frame, do not end; start with less speed"
         raise InvalidParameter("initial", start, "", problem=problem)
     decrement = math.log(amplitude[0] / amplitude[-1]) / count
     swing = (t[-1] - t[0]) / count
@@ -208,25 +210,25 @@ def ring_down(
 def slow_decay(
     off: ActuatorSystem, run: Run, first: float, amplitude: float, share: float, options: Options
 ) -> tuple[Floats, Floats, float]:
-    """Return times and amplitudes of a decay that takes very many swings, and how many.
+    """Return times and amplitudes of a decay over very many cycles, and the number of cycles.
 
-    The decrement changes with the amplitude alone, and smoothly. It is measured in short runs at
-    some amplitudes; their number of swings and time are integrals over the logarithm of it.
+    The decrement is a smooth function of the amplitude. It is measured in short runs at some
+    amplitudes; number of cycles and time are integrals over the logarithm of the amplitude.
 
     Parameters
     ----------
     off : ActuatorSystem
     run : Run
-        In which the block swings freely at last.
+        A run at whose end the block oscillates freely.
     first, amplitude : float
-        Time and amplitude of the first swing that counts.
+        Time and amplitude of the first measured cycle.
     share : float
     options : Options
 
     Raises
     ------
     InvalidParameter
-        If it does not die out.
+        If the oscillation does not decay.
     """
     log = run.trajectory.events
     turns = np.flatnonzero((log.kind == workspace.APPROACH) & (log.guard == 0))
@@ -243,7 +245,7 @@ def slow_decay(
         begin[X2] = middle + part * (state[X2] - middle)
         begin[V1], begin[V2] = part * state[V1], part * state[V2]
         initial = off.state_of(HybridState(0, 0.0, mode, begin))
-        for _ in range(2):  # the second run as finely as the first has told to be needed
+        for _ in range(2):  # the first run determines the tolerances of the second
             there = simulate(off, PERIODS, initial=initial, options=fine)
             t, high = (each[SKIPPED:] for each in swings(there.trajectory, True))
             count = len(t) - 1
@@ -251,7 +253,7 @@ def slow_decay(
             rtol = max(1e-14, ERROR * decrement)
             fine = replace(fine, rtol=rtol, atol=rtol * high[-1])
         if decrement < MIN_DECREMENT:
-            problem = "the swing of the block does not die out"
+            problem = "the oscillation of the block does not decay"
             raise InvalidParameter("initial", initial, "", problem=problem)
         found.append((0.5 * math.log(high[0] * high[-1]), decrement, (t[-1] - t[0]) / count))
     places, decrements, times = np.array(found).T
@@ -272,8 +274,8 @@ def after_contacts(
 ) -> tuple[ActuatorSystem, State, float]:
     """Return a device with rigid stoppers, its state after the last contact, and the time of that.
 
-    The turning points of a swing are those before a stopper that does not yield; the swing that
-    follows reaches neither.
+    Turning points are then those of free oscillation between rigid stoppers, which later cycles do
+    not reach.
     """
     run = simulate(off, PERIODS, initial=start, options=options)
     log = run.trajectory.events
@@ -302,7 +304,7 @@ def comes_to_rest(system: ActuatorSystem) -> bool:
 def gentle(
     off: ActuatorSystem, start: State, sticks: bool, options: Options
 ) -> tuple[State, Options]:
-    """Return a kick after which the block soon swings freely, and options as fine as it is weak."""
+    """Return a kick after which the block soon oscillates freely, and options scaled to it."""
     for _ in range(SWING_BISECTIONS):
         if not disturbed(simulate(off, PERIODS, initial=start, options=options), sticks):
             break
@@ -312,12 +314,12 @@ def gentle(
 
 
 def disturbed(run: Run, sticks: bool) -> bool:
-    """Return whether the block does not swing freely for the second half of a run."""
+    """Return whether the block does not oscillate freely in the second half of a run."""
     return free_from(run.trajectory, sticks) > 0.5 * run.periods * run.trajectory.period
 
 
 def free_from(trajectory: Trajectory, sticks: bool) -> float:
-    """Return the time from which on the block strikes nothing and a frame that `sticks` rests."""
+    """Return the time after which there are no impacts and a frame that `sticks` is at rest."""
     log, final = trajectory.events, trajectory.final
     disturbed = is_impact(log) | (log.kind == workspace.ACCUMULATION)
     if sticks:
@@ -329,9 +331,9 @@ def free_from(trajectory: Trajectory, sticks: bool) -> float:
 
 
 def swings(trajectory: Trajectory, sticks: bool) -> tuple[Floats, Floats]:
-    """Return when the block turns back on the right, and half its way to where it does next.
+    """Return the times of the right turning points, and the amplitudes that follow them.
 
-    From where it swings freely on (see `free_from`); in the units of the numerics.
+    During free oscillation (see `free_from`); in scaled units.
     """
     log, period = trajectory.events, trajectory.period
     time = log.cycle * period + log.time

@@ -1,4 +1,4 @@
-"""Wear life by the law of Archard."""
+"""Wear life by Archard's law."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ __all__ = ["WearLife", "life"]
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class WearLife(SummaryRepr):
-    """What wears a device, and for how long it lasts, in the units of the device.
+    """Wear and life of a device, in the units of the device.
 
     Attributes
     ----------
     normal_force : float
-        With which the frame presses on the ground [N].
+        Normal force of the frame on the ground [N].
     slip_per_period, slip_per_blow : float
-        Path on which the frame slips, to and fro [m]; per blow NaN without blows.
+        Total slip path of the frame [m]; per blow NaN without blows.
     volume_per_blow : float
-        Volume that is worn off [m^3]; NaN without blows.
+        Worn volume [m^3]; NaN without blows.
     blows : float
         Blows (see `mems_impact.BlowStatistics`) until the depth is reached; infinite without slip,
-        0 where the frame slips without blows.
+        0 if the frame slips without blows.
     time : float
-        How long that takes [s].
+        Time until then [s].
     distance : float
-        How far the device has walked then [m].
+        Distance walked until then [m].
     si : bool
         Whether these are in SI, those of a device that is.
 
@@ -72,19 +72,19 @@ class WearLife(SummaryRepr):
 def life(
     motion: ActuatorRun | ActuatorOrbit, *, wear: float, area: float, depth: float
 ) -> WearLife:
-    """Return for how many blows a device lasts whose frame wears where it slips.
+    """Estimate the life of a device whose frame wears by slip.
 
     Parameters
     ----------
     motion : ActuatorRun or ActuatorOrbit
-        What it does all its life; of a run, over its window.
+        The motion during the whole life; for a run, over its window.
     wear : float
         Specific wear rate [m^3/(N m)], Archard's K over the hardness, > 0: for polysilicon on
         polysilicon some 1e-15 to 1e-12.
     area : float
-        Area on which the frame stands [m^2], > 0.
+        Contact area of the frame [m^2], > 0.
     depth : float
-        What may be worn off [m], > 0.
+        Allowed wear depth [m], > 0.
 
     Returns
     -------
@@ -102,8 +102,8 @@ def life(
     Notes
     -----
     The volume is the wear rate times normal force times path (J. F. Archard, "Contact and rubbing
-    of flat surfaces", J. Appl. Phys. 24, 981 (1953)). The coefficients of friction stay what they
-    are meanwhile, and the normal force is that of the weight.
+    of flat surfaces", J. Appl. Phys. 24, 981 (1953)). The coefficients of friction are assumed
+    constant, and the normal force equals the weight.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def life(
 
 
 def normal_force(system: ActuatorSystem) -> float:
-    """Return the force with which the frame presses on the ground."""
+    """Return the normal force of the frame on the ground."""
     model = compose(tuple(term.kind for term in system.actuator.terms), 1)
     p = accounted_problem(system, Options()).parameters.copy()
     p[eq.MU_S] = 1.0  # static friction is then the force itself

@@ -72,7 +72,7 @@ def test_a_bound_holds_and_is_reported():
     assert found.actuator.k <= 10.0
     assert math.isclose(found.actuator.k, 10.0, rel_tol=1e-6)
     assert found.residuals["difference"][0] < -200.0
-    assert "k stands at its upper bound" in found.note
+    assert "k is at its upper bound" in found.note
 
 
 def test_a_count_cannot_be_fitted_and_the_note_says_so():
@@ -81,7 +81,7 @@ def test_a_count_cannot_be_fitted_and_the_note_says_so():
         mi.Target(quantity="blows per period", value=1.0, drive=SLOW),
     ]
     found = mi.fit(DEVICE, targets, free=["k"])
-    assert "blows per period reacts to none" in found.note
+    assert "blows per period depends on none" in found.note
     assert found.residuals["computed"][1] == 1.0
 
 
