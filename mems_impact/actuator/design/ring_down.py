@@ -40,10 +40,7 @@ DIRECT_HALF_PERIODS = (
     1024  # half natural periods for which a slowly decaying oscillation is simulated
 )
 SWING_BISECTIONS = 40
-LEVELS, SKIPPED = (
-    9,
-    4,
-)  # amplitudes of a slow decay; cycles until it is regular
+LEVELS, SKIPPED = 9, 4  # amplitudes of a slow decay; cycles until it is regular
 ERROR = 1e-9  # relative error of a decrement in a slow decay
 MIN_DECREMENT = 1e-8  # smallest decrement above rounding
 

@@ -38,7 +38,7 @@ def test_two_parameters_are_found_again():
 
 def test_one_number_cannot_tell_two_parameters_apart():
     target = mi.Target(quantity="displacement per blow", value=21e-9, drive=SLOW)
-    with pytest.warns(mi.FitWarning, match="undetermined: .* cannot tell alpha, k apart"):
+    with pytest.warns(mi.FitWarning, match="undetermined: .* cannot separate alpha, k"):
         found = mi.fit(DEVICE, [target], free=["k", "alpha"])
     assert found.verdict == "undetermined"
     assert abs(found.residuals["in tolerances"][0]) < 1e-3
