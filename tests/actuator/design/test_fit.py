@@ -42,8 +42,7 @@ def test_one_number_cannot_tell_two_parameters_apart():
         found = mi.fit(DEVICE, [target], free=["k", "alpha"])
     assert found.verdict == "undetermined"
     assert abs(found.residuals["in tolerances"][0]) < 1e-3
-    assert "cannot tell" in found.note
-    assert "alpha, k apart" in found.note
+    assert "cannot separate" in found.note
     assert np.isinf(found.parameters["standard error"]).all()
     # Along the combination that the note names nothing changes, indeed.
     power = float(found.note.split("k^")[1].split()[0])
