@@ -504,7 +504,9 @@ def _undetermined(
         else:
             product = " ".join(f"{name}^{power:.3g}" for power, name in telling)
             names = ", ".join(name for _, name in telling)
-            sentences.append(f"the data cannot separate {names}: they do not depend on {product}")
+            sentences.append(
+                f"the data cannot separate {names}: they do not change along {product}"
+            )
     for name, error in zip(free, errors.tolist(), strict=True):
         if LOOSE < error < math.inf:
             sentences.append(
